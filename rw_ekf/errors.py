@@ -1,0 +1,48 @@
+"""What can go wrong for reasons outside the code. Each message says what was found, where, and what to do.
+
+RwEkfError              exit status 1: the work failed
+├── BadInputError       exit status 2: a file, key, value or option that the user can mend
+│   ├── ConfigError     a configuration, wire map, model or column map (file:line:column: message; one line per finding)
+│   └── LogError        a log that cannot be read or used
+├── DriverError         the wheel's link: cannot be opened, lost, answers garbage
+└── FilterError         the filter was given something that is not a number, or its covariance broke
+EndOfRecord             not an error: a replayed record has no more samples
+"""
+
+from __future__ import annotations
+
+
+class RwEkfError(Exception):
+    """The root: a message for the user, never a traceback."""
+
+    exit_status = 1
+
+
+class BadInputError(RwEkfError):
+    """Something the user gave is wrong and can be mended by the user."""
+
+    exit_status = 2
+
+
+class ConfigError(BadInputError):
+    """A YAML file is not what it must be; `findings` holds one line for each thing found."""
+
+    def __init__(self, findings: list[str] | str) -> None:
+        self.findings = [findings] if isinstance(findings, str) else list(findings)
+        super().__init__("\n".join(self.findings))
+
+
+class LogError(BadInputError):
+    """A log cannot be read, or does not hold what it must."""
+
+
+class DriverError(RwEkfError):
+    """The link to the wheel failed."""
+
+
+class FilterError(RwEkfError):
+    """The filter refuses to go on: a non-finite number or a covariance that is not one."""
+
+
+class EndOfRecord(Exception):  # noqa: N818 - an outcome, not an error
+    """A replayed record has been read to its end."""
