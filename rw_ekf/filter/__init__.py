@@ -1,0 +1,1 @@
+"""The extended Kalman filter: transition, online estimator, compiled pass over logs, smoother, consistency."""

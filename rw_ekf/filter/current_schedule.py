@@ -1,0 +1,108 @@
+"""Which current was in force when: commands turned into pieces of constant current between speed readings.
+
+A command takes force `command_delay_s` after the reading it was computed from; until then the previous one holds
+(contract, section 4). One rule, twice: over whole logs in numpy, and sample by sample online.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Pieces(NamedTuple):
+    """Pieces of constant current; those between samples i and i + 1 are start[i] <= j < start[i + 1]."""
+
+    start: NDArray[np.int64]  # (n,) for n samples
+    duration_s: NDArray[np.float64]  # (m,)
+    current_A: NDArray[np.float64]  # (m,)
+
+
+def pieces_of_log(
+    time_s: NDArray[np.float64],
+    current_A: NDArray[np.float64],
+    delay_s: NDArray[np.float64],
+    segment: NDArray[np.int64],
+) -> Pieces:
+    """Pieces for a log of n samples (all arrays (n,)); delay_s >= 0.
+
+    The interval that ends in a new segment gets no piece. Within a segment the current before the first command is
+    the first command itself: nothing earlier is known.
+    """
+    n = time_s.size
+    if n == 0:
+        return Pieces(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    same = np.ones(n, dtype=bool)  # the interval from i goes on to i + 1
+    same[:-1] = segment[1:] == segment[:-1]
+    same[-1] = False
+    if not np.any(delay_s > 0.0):
+        duration = np.zeros(n)
+        duration[:-1] = np.where(same[:-1], np.diff(time_s), 0.0)
+        return Pieces(np.arange(n, dtype=np.int64), np.maximum(duration, 0.0), np.asarray(current_A, dtype=np.float64))
+    start = np.zeros(n, np.int64)
+    durations: list[NDArray[np.float64]] = []
+    currents: list[NDArray[np.float64]] = []
+    count = 0
+    edges = np.flatnonzero(np.concatenate(([True], segment[1:] != segment[:-1], [True])))
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        run = _pieces_of_segment(time_s[a:b], current_A[a:b], delay_s[a:b])
+        start[a:b] = run.start + count
+        durations.append(run.duration_s)
+        currents.append(run.current_A)
+        count += run.duration_s.size
+    return Pieces(start, np.concatenate(durations), np.concatenate(currents))
+
+
+def _pieces_of_segment(time_s: NDArray[np.float64], current_A: NDArray[np.float64], delay_s: NDArray[np.float64]) -> Pieces:
+    n = time_s.size
+    # A later command that acts earlier overrides: switching times never run backwards.
+    switch = np.minimum.accumulate((time_s + delay_s)[::-1])[::-1]
+    cuts = np.concatenate((time_s, switch[(switch > time_s[0]) & (switch < time_s[-1])]))
+    edges = np.unique(cuts)
+    in_force = np.searchsorted(switch, edges[:-1], side="right") - 1
+    current = current_A[np.maximum(in_force, 0)]
+    start = np.searchsorted(edges, time_s).astype(np.int64)
+    return Pieces(np.minimum(start, edges.size - 1) if n else start, np.diff(edges), current)
+
+
+class CurrentSchedule:
+    """The same rule online: commands go in as they are issued, pieces come out for each interval."""
+
+    def __init__(self) -> None:
+        self._in_force: float | None = None
+        self._pending: deque[tuple[float, float]] = deque()  # (takes force at [s], current [A]), in order of time
+
+    def restart(self) -> None:
+        """Forget everything: a new segment, whose clock says nothing about the old one's."""
+        self._in_force = None
+        self._pending.clear()
+
+    def issue(self, time_s: float, current_A: float, delay_s: float) -> None:
+        """Note a command issued after the reading at `time_s`, in force from `time_s + delay_s`."""
+        if self._in_force is None:
+            self._in_force = current_A
+        acts = time_s + max(delay_s, 0.0)
+        while self._pending and self._pending[-1][0] >= acts:
+            self._pending.pop()
+        self._pending.append((acts, current_A))
+
+    def pieces(self, from_s: float, to_s: float) -> tuple[list[float], list[float]]:
+        """Durations [s] and currents [A] of the interval; commands that came to act within it are used up."""
+        durations: list[float] = []
+        currents: list[float] = []
+        at = from_s
+        current = self._in_force if self._in_force is not None else 0.0
+        while self._pending and self._pending[0][0] < to_s:
+            acts, following = self._pending.popleft()
+            if acts > at:
+                durations.append(acts - at)
+                currents.append(current)
+                at = acts
+            current = following
+        self._in_force = current
+        durations.append(to_s - at)
+        currents.append(current)
+        return durations, currents

@@ -1,0 +1,125 @@
+"""The online estimator: a WheelSample goes in, a StepResult comes out; commands are noted as they are issued.
+
+Time arrives with the data: no clock is read here. The decisions are those of `decisions`, shared with the compiled
+pass over logs.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter import decisions
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.current_schedule import CurrentSchedule
+from rw_ekf.filter.ekf import WheelEkf
+from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelSample
+
+_OUTCOMES = {
+    decisions.FIRST: Outcome.FIRST,
+    decisions.UPDATED: Outcome.UPDATED,
+    decisions.MISSING: Outcome.MISSING,
+    decisions.GATED: Outcome.GATED,
+    decisions.REPEATED: Outcome.REPEATED,
+    decisions.BACKWARD: Outcome.BACKWARD,
+    decisions.RESEEDED: Outcome.RESEEDED,
+}
+
+
+class Estimator:
+    """The extended Kalman filter over speed and four friction parameters, sample by sample."""
+
+    def __init__(
+        self, constants: FilterConstants, mean: NDArray[np.float64], covariance: NDArray[np.float64]
+    ) -> None:
+        """Start from a belief: mean (5,), covariance (5, 5); the speed is taken from the first reading."""
+        self.constants = constants
+        self.ekf = WheelEkf(constants, mean, covariance)
+        self._schedule = CurrentSchedule()
+        self._last: WheelSample | None = None
+        self._seeded = False
+        self._ever_seeded = False
+        self._gated_in_a_row = 0
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """Present state, (5,), a copy."""
+        return np.array(self.ekf.x)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Present covariance, (5, 5), a copy."""
+        return np.array(self.ekf.P)
+
+    def command_issued(self, command: IssuedCommand) -> None:
+        """Note the current that goes into force after the last sample; without a call the old one holds."""
+        if self._last is not None:
+            self._schedule.issue(self._last.time_s, command.current_A, command.delay_s)
+
+    def step(self, sample: WheelSample) -> StepResult:
+        """Bring the belief to the sample's time and weigh its speed. Raises FilterError on a belief that broke."""
+        last = self._last
+        dt = sample.time_s - last.time_s if last is not None else 1.0
+        new_segment = last is not None and sample.segment != last.segment
+        has_speed = sample.speed_rad_s is not None and not math.isnan(sample.speed_rad_s)
+        what = decisions.timing(dt, self._seeded, new_segment, has_speed, self.constants.max_gap_s)
+        if what in (decisions.REPEATED, decisions.BACKWARD):
+            return self._result(sample, what, None)
+        self._predict(sample, dt, new_segment)
+        if has_speed and not self._seeded:
+            what = decisions.RESEEDED if self._ever_seeded else decisions.FIRST
+            self._seed(sample)
+        predicted = float(self.ekf.x[0])
+        self._last = sample
+        innovation = None
+        if what == decisions.UPDATED:
+            what, innovation = self._weigh(sample)
+        return self._result(sample, what, innovation, predicted)
+
+    def _predict(self, sample: WheelSample, dt: float, new_segment: bool) -> None:
+        if self._last is None:
+            return
+        if new_segment:
+            self._schedule.restart()
+            self._seeded = False
+            return
+        durations, currents = self._schedule.pieces(self._last.time_s, sample.time_s)
+        if self._seeded and dt <= self.constants.max_gap_s:
+            self.ekf.predict_over(dt, durations, currents)
+        else:
+            self.ekf.grow_parameters(dt)
+            self._seeded = False
+
+    def _seed(self, sample: WheelSample) -> None:
+        assert sample.speed_rad_s is not None
+        self.ekf.seed_speed(sample.speed_rad_s)
+        self._seeded = self._ever_seeded = True
+        self._gated_in_a_row = 0
+
+    def _weigh(self, sample: WheelSample) -> tuple[int, Innovation]:
+        assert sample.speed_rad_s is not None
+        c = self.constants
+        residual, variance = self.ekf.compare(sample.speed_rad_s)
+        nis = residual * residual / variance
+        what = decisions.gating(nis, c.gate, self._gated_in_a_row, c.reseed_after)
+        if what == decisions.UPDATED:
+            self.ekf.update_speed(sample.speed_rad_s)
+            self._gated_in_a_row = 0
+            reason = None
+        elif what == decisions.RESEEDED:
+            self._seed(sample)
+            reason = f"gate, {c.reseed_after} in a row: speed re-seeded"
+        else:
+            self._gated_in_a_row += 1
+            reason = "gate"
+        return what, Innovation(sample.time_s, residual, math.sqrt(variance), nis, c.gate, reason is None, reason)
+
+    def _result(
+        self, sample: WheelSample, what: int, innovation: Innovation | None, predicted: float = math.nan
+    ) -> StepResult:
+        self.ekf.check()
+        mean = tuple(float(v) for v in self.ekf.x)
+        std = tuple(float(v) for v in self.ekf.std)
+        return StepResult(sample.time_s, _OUTCOMES[what], mean, std, innovation, predicted)

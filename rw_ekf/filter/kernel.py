@@ -1,0 +1,209 @@
+"""The compiled pass over a log: the same transition and the same decisions as the online estimator, in one loop.
+
+The equations are not here: `transition` and `decisions` are the plain Python functions, compiled as they stand. What is
+written again is the linear algebra (Joseph's form for one measured component), which online is filterpy's; a golden
+test holds the two together (tests/filter/test_golden.py).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter import decisions as _decisions
+from rw_ekf.filter import transition as _transition
+from rw_ekf.filter.compiled import compile_cached, make_jitable
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.decisions import (
+    BACKWARD,
+    FIRST,
+    GATED,
+    MISSING,
+    REPEATED,
+    RESEEDED,
+    UPDATED,
+    gating,
+    timing,
+)
+from rw_ekf.filter.transition import divided_difference, factor_covariance, interval, transition
+from rw_ekf.model import friction as _friction
+from rw_ekf.model import propagation as _propagation
+
+Float64Array = NDArray[np.float64]
+
+make_jitable(
+    [
+        _friction.far_limit,
+        _friction.stribeck,
+        _friction.stribeck_slope,
+        _propagation._phi_1,
+        _propagation._phi_1_slope,
+        _propagation._far_time,
+        _propagation._step,
+        _propagation._exp_small,
+        _propagation._time_to_stop,
+        _propagation.slip,
+        _propagation.flow,
+        factor_covariance,
+        divided_difference,
+        interval,
+        transition,
+        timing,
+        gating,
+    ]
+)
+
+
+def _seed_speed(x: Float64Array, P: Float64Array, speed: float, variance: float) -> None:
+    """Start the speed afresh from a reading; the parameters and their covariance stay."""
+    x[0] = speed
+    P[0, :] = 0.0
+    P[:, 0] = 0.0
+    P[0, 0] = variance
+
+
+def _predict_covariance(P: Float64Array, row: Float64Array, noise: Float64Array, work: Float64Array) -> None:
+    """P <- F P F' + Q for F that differs from identity in its first row only (`row`); `work` (n,) is scratch."""
+    n = row.size
+    for j in range(n):
+        total = 0.0
+        for m in range(n):
+            total += row[m] * P[j, m]
+        work[j] = total
+    corner = 0.0
+    for m in range(n):
+        corner += row[m] * work[m]
+    P[0, 0] = corner + noise[0]
+    for j in range(1, n):
+        P[0, j] = work[j]
+        P[j, 0] = work[j]
+        P[j, j] += noise[j]
+
+
+def _update_joseph(x: Float64Array, P: Float64Array, innovation: float, S: float, work: Float64Array) -> None:
+    """Update by a measured speed: (I - K H) P (I - K H)' + K R K' written out for H = (1, 0, ...), symmetric."""
+    n = x.size
+    for i in range(n):
+        work[i] = P[i, 0]
+    for i in range(n):
+        gain = work[i] / S
+        x[i] += gain * innovation
+        for j in range(i + 1):
+            value = P[i, j] - gain * work[j] - work[i] * (work[j] / S) + gain * S * (work[j] / S)
+            P[i, j] = value
+            P[j, i] = value
+
+
+def _record(i: int, x: Float64Array, P: Float64Array, row: Float64Array, noise: Float64Array,
+            predicted, covariance, rows, noises) -> None:  # type: ignore[no-untyped-def]  # fmt: skip
+    """Keep what a smoother needs of step i: the prediction and the transition that led to it."""
+    predicted[i, :] = x
+    covariance[i, :, :] = P
+    rows[i, :] = row
+    noises[i, :] = noise
+
+
+make_jitable([_seed_speed, _predict_covariance, _update_joseph, _record])
+
+
+def _filter_pass(
+    constants,  # type: ignore[no-untyped-def]
+    time_s,
+    speed_rad_s,
+    segment,
+    piece_start,
+    piece_duration_s,
+    piece_current_A,
+    x,
+    P,
+    innovation,
+    innovation_variance,
+    outcome,
+    state_history,
+    std_history,
+    row_history,
+    predicted_history,
+    covariance_history,
+    noise_history,
+):
+    """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written."""
+    n_samples = time_s.size
+    n = x.size
+    R = constants.speed_variance
+    keep_state = state_history.shape[0] > 0
+    keep_all = covariance_history.shape[0] > 0
+    noise = np.zeros(n)
+    row = np.zeros(n)
+    L = np.zeros((n, n))
+    work = np.zeros(n)
+    seeded = ever_seeded = False
+    gated_in_a_row = 0
+    last = 0  # the sample the state belongs to
+    for i in range(n_samples):
+        speed = speed_rad_s[i]
+        has_speed = not math.isnan(speed)
+        innovation[i] = math.nan
+        innovation_variance[i] = math.nan
+        dt = time_s[i] - time_s[last] if i > 0 else 1.0
+        new_segment = segment[i] != segment[last]
+        what = timing(dt, seeded, new_segment, has_speed, constants.max_gap_s)
+        if what != REPEATED and what != BACKWARD:  # noqa: PLR1714 - numba
+            continuous = seeded and not new_segment and dt <= constants.max_gap_s
+            elapsed = dt if i > 0 and not new_segment else 0.0
+            noise[1] = constants.motor_gain_drift * elapsed
+            noise[2] = constants.viscous_drift * elapsed
+            noise[3] = constants.coulomb_drift * elapsed
+            noise[4] = constants.static_drift * elapsed
+            if continuous:
+                x[0], curvature = transition(
+                    x, P, constants.omega_s, constants.law, constants.near_zero_speed,
+                    piece_duration_s, piece_current_A, piece_start[last], piece_start[i], row, L
+                )  # fmt: skip
+                noise[0] = constants.acceleration_noise * dt + curvature
+                if x[0] == 0.0:
+                    noise[0] += constants.stuck_variance
+            else:
+                row[:] = 0.0
+                noise[0] = R
+                seeded = False
+            _predict_covariance(P, row, noise, work)
+            if not continuous and has_speed:
+                what = RESEEDED if ever_seeded else FIRST
+                _seed_speed(x, P, speed, R)
+                seeded = ever_seeded = True
+                gated_in_a_row = 0
+            if keep_all:
+                _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
+            if what == UPDATED:
+                residual = speed - x[0]
+                S = P[0, 0] + R
+                nis = residual * residual / S
+                innovation[i] = residual
+                innovation_variance[i] = S
+                what = gating(nis, constants.gate, gated_in_a_row, constants.reseed_after)
+                if what == UPDATED:
+                    _update_joseph(x, P, residual, S, work)
+                    gated_in_a_row = 0
+                elif what == RESEEDED:
+                    _seed_speed(x, P, speed, R)
+                    gated_in_a_row = 0
+                    if keep_all:
+                        row[:] = 0.0
+                        _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
+                else:
+                    gated_in_a_row += 1
+            last = i
+        outcome[i] = what
+        if keep_state:
+            for j in range(n):
+                state_history[i, j] = x[j]
+                std_history[i, j] = math.sqrt(P[j, j])
+
+
+filter_pass = compile_cached(
+    _filter_pass, [_friction, _propagation, _transition, _decisions, __import__("sys").modules[__name__]]
+)
+
+__all__ = ["GATED", "MISSING", "FilterConstants", "filter_pass"]

@@ -1,0 +1,132 @@
+"""Filter a whole log with the compiled pass, and keep what was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.errors import FilterError
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.current_schedule import Pieces, pieces_of_log
+from rw_ekf.filter.decisions import UPDATED
+from rw_ekf.filter.kernel import filter_pass
+from rw_ekf.model.state import STATE_SIZE
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FilterInput:
+    """A log as the filter sees it: (n,) arrays in SI, NaN for a missing speed, and the pieces of current between them."""
+
+    time_s: Float64Array
+    speed_rad_s: Float64Array
+    segment: NDArray[np.int64]
+    pieces: Pieces
+
+    @classmethod
+    def of(
+        cls,
+        time_s: Float64Array,
+        speed_rad_s: Float64Array,
+        current_A: Float64Array,
+        command_delay_s: Float64Array | None = None,
+        segment: NDArray[np.int64] | None = None,
+    ) -> FilterInput:
+        """Build from columns; delay and segment default to zero."""
+        delay = np.zeros(time_s.size) if command_delay_s is None else command_delay_s
+        part = np.zeros(time_s.size, np.int64) if segment is None else segment
+        return cls(time_s, speed_rad_s, part, pieces_of_log(time_s, current_A, delay, part))
+
+
+@dataclass(frozen=True)
+class History:
+    """Everything a smoother needs, (n, ...) arrays: predictions, transition rows, process noise."""
+
+    predicted: Float64Array  # (n, 5) before the update
+    covariance: Float64Array  # (n, 5, 5) before the update
+    row: Float64Array  # (n, 5) first row of F of the step that led to sample i
+    noise: Float64Array  # (n, 5) diagonal of Q of that step
+
+
+@dataclass(frozen=True)
+class FilterRun:
+    """What the pass leaves: the final belief, the innovations, and histories where they were asked for."""
+
+    mean: Float64Array  # (5,)
+    covariance: Float64Array  # (5, 5)
+    innovation_rad_s: Float64Array  # (n,) NaN where there was none
+    innovation_variance: Float64Array  # (n,)
+    outcome: NDArray[np.int8]  # (n,) codes of rw_ekf.filter.decisions
+    states: Float64Array  # (n, 5) or (0, 5)
+    stds: Float64Array  # (n, 5) or (0, 5)
+    history: History | None
+
+    @property
+    def nis(self) -> Float64Array:
+        """Normalised innovation squared, (n,) [-]."""
+        return self.innovation_rad_s**2 / self.innovation_variance
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of the accepted innovations, Gaussian [-]."""
+        used = self.outcome == UPDATED
+        return -0.5 * float(np.sum(self.nis[used] + np.log(2.0 * np.pi * self.innovation_variance[used])))
+
+
+def filter_log(
+    data: FilterInput,
+    constants: FilterConstants,
+    mean: Float64Array,
+    covariance: Float64Array,
+    *,
+    keep_states: bool = False,
+    keep_history: bool = False,
+) -> FilterRun:
+    """Run the filter over `data` from the belief (mean (5,), covariance (5, 5)); neither is changed.
+
+    The speed of `mean` is replaced by the first reading. Raises FilterError when the result is not finite.
+    """
+    n = data.time_s.size
+    x = np.array(mean, dtype=np.float64)
+    P = np.array(covariance, dtype=np.float64)
+    size = STATE_SIZE
+    innovation = np.empty(n)
+    variance = np.empty(n)
+    outcome = np.empty(n, np.int8)
+    kept = n if keep_states else 0
+    states, stds = np.empty((kept, size)), np.empty((kept, size))
+    full = n if keep_history else 0
+    history = History(
+        np.zeros((full, size)), np.zeros((full, size, size)), np.zeros((full, size)), np.zeros((full, size))
+    )
+    filter_pass(
+        constants,
+        data.time_s,
+        data.speed_rad_s,
+        data.segment,
+        data.pieces.start,
+        data.pieces.duration_s,
+        data.pieces.current_A,
+        x,
+        P,
+        innovation,
+        variance,
+        outcome,
+        states,
+        stds,
+        history.row,
+        history.predicted,
+        history.covariance,
+        history.noise,
+    )
+    if not (np.isfinite(x).all() and np.isfinite(P).all()):
+        raise FilterError(
+            f"the filter's state is no longer finite after {n} samples: {x}. Look for wild values in the log's speed "
+            "or current, or give a prior nearer to the plant (--config, --prior)."
+        )
+    return FilterRun(
+        x, P, innovation, variance, outcome, states, stds, history if keep_history else None
+    )

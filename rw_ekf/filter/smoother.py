@@ -1,0 +1,90 @@
+"""Fixed-interval smoother for logs: Rauch, Tung and Striebel's result in Bryson and Frazier's form (docs/filter.md eq. 12).
+
+The two are algebraically the same; this one needs no inverse of a predicted covariance, which is nearly singular here
+because the parameters hardly move. Checked against the textbook recursion in tests/filter/test_smoother.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter import compiled
+from rw_ekf.filter import decisions as _decisions
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.decisions import UPDATED
+from rw_ekf.filter.log_filter import FilterRun
+
+Float64Array = NDArray[np.float64]
+
+
+def _smooth_pass(
+    outcome,  # type: ignore[no-untyped-def]
+    innovation,
+    innovation_variance,
+    row,
+    predicted,
+    covariance,
+    means,
+    stds,
+):
+    """Backward pass; writes the smoothed means (n, 5) and standard deviations (n, 5)."""
+    n_samples, n = predicted.shape
+    adjoint = np.zeros(n)  # lambda: gradient of the future's log-likelihood by the state
+    information = np.zeros((n, n))  # Lambda: its expected curvature
+    gain = np.zeros(n)
+    closed = np.eye(n)  # I - K H
+    for i in range(n_samples - 1, -1, -1):
+        if outcome[i] == UPDATED:
+            S = innovation_variance[i]
+            for j in range(n):
+                gain[j] = covariance[i, j, 0] / S
+            for j in range(n):
+                closed[j, 0] = (1.0 if j == 0 else 0.0) - gain[j]
+            adjoint = closed.T @ adjoint
+            information = closed.T @ information @ closed
+            adjoint[0] -= innovation[i] / S
+            information[0, 0] += 1.0 / S
+        smoothed = predicted[i] - covariance[i] @ adjoint
+        spread = covariance[i] - covariance[i] @ information @ covariance[i]
+        for j in range(n):
+            means[i, j] = smoothed[j]
+            stds[i, j] = np.sqrt(max(spread[j, j], 0.0))
+        # Back through F, which differs from identity in its first row: F' a = a + (row - e_0) a_0.
+        first = adjoint[0]
+        adjoint[0] = 0.0
+        for j in range(n):
+            adjoint[j] += row[i, j] * first
+        head = information[0, 0]
+        side = information[0].copy()
+        side[0] = 0.0
+        information[0, :] = 0.0
+        information[:, 0] = 0.0
+        for j in range(n):
+            for m in range(n):
+                information[j, m] += row[i, j] * side[m] + side[j] * row[i, m] + head * row[i, j] * row[i, m]
+
+
+smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, __import__("sys").modules[__name__]])
+
+
+def smooth_log(run: FilterRun, constants: FilterConstants) -> tuple[Float64Array, Float64Array]:
+    """Smoothed states and standard deviations, (n, 5) each, from a run made with `keep_history=True`.
+
+    Raises ValueError when the history was not kept.
+    """
+    if run.history is None:
+        raise ValueError("smoothing needs the forward pass's history: filter_log(..., keep_history=True)")
+    means = np.empty_like(run.history.predicted)
+    stds = np.empty_like(run.history.predicted)
+    smooth_pass(
+        run.outcome,
+        run.innovation_rad_s,
+        run.innovation_variance,
+        run.history.row,
+        run.history.predicted,
+        run.history.covariance,
+        means,
+        stds,
+    )
+    return means, stds

@@ -1,0 +1,138 @@
+"""The filter's transition over one sample interval: functions importing only `math`, over scalars and indexed arrays
+(docs/filter.md). Plain Python calls them online with numpy arrays and lists; numba compiles them as they stand.
+
+The current is constant in pieces: a command takes force some time after the speed was read, so that an interval has
+one piece, or two or more where `command_delay_s` says so.
+"""
+
+import math
+
+from rw_ekf.model.propagation import flow
+
+_SPREAD = math.sqrt(3.0)  # of a central divided difference: 1 sigma diverged, sqrt(3) did not (docs/filter.md)
+_REACH = 5.0  # standard deviations within which a kink in the transition matters
+
+
+def interval(
+    omega: float,
+    k: float,
+    b: float,
+    c: float,
+    s: float,
+    omega_s: float,
+    law: int,
+    durations,  # type: ignore[no-untyped-def]
+    currents,
+    start: int,
+    stop: int,
+) -> tuple[float, float, float, float, float, float]:
+    """Chain the flow over pieces start..stop: speed at the end, its derivatives by omega, k, b, c, s."""
+    to_omega, to_k, to_b, to_c, to_s = 1.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(start, stop):
+        current = currents[i]
+        omega, keep, of_drive, of_b, of_c, of_s = flow(omega, k * current, b, c, s, omega_s, law, durations[i])
+        to_omega *= keep
+        to_k = keep * to_k + current * of_drive
+        to_b = keep * to_b + of_b
+        to_c = keep * to_c + of_c
+        to_s = keep * to_s + of_s
+    return omega, to_omega, to_k, to_b, to_c, to_s
+
+
+def factor_covariance(P, L) -> None:  # type: ignore[no-untyped-def]
+    """Lower triangular L with L L' = P, both (n, n), Cholesky; a direction without variance gives a zero column."""
+    n = P.shape[0]
+    for j in range(n):
+        pivot = P[j, j]
+        for m in range(j):
+            pivot -= L[j, m] * L[j, m]
+        root = math.sqrt(pivot) if pivot > 1.0e-14 * P[j, j] else 0.0
+        L[j, j] = root
+        for i in range(j + 1, n):
+            value = P[i, j]
+            for m in range(j):
+                value -= L[i, m] * L[j, m]
+            L[i, j] = value / root if root > 0.0 else 0.0
+
+
+def divided_difference(
+    x,  # type: ignore[no-untyped-def]
+    P,
+    end: float,
+    omega_s: float,
+    law: int,
+    durations,
+    currents,
+    start: int,
+    stop: int,
+    row,
+    L,
+) -> float:
+    """Overwrite `row` with the statistical slope of eq. 7 and return the variance of eq. 8 (see `transition`)."""
+    factor_covariance(P, L)
+    bends = 0.0
+    for j in range(4, -1, -1):
+        if L[j, j] == 0.0:
+            continue
+        d0 = _SPREAD * L[0, j]
+        d1 = _SPREAD * L[1, j]
+        d2 = _SPREAD * L[2, j]
+        d3 = _SPREAD * L[3, j]
+        d4 = _SPREAD * L[4, j]
+        up = interval(
+            x[0] + d0, x[1] + d1, x[2] + d2, x[3] + d3, x[4] + d4, omega_s, law, durations, currents, start, stop
+        )[0]
+        down = interval(
+            x[0] - d0, x[1] - d1, x[2] - d2, x[3] - d3, x[4] - d4, omega_s, law, durations, currents, start, stop
+        )[0]
+        slope = (up - down) / (2.0 * _SPREAD)
+        for m in range(j + 1, 5):
+            slope -= row[m] * L[m, j]
+        row[j] = slope / L[j, j]
+        bends += up + down - 2.0 * end
+    return bends * bends / 12.0
+
+
+def transition(
+    x,  # type: ignore[no-untyped-def]
+    P,
+    omega_s: float,
+    law: int,
+    near_zero_speed: float,
+    durations,
+    currents,
+    start: int,
+    stop: int,
+    row,
+    L,
+) -> tuple[float, float]:
+    """Predict the speed over one interval: (speed [rad/s], variance of the neglected curvature [rad^2/s^2]).
+
+    x (5,) and P (5, 5) are the present belief; `row` (5,) receives the first row of F, `L` (5, 5) is scratch.
+
+    Away from zero speed the row is the derivative of the flow. Where the stop, the stick or the Stribeck peak lies
+    within reach of the uncertainty it is the statistical slope over the columns l_j of the Cholesky factor of P,
+
+        F L = D,   D_j = [Phi(x + h l_j) - Phi(x - h l_j)] / 2h,   h = sqrt(3),          (docs/filter.md eq. 7)
+
+    because a wheel believed stuck has derivative zero, and a filter that trusts it never learns the break-away friction
+    that would free it. The curvature that any linear form neglects is added to the process noise,
+
+        [sum_j Phi(x + h l_j) + Phi(x - h l_j) - 2 Phi(x)]^2 / 12,                          (docs/filter.md eq. 8)
+
+    its mean square for a bend along one direction, which the switching surface between stick and slip is.
+    """
+    end, row[0], row[1], row[2], row[3], row[4] = interval(
+        x[0], x[1], x[2], x[3], x[4], omega_s, law, durations, currents, start, stop
+    )
+    nearest = min(abs(x[0]), abs(end)) if x[0] * end > 0.0 else 0.0
+    if nearest > near_zero_speed:
+        return end, 0.0
+    spread = 0.0
+    for i in range(5):
+        for j in range(5):
+            spread += row[i] * P[i, j] * row[j]
+    reach = _REACH * math.sqrt(max(spread, P[0, 0]))
+    if nearest > reach and reach < omega_s:
+        return end, 0.0
+    return end, divided_difference(x, P, end, omega_s, law, durations, currents, start, stop, row, L)

@@ -1,0 +1,1 @@
+"""Identification from whole logs: least squares, dedicated experiments, noise by likelihood, scales of a record."""

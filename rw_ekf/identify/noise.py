@@ -1,0 +1,147 @@
+"""Noises by maximum likelihood of the innovations (`fit --noise`; docs/identification.md eq. 5-7).
+
+The filter runs with its parameters frozen at an estimate, so that the innovations are those of a prediction-error
+filter; their Gaussian likelihood is maximised over the speed noise and the acceleration noise. The gate is open
+meanwhile, because a likelihood over samples that the noise itself selects is none; readings far outside are left out
+beforehand, once for all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.model.state import STATE_SIZE, FrictionParameters
+
+Float64Array = NDArray[np.float64]
+
+_OPEN_GATE = 1.0e30
+_OUTLIER_NIS = 36.0
+_LOG_LIKELIHOOD_RATIO_95 = 1.92  # half the 95 % quantile of chi-square(1)
+
+
+@dataclass(frozen=True)
+class NoiseFit:
+    """Maximum-likelihood noises with standard deviations from the curvature of the likelihood."""
+
+    speed_noise_rad_s: float
+    speed_noise_std: float
+    acceleration_noise: float  # rad/s per sqrt(s); 0.0 where the data do not ask for any
+    acceleration_noise_std: float | None  # None at the boundary
+    acceleration_noise_limit: float  # 95 % upper limit
+    log_likelihood: float
+    samples: int
+
+
+def frozen(parameters: FrictionParameters) -> tuple[Float64Array, Float64Array]:
+    """A belief that is certain of its parameters: mean (5,), covariance (5, 5) of zeros but for the speed."""
+    covariance = np.zeros((STATE_SIZE, STATE_SIZE))
+    covariance[0, 0] = 1.0
+    return np.array([0.0, *parameters]), covariance
+
+
+def without_drift(constants: FilterConstants) -> FilterConstants:
+    """The same constants with parameters that do not wander."""
+    return constants._replace(motor_gain_drift=0.0, viscous_drift=0.0, coulomb_drift=0.0, static_drift=0.0)
+
+
+def fit_noise(
+    data: FilterInput,
+    constants: FilterConstants,
+    parameters: FrictionParameters,
+    *,
+    max_samples: int = 200_000,
+) -> NoiseFit:
+    """Tune R and q on (at most the first max_samples of) a log whose parameters are known or fitted."""
+    from scipy.optimize import minimize
+
+    data = _leave_out_spikes(_head(data, max_samples), constants, parameters)
+    base = without_drift(constants)._replace(gate=_OPEN_GATE)
+    mean, covariance = frozen(parameters)
+
+    def negative(log_sigma: float, log_q: float) -> float:
+        sigma = math.exp(log_sigma)
+        q = math.exp(log_q)
+        trial = base._replace(
+            speed_variance=sigma * sigma, acceleration_noise=q * q, stuck_variance=(0.1 * sigma) ** 2
+        )
+        value = -filter_log(data, trial, mean, covariance).log_likelihood
+        return value if math.isfinite(value) else 1.0e300
+
+    sigma_0 = math.sqrt(constants.speed_variance)
+    floor = math.log(sigma_0) - 12.0
+    best = None
+    for share in (0.03, 0.6):
+        found = minimize(
+            lambda v: negative(v[0], max(v[1], floor)),
+            x0=[math.log(sigma_0), math.log(share * sigma_0)],
+            method="Nelder-Mead",
+            options={"xatol": 1e-4, "fatol": 1e-4, "maxfev": 240, "initial_simplex": None},
+        )
+        if best is None or found.fun < best.fun:
+            best = found
+    assert best is not None
+    log_sigma, log_q = float(best.x[0]), max(float(best.x[1]), floor)
+    lowest = float(best.fun)
+    at_boundary = negative(log_sigma, floor) - lowest < 1.0e-2
+    limit = _upper_limit(negative, log_sigma, floor if at_boundary else log_q, lowest)
+    sigma_std = math.exp(log_sigma) * _curvature_std(lambda v: negative(v, log_q), log_sigma, lowest)
+    q_std = None if at_boundary else math.exp(log_q) * _curvature_std(lambda v: negative(log_sigma, v), log_q, lowest)
+    return NoiseFit(
+        speed_noise_rad_s=math.exp(log_sigma),
+        speed_noise_std=sigma_std,
+        acceleration_noise=0.0 if at_boundary else math.exp(log_q),
+        acceleration_noise_std=q_std,
+        acceleration_noise_limit=limit,
+        log_likelihood=-lowest,
+        samples=int(np.isfinite(data.speed_rad_s).sum()),
+    )
+
+
+def _head(data: FilterInput, n: int) -> FilterInput:
+    if data.time_s.size <= n:
+        return data
+    return FilterInput(data.time_s[:n], data.speed_rad_s[:n], data.segment[:n], data.pieces)
+
+
+def _leave_out_spikes(data: FilterInput, constants: FilterConstants, parameters: FrictionParameters) -> FilterInput:
+    mean, covariance = frozen(parameters)
+    run = filter_log(data, without_drift(constants)._replace(gate=_OPEN_GATE), mean, covariance)
+    nis = run.nis
+    finite = nis[np.isfinite(nis)]
+    level = max(1.0, float(np.median(finite)) / 0.455) if finite.size else 1.0
+    spikes = nis > _OUTLIER_NIS * level
+    if not spikes.any() or spikes.sum() > 0.01 * nis.size:
+        return data
+    speed = data.speed_rad_s.copy()
+    speed[spikes] = np.nan
+    return FilterInput(data.time_s, speed, data.segment, data.pieces)
+
+
+def _curvature_std(negative, at: float, lowest: float) -> float:  # type: ignore[no-untyped-def]
+    """Standard deviation of a logarithm from the second difference of the negative log-likelihood."""
+    h = 0.02
+    curvature = (negative(at + h) + negative(at - h) - 2.0 * lowest) / (h * h)
+    return 1.0 / math.sqrt(curvature) if curvature > 0.0 else math.inf
+
+
+def _upper_limit(negative, log_sigma: float, start: float, lowest: float) -> float:  # type: ignore[no-untyped-def]
+    """Acceleration noise at which the likelihood has fallen by the 95 % ratio, by bisection upward from `start`."""
+    low, high = start, start
+    for _ in range(60):
+        high += 0.5
+        if negative(log_sigma, high) - lowest > _LOG_LIKELIHOOD_RATIO_95:
+            break
+        low = high
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        if negative(log_sigma, middle) - lowest > _LOG_LIKELIHOOD_RATIO_95:
+            high = middle
+        else:
+            low = middle
+    return math.exp(high)

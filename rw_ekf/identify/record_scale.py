@@ -1,0 +1,152 @@
+"""What a record says of itself before any fit: its noise, its scales, and a prior wide enough to start from.
+
+Used where no configuration speaks for the plant: a foreign machine may be of another size altogether (docs/logs.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.model.belief import DEFAULT_NOISE, Belief, NoiseModel, prior_around
+from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
+from rw_ekf.units import RAD_S_PER_RPM
+
+Float64Array = NDArray[np.float64]
+
+_MAX_ROWS = 200_000
+_STRIBECK_SHARE_OF_TOP_SPEED = 0.02
+_DEFAULT_STRIBECK_SPEED = 4.0 * RAD_S_PER_RPM
+_PRIOR_STD = (0.5, 2.0, 0.75)
+
+
+@dataclass(frozen=True)
+class RecordScale:
+    """Noise, Stribeck speed, prior, and whether the record looks like the default wheel."""
+
+    noise: NoiseModel
+    stribeck_speed_rad_s: float
+    prior: Belief
+    like_default_wheel: bool
+    rough: FrictionParameters
+
+
+def measure(data: FilterInput) -> RecordScale:
+    """Read the scales off a record; never raises on poor data, falls back on the default wheel's."""
+    speed_noise = speed_noise_of(data.time_s, data.speed_rad_s, data.segment)
+    rough = rough_parameters(data, speed_noise)
+    finite = data.speed_rad_s[np.isfinite(data.speed_rad_s)]
+    top = float(np.quantile(np.abs(finite), 0.99)) if finite.size else 0.0
+    like = rough is None or _like_default(rough, top, speed_noise)
+    if like:
+        noise = NoiseModel(speed_noise or DEFAULT_NOISE.speed_noise_rad_s, DEFAULT_NOISE.acceleration_noise)
+        from rw_ekf.model.belief import DEFAULT_PRIOR
+
+        return RecordScale(noise, _DEFAULT_STRIBECK_SPEED, DEFAULT_PRIOR, True, rough or CK13_STATISTICAL)
+    assert rough is not None
+    sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
+    return RecordScale(
+        NoiseModel(sigma, 0.1 * sigma, scale=rough),
+        max(_STRIBECK_SHARE_OF_TOP_SPEED * top, sigma),
+        prior_around(rough, _PRIOR_STD),
+        False,
+        rough,
+    )
+
+
+def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: NDArray[np.int64]) -> float | None:
+    """Standard deviation of one reading from third differences, robust (median); None where nothing varies.
+
+    A third difference of independent readings has variance 20 sigma^2; a smooth motion contributes next to nothing.
+    Readings on a lattice may not change for long: then the lattice step d gives d / sqrt(12).
+    """
+    y = speed_rad_s[:_MAX_ROWS]
+    part = segment[:_MAX_ROWS]
+    if y.size < 8:
+        return None
+    third = y[3:] - 3.0 * y[2:-1] + 3.0 * y[1:-2] - y[:-3]
+    third = third[(part[3:] == part[:-3]) & np.isfinite(third)]
+    if third.size == 0:
+        return None
+    sigma = 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0)
+    steps = np.abs(np.diff(y))
+    steps = steps[np.isfinite(steps) & (steps > 0.0)]
+    if steps.size == 0:
+        return None
+    if sigma == 0.0:
+        sigma = max(float(np.min(steps)) / np.sqrt(12.0), float(np.sqrt(np.mean(third**2) / 20.0)) * 0.1)
+    return sigma
+
+
+def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionParameters | None:
+    """Regression of speed changes over windows on current, speed and direction integrals; None if it says nothing.
+
+    Integrated over a window the model is linear in k, b, c and needs no differentiated speed; the window is long
+    enough for the speed to change by many times its noise.
+    """
+    t, y = data.time_s[:_MAX_ROWS], data.speed_rad_s[:_MAX_ROWS]
+    if t.size < 20:
+        return None
+    good = np.isfinite(y)
+    y = np.interp(np.arange(y.size), np.flatnonzero(good), y[good]) if good.any() else y
+    current = _mean_current(data, t.size)
+    dt = np.diff(t)
+    top = float(np.quantile(np.abs(y), 0.99))
+    if not top > 0.0:
+        return None
+    lag = _window(y, speed_noise or 1e-3 * top)
+    moving = np.where(np.abs(y) > 0.02 * top, np.sign(y), 0.0)
+    middle = 0.5 * (y[1:] + y[:-1])
+    direction = 0.5 * (moving[1:] + moving[:-1])
+    same = (data.segment[1 : t.size] == data.segment[: t.size - 1]) & (dt > 0.0)
+    sums = [np.concatenate(([0.0], np.cumsum(np.where(same, v * dt, 0.0)))) for v in (current, middle, direction)]
+    begin = np.arange(0, t.size - lag, max(1, lag // 4))
+    end = begin + lag
+    begin, end = (v[data.segment[end] == data.segment[begin]] for v in (begin, end))
+    if begin.size < 8:
+        return None
+    A = np.column_stack([s[end] - s[begin] for s in sums]) * np.array([1.0, -1.0, -1.0])
+    change = y[end] - y[begin]
+    if not np.any(A[:, 0]):
+        solution = np.concatenate(([CK13_STATISTICAL.motor_gain], np.linalg.lstsq(A[:, 1:], change, rcond=1e-9)[0]))
+    else:
+        solution = np.linalg.lstsq(A, change, rcond=1e-9)[0]
+    k, b, c = (float(v) for v in solution)
+    if not np.isfinite(solution).all() or k == 0.0:
+        return None
+    spread = float(np.std(change)) / max(float(np.mean(t[end] - t[begin])), 1e-9)
+    c = c if c > 0.0 else 0.1 * spread
+    b = b if b > 0.0 else 0.1 * c / top
+    return FrictionParameters(k, b, c, 1.03 * c)
+
+
+def _mean_current(data: FilterInput, n: int) -> Float64Array:
+    """Mean current over each interval i, i + 1 of the first n samples, from the pieces."""
+    start, duration, current = data.pieces
+    charge = np.concatenate(([0.0], np.cumsum(duration * current)))
+    length = np.concatenate(([0.0], np.cumsum(duration)))
+    stop = np.minimum(start[1:n], duration.size)
+    begin = np.minimum(start[: n - 1], duration.size)
+    total = length[stop] - length[begin]
+    safe = np.where(total > 0.0, total, 1.0)
+    return np.where(total > 0.0, (charge[stop] - charge[begin]) / safe, 0.0)
+
+
+def _window(y: Float64Array, noise: float) -> int:
+    """Samples in a window over which the speed typically changes by 30 times its noise, at most a twentieth of all."""
+    lag = 1
+    while lag < y.size // 20 and float(np.median(np.abs(y[lag:] - y[:-lag]))) < 30.0 * noise:
+        lag *= 2
+    return lag
+
+
+def _like_default(rough: FrictionParameters, top_rad_s: float, speed_noise: float | None) -> bool:
+    """Within a factor of about two of [CK13]'s wheel in gain and Coulomb friction, and of its size in speed."""
+    k, _, c, _ = CK13_STATISTICAL
+    gain = 0.5 < rough.motor_gain / k < 2.0
+    friction = 0.33 < rough.coulomb / c < 2.5
+    noise = speed_noise is None or 0.05 * RAD_S_PER_RPM < speed_noise < 30.0 * RAD_S_PER_RPM
+    return gain and friction and noise and 2.0 < top_rad_s < 600.0

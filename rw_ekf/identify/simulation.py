@@ -1,0 +1,95 @@
+"""Free-run simulation of a log with the estimator's own model, and its sensitivity: what least squares is built on."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter import kernel as _kernel  # registers the equations with numba
+from rw_ekf.filter import transition as _transition
+from rw_ekf.filter.compiled import compile_cached
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.filter.transition import interval
+from rw_ekf.model import friction as _friction
+from rw_ekf.model import propagation as _propagation
+from rw_ekf.model.state import FrictionParameters
+
+Float64Array = NDArray[np.float64]
+
+
+def _simulate_stretch(  # type: ignore[no-untyped-def]
+    omega, k, b, c, s, omega_s, law, first, last, piece_start, piece_duration_s, piece_current_A, speeds, jacobian
+):
+    """Simulate samples first..last from `omega`; jacobian (n, 5) gets d speed / d (omega_first, k, b, c, s)."""
+    with_jacobian = jacobian.shape[0] > 0
+    g0, g1, g2, g3, g4 = 1.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(first, last):
+        if i > first:
+            omega, f0, f1, f2, f3, f4 = interval(
+                omega, k, b, c, s, omega_s, law, piece_duration_s, piece_current_A, piece_start[i - 1], piece_start[i]
+            )
+            g0 = f0 * g0
+            g1 = f0 * g1 + f1
+            g2 = f0 * g2 + f2
+            g3 = f0 * g3 + f3
+            g4 = f0 * g4 + f4
+        speeds[i] = omega
+        if with_jacobian:
+            jacobian[i, 0] = g0
+            jacobian[i, 1] = g1
+            jacobian[i, 2] = g2
+            jacobian[i, 3] = g3
+            jacobian[i, 4] = g4
+
+
+simulate_stretch = compile_cached(
+    _simulate_stretch, [_friction, _propagation, _transition, _kernel, sys.modules[__name__]]
+)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples first <= i < last that one free run covers, from its own initial speed."""
+
+    first: int
+    last: int
+
+
+def stretches(data: FilterInput, max_gap_s: float) -> list[Stretch]:
+    """Cut a log where a segment changes or time leaps by more than max_gap_s, dropping leading missing speeds."""
+    n = data.time_s.size
+    if n == 0:
+        return []
+    cut = np.flatnonzero((np.diff(data.segment) != 0) | (np.diff(data.time_s) > max_gap_s)) + 1
+    edges = [0, *(int(i) for i in cut), n]
+    found = []
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        present = np.flatnonzero(np.isfinite(data.speed_rad_s[a:b]))
+        if present.size:
+            found.append(Stretch(a + int(present[0]), b))
+    return found
+
+
+def simulate(
+    data: FilterInput,
+    runs: list[Stretch],
+    initial_speeds_rad_s: Float64Array,
+    parameters: FrictionParameters,
+    omega_s: float,
+    law: int,
+    *,
+    with_jacobian: bool = False,
+) -> tuple[Float64Array, Float64Array]:
+    """Free-run speeds (n,), NaN outside the stretches, and the jacobian (n, 5) or (0, 5)."""
+    n = data.time_s.size
+    speeds = np.full(n, np.nan)
+    jacobian = np.zeros((n if with_jacobian else 0, 5))
+    for run, omega in zip(runs, initial_speeds_rad_s, strict=True):
+        simulate_stretch(
+            float(omega), *parameters, omega_s, law, run.first, run.last,
+            data.pieces.start, data.pieces.duration_s, data.pieces.current_A, speeds, jacobian,
+        )  # fmt: skip
+    return speeds, jacobian

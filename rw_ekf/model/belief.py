@@ -1,0 +1,132 @@
+"""What is believed of a wheel before and after data: a mean and a covariance over the named state, and the noises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.model.friction import LAW_CODES
+from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_SIZE, FrictionParameters
+from rw_ekf.units import RAD_S_PER_RPM
+
+Float64Array = NDArray[np.float64]
+
+SECONDS_PER_HOUR = 3600.0
+
+# Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (contract, section 4).
+_RELATIVE_STD = (0.30, 1.00, 0.50)
+# Break-away friction is Coulomb friction plus an excess; the prior is on the excess, so that s follows c (docs/filter.md).
+_EXCESS_STD_IN_COULOMB = 0.5
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Gaussian over the state: mean (5,), covariance (5, 5), in the order of StateIndex."""
+
+    mean: Float64Array
+    covariance: Float64Array
+
+    @property
+    def std(self) -> Float64Array:
+        """Standard deviations, (5,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def parameters(self) -> FrictionParameters:
+        """The four parameters of the mean."""
+        return FrictionParameters(*(float(v) for v in self.mean[1:]))
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Noises, in units with a meaning.
+
+    speed_noise_rad_s: standard deviation of one speed reading.
+    acceleration_noise: standard deviation that the true speed gains by unmodelled torque in one second
+        [rad/s per sqrt(s)]; it grows with the square root of time.
+    parameter_drift: what a parameter may wander in one hour, as a fraction of `scale` [per sqrt(h)]: age, temperature.
+    scale: the parameter values to which that fraction refers.
+    """
+
+    speed_noise_rad_s: float
+    acceleration_noise: float
+    parameter_drift: float = 0.001
+    scale: FrictionParameters = CK13_STATISTICAL
+
+
+DEFAULT_NOISE = NoiseModel(1.0 * RAD_S_PER_RPM, 0.03 * RAD_S_PER_RPM)
+
+
+def prior_around(parameters: FrictionParameters, relative_std: tuple[float, float, float] = _RELATIVE_STD) -> Belief:
+    """Wide prior around `parameters`; the speed is left to the first reading.
+
+    s is correlated with c: s = c + excess, the excess of standard deviation c/2.
+    """
+    mean = np.array([0.0, *parameters])
+    covariance = np.zeros((STATE_SIZE, STATE_SIZE))
+    covariance[0, 0] = 1.0
+    for i, share in enumerate(relative_std, start=1):
+        covariance[i, i] = (share * mean[i]) ** 2
+    excess = (_EXCESS_STD_IN_COULOMB * parameters.coulomb) ** 2
+    covariance[3, 4] = covariance[4, 3] = covariance[3, 3]
+    covariance[4, 4] = covariance[3, 3] + excess
+    return Belief(mean, covariance)
+
+
+DEFAULT_PRIOR = prior_around(CK13_STATISTICAL)
+
+
+def with_prior_table(belief: Belief, table: dict[str, tuple[float, float]]) -> Belief:
+    """Replace the prior of the named parameters by independent (value, std); unknown names raise KeyError."""
+    mean = belief.mean.copy()
+    covariance = belief.covariance.copy()
+    for name, (value, std) in table.items():
+        i = 1 + PARAMETER_NAMES.index(name)
+        mean[i] = value
+        covariance[i, :] = covariance[:, i] = 0.0
+        covariance[i, i] = std**2
+    return Belief(mean, covariance)
+
+
+def filter_constants(
+    noise: NoiseModel,
+    stribeck_speed_rad_s: float,
+    stribeck_law: str = "gauss",
+    *,
+    gate_probability: float = 0.9999,
+    max_gap_s: float = 2.0,
+    nominal_period_s: float = 0.1,
+) -> FilterConstants:
+    """Collect what the filter needs, in SI.
+
+    gate_probability: of accepting a good reading; the gate is that quantile of chi-square with one degree of freedom.
+    max_gap_s: a longer interval re-seeds the speed; never below five periods.
+    """
+    per_second = noise.parameter_drift**2 / SECONDS_PER_HOUR
+    drift = [(value * value) * per_second for value in noise.scale]
+    # Beyond six Stribeck speeds the Stribeck term has no slope left to speak of (Gauss: 2e-16).
+    return FilterConstants(
+        omega_s=stribeck_speed_rad_s,
+        law=LAW_CODES[stribeck_law],
+        speed_variance=noise.speed_noise_rad_s**2,
+        acceleration_noise=noise.acceleration_noise**2,
+        motor_gain_drift=drift[0],
+        viscous_drift=drift[1],
+        coulomb_drift=drift[2],
+        static_drift=drift[3],
+        gate=chi_square_1_quantile(gate_probability),
+        near_zero_speed=6.0 * stribeck_speed_rad_s,
+        stuck_variance=(0.1 * noise.speed_noise_rad_s) ** 2,
+        max_gap_s=max(max_gap_s, 5.0 * nominal_period_s),
+        reseed_after=5,
+    )
+
+
+def chi_square_1_quantile(probability: float) -> float:
+    """Quantile of chi-square with one degree of freedom: the square of the normal one (statistics.NormalDist)."""
+    from statistics import NormalDist
+
+    return NormalDist().inv_cdf(0.5 * (1.0 + probability)) ** 2
