@@ -6,6 +6,7 @@ kernel would be silently wrong physics, so the stamp here is a digest over all o
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import inspect
 from collections.abc import Callable
@@ -39,27 +40,25 @@ def compile_cached(function: Callable[..., Any], modules: list[ModuleType]) -> C
     """
     stamp = source_digest(modules)
 
-    class Provided(caching.UserProvidedCacheLocator):  # type: ignore[misc]
+    class Provided(caching.UserProvidedCacheLocator):
         def get_source_stamp(self) -> object:
             return stamp
 
-    class InTree(caching.InTreeCacheLocator):  # type: ignore[misc]
+    class InTree(caching.InTreeCacheLocator):
         def get_source_stamp(self) -> object:
             return stamp
 
-    class UserWide(caching.UserWideCacheLocator):  # type: ignore[misc]
+    class UserWide(caching.UserWideCacheLocator):
         def get_source_stamp(self) -> object:
             return stamp
 
-    class Implementation(caching.CompileResultCacheImpl):  # type: ignore[misc]
+    class Implementation(caching.CompileResultCacheImpl):
         _locator_classes = [Provided, InTree, UserWide]  # noqa: RUF012 - the name and kind are numba's
 
-    class Cache(caching.FunctionCache):  # type: ignore[misc]
+    class Cache(caching.FunctionCache):
         _impl_class = Implementation
 
     dispatcher = numba.njit(error_model="numpy")(function)
-    try:
+    with contextlib.suppress(RuntimeError):  # no folder is writable: compile in memory, every time
         dispatcher._cache = Cache(function)
-    except RuntimeError:  # no folder is writable: compile in memory, every time
-        pass
     return dispatcher  # type: ignore[no-any-return]

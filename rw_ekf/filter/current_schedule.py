@@ -7,6 +7,7 @@ A command takes force `command_delay_s` after the reading it was computed from; 
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ def pieces_of_log(
     currents: list[NDArray[np.float64]] = []
     count = 0
     edges = np.flatnonzero(np.concatenate(([True], segment[1:] != segment[:-1], [True])))
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         run = _pieces_of_segment(time_s[a:b], current_A[a:b], delay_s[a:b])
         start[a:b] = run.start + count
         durations.append(run.duration_s)
@@ -56,7 +57,9 @@ def pieces_of_log(
     return Pieces(start, np.concatenate(durations), np.concatenate(currents))
 
 
-def _pieces_of_segment(time_s: NDArray[np.float64], current_A: NDArray[np.float64], delay_s: NDArray[np.float64]) -> Pieces:
+def _pieces_of_segment(
+    time_s: NDArray[np.float64], current_A: NDArray[np.float64], delay_s: NDArray[np.float64]
+) -> Pieces:
     n = time_s.size
     # A later command that acts earlier overrides: switching times never run backwards.
     switch = np.minimum.accumulate((time_s + delay_s)[::-1])[::-1]

@@ -30,7 +30,7 @@ def timing(dt: float, seeded: bool, new_segment: bool, has_speed: bool, max_gap_
 
 
 def gating(nis: float, gate: float, gated_in_a_row: int, reseed_after: int) -> int:
-    """UPDATED, or GATED, or RESEEDED where the gate has refused `reseed_after` samples running: then the filter is wrong."""
+    """UPDATED; GATED; or RESEEDED where the gate has refused `reseed_after` samples running (the filter is wrong)."""
     if nis <= gate:
         return UPDATED
     if gated_in_a_row + 1 >= reseed_after:

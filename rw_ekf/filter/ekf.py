@@ -25,14 +25,16 @@ _H = np.zeros((1, STATE_SIZE))  # the speed is measured: (1, 0, 0, 0, 0); [F12] 
 _H[0, StateIndex.SPEED] = 1.0
 
 
-class WheelEkf(ExtendedKalmanFilter):  # type: ignore[misc]
+class WheelEkf(ExtendedKalmanFilter):
     """Five states, one measured speed. x (5,), P (5, 5), R (1, 1) [rad^2/s^2]."""
 
     def __init__(self, constants: FilterConstants, mean: Float64Array, covariance: Float64Array) -> None:
         """Start from a belief; raises FilterError unless it is finite, symmetric and of the right shape."""
         super().__init__(dim_x=STATE_SIZE, dim_z=1)
         if np.shape(mean) != (STATE_SIZE,) or np.shape(covariance) != (STATE_SIZE, STATE_SIZE):
-            raise FilterError(f"a belief has mean (5,) and covariance (5, 5); got {np.shape(mean)}, {np.shape(covariance)}")
+            raise FilterError(
+                f"a belief has mean (5,) and covariance (5, 5); got {np.shape(mean)}, {np.shape(covariance)}"
+            )
         self.constants = constants
         self.x = np.array(mean, dtype=np.float64)
         self.P = np.array(covariance, dtype=np.float64)
@@ -56,7 +58,17 @@ class WheelEkf(ExtendedKalmanFilter):  # type: ignore[misc]
         c = self.constants
         row = np.zeros(STATE_SIZE)
         speed, self._curvature = transition(
-            self.x, self.P, c.omega_s, c.law, c.near_zero_speed, durations, currents, 0, len(durations), row, self._factor
+            self.x,
+            self.P,
+            c.omega_s,
+            c.law,
+            c.near_zero_speed,
+            durations,
+            currents,
+            0,
+            len(durations),
+            row,
+            self._factor,
         )
         self.x[StateIndex.SPEED] = speed
         self.F[StateIndex.SPEED] = row

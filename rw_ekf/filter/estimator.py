@@ -31,9 +31,7 @@ _OUTCOMES = {
 class Estimator:
     """The extended Kalman filter over speed and four friction parameters, sample by sample."""
 
-    def __init__(
-        self, constants: FilterConstants, mean: NDArray[np.float64], covariance: NDArray[np.float64]
-    ) -> None:
+    def __init__(self, constants: FilterConstants, mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
         """Start from a belief: mean (5,), covariance (5, 5); the speed is taken from the first reading."""
         self.constants = constants
         self.ekf = WheelEkf(constants, mean, covariance)

@@ -8,6 +8,7 @@ test holds the two together (tests/filter/test_golden.py).
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,6 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.decisions import (
     BACKWARD,
     FIRST,
-    GATED,
-    MISSING,
     REPEATED,
     RESEEDED,
     UPDATED,
@@ -96,8 +95,17 @@ def _update_joseph(x: Float64Array, P: Float64Array, innovation: float, S: float
             P[j, i] = value
 
 
-def _record(i: int, x: Float64Array, P: Float64Array, row: Float64Array, noise: Float64Array,
-            predicted, covariance, rows, noises) -> None:  # type: ignore[no-untyped-def]  # fmt: skip
+def _record(
+    i: int,
+    x: Float64Array,
+    P: Float64Array,
+    row: Float64Array,
+    noise: Float64Array,
+    predicted: Float64Array,
+    covariance: Float64Array,
+    rows: Float64Array,
+    noises: Float64Array,
+) -> None:
     """Keep what a smoother needs of step i: the prediction and the transition that led to it."""
     predicted[i, :] = x
     covariance[i, :, :] = P
@@ -109,25 +117,25 @@ make_jitable([_seed_speed, _predict_covariance, _update_joseph, _record])
 
 
 def _filter_pass(
-    constants,  # type: ignore[no-untyped-def]
-    time_s,
-    speed_rad_s,
-    segment,
-    piece_start,
-    piece_duration_s,
-    piece_current_A,
-    x,
-    P,
-    innovation,
-    innovation_variance,
-    outcome,
-    state_history,
-    std_history,
-    row_history,
-    predicted_history,
-    covariance_history,
-    noise_history,
-):
+    constants: FilterConstants,
+    time_s: Float64Array,
+    speed_rad_s: Float64Array,
+    segment: NDArray[np.int64],
+    piece_start: NDArray[np.int64],
+    piece_duration_s: Float64Array,
+    piece_current_A: Float64Array,
+    x: Float64Array,
+    P: Float64Array,
+    innovation: Float64Array,
+    innovation_variance: Float64Array,
+    outcome: NDArray[np.int8],
+    state_history: Float64Array,
+    std_history: Float64Array,
+    row_history: Float64Array,
+    predicted_history: Float64Array,
+    covariance_history: Float64Array,
+    noise_history: Float64Array,
+) -> None:
     """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written."""
     n_samples = time_s.size
     n = x.size
@@ -202,8 +210,4 @@ def _filter_pass(
                 std_history[i, j] = math.sqrt(P[j, j])
 
 
-filter_pass = compile_cached(
-    _filter_pass, [_friction, _propagation, _transition, _decisions, __import__("sys").modules[__name__]]
-)
-
-__all__ = ["GATED", "MISSING", "FilterConstants", "filter_pass"]
+filter_pass = compile_cached(_filter_pass, [_friction, _propagation, _transition, _decisions, sys.modules[__name__]])

@@ -19,7 +19,7 @@ Float64Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FilterInput:
-    """A log as the filter sees it: (n,) arrays in SI, NaN for a missing speed, and the pieces of current between them."""
+    """A log as the filter sees it: (n,) arrays in SI, NaN for a missing speed, and the pieces of current between."""
 
     time_s: Float64Array
     speed_rad_s: Float64Array
@@ -127,6 +127,4 @@ def filter_log(
             f"the filter's state is no longer finite after {n} samples: {x}. Look for wild values in the log's speed "
             "or current, or give a prior nearer to the plant (--config, --prior)."
         )
-    return FilterRun(
-        x, P, innovation, variance, outcome, states, stds, history if keep_history else None
-    )
+    return FilterRun(x, P, innovation, variance, outcome, states, stds, history if keep_history else None)

@@ -1,10 +1,12 @@
-"""Fixed-interval smoother for logs: Rauch, Tung and Striebel's result in Bryson and Frazier's form (docs/filter.md eq. 12).
+"""Fixed-interval smoother for logs: Rauch-Tung-Striebel in Bryson and Frazier's form (docs/filter.md eq. 12).
 
 The two are algebraically the same; this one needs no inverse of a predicted covariance, which is nearly singular here
 because the parameters hardly move. Checked against the textbook recursion in tests/filter/test_smoother.py.
 """
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +21,15 @@ Float64Array = NDArray[np.float64]
 
 
 def _smooth_pass(
-    outcome,  # type: ignore[no-untyped-def]
-    innovation,
-    innovation_variance,
-    row,
-    predicted,
-    covariance,
-    means,
-    stds,
-):
+    outcome: NDArray[np.int8],
+    innovation: Float64Array,
+    innovation_variance: Float64Array,
+    row: Float64Array,
+    predicted: Float64Array,
+    covariance: Float64Array,
+    means: Float64Array,
+    stds: Float64Array,
+) -> None:
     """Backward pass; writes the smoothed means (n, 5) and standard deviations (n, 5)."""
     n_samples, n = predicted.shape
     adjoint = np.zeros(n)  # lambda: gradient of the future's log-likelihood by the state
@@ -65,7 +67,7 @@ def _smooth_pass(
                 information[j, m] += row[i, j] * side[m] + side[j] * row[i, m] + head * row[i, j] * row[i, m]
 
 
-smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, __import__("sys").modules[__name__]])
+smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, sys.modules[__name__]])
 
 
 def smooth_log(run: FilterRun, constants: FilterConstants) -> tuple[Float64Array, Float64Array]:

@@ -1,11 +1,13 @@
-"""The filter's transition over one sample interval: functions importing only `math`, over scalars and indexed arrays
-(docs/filter.md). Plain Python calls them online with numpy arrays and lists; numba compiles them as they stand.
+"""The filter's transition over one sample interval, in functions of scalars and indexed arrays (docs/filter.md).
+
+Plain Python calls them online with numpy arrays and lists; numba compiles them as they stand.
 
 The current is constant in pieces: a command takes force some time after the speed was read, so that an interval has
 one piece, or two or more where `command_delay_s` says so.
 """
 
 import math
+from typing import Any
 
 from rw_ekf.model.propagation import flow
 
@@ -21,8 +23,8 @@ def interval(
     s: float,
     omega_s: float,
     law: int,
-    durations,  # type: ignore[no-untyped-def]
-    currents,
+    durations: Any,
+    currents: Any,
     start: int,
     stop: int,
 ) -> tuple[float, float, float, float, float, float]:
@@ -39,7 +41,7 @@ def interval(
     return omega, to_omega, to_k, to_b, to_c, to_s
 
 
-def factor_covariance(P, L) -> None:  # type: ignore[no-untyped-def]
+def factor_covariance(P: Any, L: Any) -> None:
     """Lower triangular L with L L' = P, both (n, n), Cholesky; a direction without variance gives a zero column."""
     n = P.shape[0]
     for j in range(n):
@@ -56,17 +58,17 @@ def factor_covariance(P, L) -> None:  # type: ignore[no-untyped-def]
 
 
 def divided_difference(
-    x,  # type: ignore[no-untyped-def]
-    P,
+    x: Any,
+    P: Any,
     end: float,
     omega_s: float,
     law: int,
-    durations,
-    currents,
+    durations: Any,
+    currents: Any,
     start: int,
     stop: int,
-    row,
-    L,
+    row: Any,
+    L: Any,
 ) -> float:
     """Overwrite `row` with the statistical slope of eq. 7 and return the variance of eq. 8 (see `transition`)."""
     factor_covariance(P, L)
@@ -94,17 +96,17 @@ def divided_difference(
 
 
 def transition(
-    x,  # type: ignore[no-untyped-def]
-    P,
+    x: Any,
+    P: Any,
     omega_s: float,
     law: int,
     near_zero_speed: float,
-    durations,
-    currents,
+    durations: Any,
+    currents: Any,
     start: int,
     stop: int,
-    row,
-    L,
+    row: Any,
+    L: Any,
 ) -> tuple[float, float]:
     """Predict the speed over one interval: (speed [rad/s], variance of the neglected curvature [rad^2/s^2]).
 

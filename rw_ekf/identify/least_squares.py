@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.errors import FilterError
+from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput, filter_log
 from rw_ekf.identify.simulation import Stretch, simulate, stretches
-from rw_ekf.model.belief import Belief
 from rw_ekf.model.state import FrictionParameters
 
 Float64Array = NDArray[np.float64]
@@ -71,6 +71,11 @@ class _Point:
     simulated: Float64Array
 
 
+def _triangularise(matrix: Float64Array) -> Float64Array:
+    """Upper triangle after Householder's transformation [CK13 (8)], (min(rows, columns), columns)."""
+    return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
+
+
 class _Problem:
     """The loss, its linearisation and the damped step, for one log."""
 
@@ -106,12 +111,12 @@ class _Problem:
             block = np.empty((int(use.sum()), 6))
             block[:, :5] = jacobian[run.first : run.last][use]
             block[:, 5] = (self.data.speed_rad_s - simulated)[run.first : run.last][use]
-            upper = np.linalg.qr(block * self.weight, mode="r")
+            upper = _triangularise(block * self.weight)
             full = np.zeros((6, 6))
             full[: upper.shape[0]] = upper
             parts.append(_Linearised(full[0, 0], full[0, 1:5], full[0, 5], full[1:5, 1:5], full[1:5, 5]))
             stack.append(full[1:5, 1:6])
-        upper = np.linalg.qr(np.vstack(stack), mode="r")
+        upper = _triangularise(np.vstack(stack))
         return parts, upper[:4, :4], upper[:4, 4]
 
     def step(
@@ -119,8 +124,8 @@ class _Problem:
     ) -> tuple[Float64Array, _Point]:
         """Damped solution of [CK13 (10)] and the point it leads to."""
         scale = np.sqrt(damping) * np.sqrt((R * R).sum(axis=0))
-        damped = np.linalg.qr(np.column_stack((np.vstack((R, np.diag(scale))), np.concatenate((z, np.zeros(4))))), "r")
-        dp = np.linalg.solve(damped[:4, :4], damped[:4, 4])
+        damped = _triangularise(np.column_stack((np.vstack((R, np.diag(scale))), np.concatenate((z, np.zeros(4))))))
+        dp = np.asarray(np.linalg.solve(damped[:4, :4], damped[:4, 4]), dtype=np.float64)
         omega_0 = at.omega_0.copy()
         for j, part in enumerate(parts):
             if abs(part.head) > 1.0e-9 * self.weight:
@@ -209,9 +214,7 @@ def _best_of(problem: _Problem, starts: list[FrictionParameters]) -> tuple[_Poin
     return min(solved, key=lambda item: item[0].loss)
 
 
-def _inside_stretches(
-    data: FilterInput, constants: FilterConstants, used: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _inside_stretches(data: FilterInput, constants: FilterConstants, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
     inside = np.zeros(used.size, dtype=bool)
     for run in stretches(data, constants.max_gap_s):
         inside[run.first : run.last] = True

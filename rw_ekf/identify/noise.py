@@ -9,6 +9,7 @@ beforehand, once for all.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,9 +68,7 @@ def fit_noise(
     def negative(log_sigma: float, log_q: float) -> float:
         sigma = math.exp(log_sigma)
         q = math.exp(log_q)
-        trial = base._replace(
-            speed_variance=sigma * sigma, acceleration_noise=q * q, stuck_variance=(0.1 * sigma) ** 2
-        )
+        trial = base._replace(speed_variance=sigma * sigma, acceleration_noise=q * q, stuck_variance=(0.1 * sigma) ** 2)
         value = -filter_log(data, trial, mean, covariance).log_likelihood
         return value if math.isfinite(value) else 1.0e300
 
@@ -123,14 +122,14 @@ def _leave_out_spikes(data: FilterInput, constants: FilterConstants, parameters:
     return FilterInput(data.time_s, speed, data.segment, data.pieces)
 
 
-def _curvature_std(negative, at: float, lowest: float) -> float:  # type: ignore[no-untyped-def]
+def _curvature_std(negative: Callable[[float], float], at: float, lowest: float) -> float:
     """Standard deviation of a logarithm from the second difference of the negative log-likelihood."""
     h = 0.02
     curvature = (negative(at + h) + negative(at - h) - 2.0 * lowest) / (h * h)
     return 1.0 / math.sqrt(curvature) if curvature > 0.0 else math.inf
 
 
-def _upper_limit(negative, log_sigma: float, start: float, lowest: float) -> float:  # type: ignore[no-untyped-def]
+def _upper_limit(negative: Callable[[float, float], float], log_sigma: float, start: float, lowest: float) -> float:
     """Acceleration noise at which the likelihood has fallen by the 95 % ratio, by bisection upward from `start`."""
     low, high = start, start
     for _ in range(60):

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, prior_around
 from rw_ekf.filter.log_filter import FilterInput
-from rw_ekf.model.belief import DEFAULT_NOISE, Belief, NoiseModel, prior_around
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -43,8 +43,6 @@ def measure(data: FilterInput) -> RecordScale:
     like = rough is None or _like_default(rough, top, speed_noise)
     if like:
         noise = NoiseModel(speed_noise or DEFAULT_NOISE.speed_noise_rad_s, DEFAULT_NOISE.acceleration_noise)
-        from rw_ekf.model.belief import DEFAULT_PRIOR
-
         return RecordScale(noise, _DEFAULT_STRIBECK_SPEED, DEFAULT_PRIOR, True, rough or CK13_STATISTICAL)
     assert rough is not None
     sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
@@ -78,7 +76,7 @@ def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: NDA
         return None
     if sigma == 0.0:
         sigma = max(float(np.min(steps)) / np.sqrt(12.0), float(np.sqrt(np.mean(third**2) / 20.0)) * 0.1)
-    return sigma
+    return float(sigma)
 
 
 def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionParameters | None:

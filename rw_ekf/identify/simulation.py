@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,22 @@ from rw_ekf.model.state import FrictionParameters
 Float64Array = NDArray[np.float64]
 
 
-def _simulate_stretch(  # type: ignore[no-untyped-def]
-    omega, k, b, c, s, omega_s, law, first, last, piece_start, piece_duration_s, piece_current_A, speeds, jacobian
-):
+def _simulate_stretch(
+    omega: float,
+    k: float,
+    b: float,
+    c: float,
+    s: float,
+    omega_s: float,
+    law: int,
+    first: int,
+    last: int,
+    piece_start: NDArray[np.int64],
+    piece_duration_s: Float64Array,
+    piece_current_A: Float64Array,
+    speeds: Float64Array,
+    jacobian: Float64Array,
+) -> None:
     """Simulate samples first..last from `omega`; jacobian (n, 5) gets d speed / d (omega_first, k, b, c, s)."""
     with_jacobian = jacobian.shape[0] > 0
     g0, g1, g2, g3, g4 = 1.0, 0.0, 0.0, 0.0, 0.0
@@ -66,7 +80,7 @@ def stretches(data: FilterInput, max_gap_s: float) -> list[Stretch]:
     cut = np.flatnonzero((np.diff(data.segment) != 0) | (np.diff(data.time_s) > max_gap_s)) + 1
     edges = [0, *(int(i) for i in cut), n]
     found = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         present = np.flatnonzero(np.isfinite(data.speed_rad_s[a:b]))
         if present.size:
             found.append(Stretch(a + int(present[0]), b))

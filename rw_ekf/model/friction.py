@@ -42,7 +42,7 @@ def stribeck(u: float, law: int) -> float:
 
 
 def stribeck_slope(u: float, g: float, law: int) -> float:
-    """dg/du [-], from u and g = stribeck(u, law)."""
+    """Slope dg/du [-], from u and g = stribeck(u, law)."""
     if law == GAUSS:
         return -2.0 * u * g
     if law == TUSTIN:
@@ -56,7 +56,7 @@ def friction(v: float, b: float, c: float, s: float, omega_s: float, law: int) -
 
 
 def acceleration(omega: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int) -> float:
-    """d omega/dt [rad/s^2] of a wheel at speed omega, stick included: 0 at rest while |drive| <= s.
+    """Acceleration d omega/dt [rad/s^2] of a wheel at speed omega, stick included: 0 at rest while |drive| <= s.
 
     [CK13 (4); F12 (3)]; at rest the sign is that of the drive, because the wheel is about to move that way.
     """

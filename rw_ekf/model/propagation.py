@@ -1,10 +1,10 @@
-"""The exact flow of the wheel under a constant drive, zero crossing, stick and break-away included, with its
-sensitivity: scalar functions importing only `math` (docs/model.md eq. 7-16).
+"""The exact flow of the wheel under a constant drive, zero crossing, stick and break-away included.
 
-Far above the Stribeck speed the drift is linear and the flow has a closed form; near zero it is integrated in fourth-order
-steps that the Stribeck curve can bear; the instant of zero speed is located, and the wheel is stopped there or goes on
-the other way (|drive| against s). The sensitivity obeys the variational equation between such events and is carried
-across them by the saltation factor f+/f-: at zero both branches are known, so the factor is exact and lies in [0, 1].
+With its sensitivity, in scalar functions importing only `math` (docs/model.md eq. 7-16). Far above the Stribeck speed
+the drift is linear and the flow has a closed form; near zero it is integrated in fourth-order steps that the Stribeck
+curve can bear; the instant of zero speed is located, and the wheel is stopped there or goes on the other way (|drive|
+against s). The sensitivity obeys the variational equation between such events and is carried across them by the
+saltation factor f+/f-: at zero both branches are known, so the factor is exact and lies in [0, 1].
 
 Every function here is compiled by numba as it stands (rw_ekf.filter.kernel) and called as plain Python online.
 """

@@ -16,9 +16,9 @@ Float64Array = NDArray[np.float64]
 
 SECONDS_PER_HOUR = 3600.0
 
-# Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (contract, section 4).
+# Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (contract, 4).
 _RELATIVE_STD = (0.30, 1.00, 0.50)
-# Break-away friction is Coulomb friction plus an excess; the prior is on the excess, so that s follows c (docs/filter.md).
+# Break-away friction is Coulomb friction plus an excess; the prior is on the excess, so that s follows c.
 _EXCESS_STD_IN_COULOMB = 0.5
 
 

@@ -1,0 +1,70 @@
+"""`identification`: 600 s that show what the published profiles leave in the dark. Open loop, so it needs no estimate.
+
+Built for the wheel of [CK13] (Coulomb friction 38.6 mA) and checked for motor gain and friction 20 % off: such a wheel
+still reverses at every block and stays under 3000 rpm; no more than 0.4 A is ever asked for.
+
+reversals   constant currents of both signs at several levels: motor gain, Coulomb friction, dead zone
+dwells      a kick, then just the Coulomb current: low speeds that hardly change
+creep       slow ramps through break-away in both directions: static friction, Stribeck speed, presliding, friction lag
+bursts      short strong currents: saturation, actuator lag, delay
+coast-downs from about 2000 rpm in both directions, current zero: viscous friction, windage, drag polynomials
+"""
+
+from __future__ import annotations
+
+from rw_ekf.excitation.pieces import Piece, PiecewiseLinear, hold
+
+STRONG_A = 0.4
+COULOMB_A = 0.5863 / 15.205  # [CK13]: the current that balances Coulomb friction
+
+
+def _both_ways(*pieces: Piece) -> list[Piece]:
+    """Give the pieces, then the same with the sign turned."""
+    return [*pieces, *(Piece(piece.duration_s, 0.0 - piece.start_A, 0.0 - piece.end_A) for piece in pieces)]
+
+
+def _reversals() -> list[Piece]:
+    """Three levels, each forward and back; the second half of a pair is longer, for it first has to stop the wheel."""
+    return [
+        *_both_ways(hold(12.0, 0.08)),
+        *_both_ways(hold(12.0, 0.14)),
+        *_both_ways(hold(8.0, 0.24)),
+    ]
+
+
+def _creep() -> list[Piece]:
+    """Ramps through break-away at 3 and 6 mA/s; a wheel 20 % off breaks loose later or earlier, but does."""
+    slow = Piece(30.0, -0.045, 0.075)
+    quick = Piece(16.0, 0.06, -0.07)
+    return [slow, quick, Piece(16.0, -0.06, 0.07), Piece(30.0, 0.045, -0.075)]
+
+
+def _burst(seconds: float) -> list[Piece]:
+    """Strong current forward and back, then rest."""
+    return [hold(seconds, STRONG_A), hold(2.0 * seconds, -STRONG_A), hold(seconds, STRONG_A), hold(2.0, 0.0)]
+
+
+def _coast_down() -> list[Piece]:
+    """Up to about 2000 rpm, coast, brake until nearly at rest."""
+    return [hold(39.0, STRONG_A), hold(81.0, 0.0), hold(21.0, -0.3)]
+
+
+def _dwells() -> list[Piece]:
+    """A wheel on the mark turns on at some 12 rpm; one that is off gains or loses speed slowly."""
+    return _both_ways(hold(4.0, 0.06), hold(12.0, COULOMB_A))
+
+
+def _profile() -> list[Piece]:
+    return [
+        *_reversals(),
+        *_creep(),
+        *_dwells(),
+        *_burst(2.0),
+        *_both_ways(*_coast_down()),
+        hold(22.0, 0.0),
+        *_burst(1.0),
+        *_creep(),
+    ]
+
+
+LAW = PiecewiseLinear(_profile())

@@ -1,0 +1,97 @@
+"""Is the residual noise? Tests of the innovations, each with its false-alarm rate (docs/filter.md eq. 13-15).
+
+Judged are the innovations of a second pass with the parameters frozen at the estimate: a filter that may still move its
+parameters absorbs what the model lacks, and its innovations look white long after they have stopped being honest.
+Whiteness and mean are scaled by the spread found, so that a mistaken speed noise alone raises neither.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+
+FALSE_ALARM = 1.0e-3  # of the verdict as a whole, over both tests
+_LAGS = 20
+_MIN_SAMPLES = 100
+_NOISE_TOLERANCE = 0.25  # a speed noise wrong by more than this is worth a word
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Outcome of the tests; None where there were too few samples."""
+
+    samples: int
+    whiteness_p: float | None  # Ljung-Box over 20 lags
+    mean_p: float | None
+    largest_correlation: float | None  # autocorrelation of largest size within the lags
+    largest_lag: int | None
+    noise_ratio: float | None  # spread found over spread expected
+
+    @property
+    def is_noise(self) -> bool | None:
+        """False: the residual has structure; None: cannot be judged."""
+        if self.whiteness_p is None or self.mean_p is None:
+            return None
+        return min(self.whiteness_p, self.mean_p) > 0.5 * FALSE_ALARM
+
+    def warnings(self) -> list[str]:
+        """Sentences for a user; empty where all is well."""
+        said = []
+        if self.is_noise is False:
+            assert self.whiteness_p is not None
+            assert self.mean_p is not None
+            what = (
+                f"its mean is not zero (p = {self.mean_p:.1g})"
+                if self.mean_p < self.whiteness_p
+                else f"it is correlated in time ({self.largest_correlation:+.2f} at lag {self.largest_lag}, "
+                f"p = {self.whiteness_p:.1g})"
+            )
+            said.append(
+                f"the residual is not noise: {what}. The four-parameter model lacks something; the estimates are "
+                "biased by it and their sigmas too small."
+            )
+        if self.noise_ratio is not None and abs(math.log(self.noise_ratio)) > math.log1p(_NOISE_TOLERANCE):
+            word = "larger" if self.noise_ratio > 1.0 else "smaller"
+            said.append(
+                f"the innovations are {self.noise_ratio:.2f} times what the configured noise implies ({word}): "
+                "`rw-ekf fit LOG --noise` tunes it."
+            )
+        return said
+
+
+def judge(innovation_rad_s: Float64Array, variance: Float64Array, used: NDArray[np.bool_]) -> Consistency:
+    """Test standardised innovations; arrays (n,), `used` marks the accepted ones, others in between are skipped."""
+    z = innovation_rad_s[used] / np.sqrt(variance[used])
+    z = z[np.isfinite(z)]
+    n = z.size
+    if n < _MIN_SAMPLES:
+        return Consistency(n, None, None, None, None, None)
+    spread = float(np.std(z))
+    if not spread > 0.0:
+        return Consistency(n, None, None, None, None, None)
+    centred = z - z.mean()
+    lags = min(_LAGS, n // 5)
+    power = float(centred @ centred)
+    correlation = np.array([float(centred[:-m] @ centred[m:]) / power for m in range(1, lags + 1)])
+    ljung_box = n * (n + 2.0) * float(np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
+    worst = int(np.argmax(np.abs(correlation)))
+    return Consistency(
+        samples=n,
+        whiteness_p=chi_square_tail(ljung_box, lags),
+        mean_p=math.erfc(abs(float(z.mean())) / spread * math.sqrt(n / 2.0)),
+        largest_correlation=float(correlation[worst]),
+        largest_lag=worst + 1,
+        noise_ratio=math.sqrt(float(np.mean(z**2))),
+    )
+
+
+def chi_square_tail(value: float, freedom: int) -> float:
+    """P(chi-square with `freedom` degrees exceeds value)."""
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * freedom, 0.5 * value))

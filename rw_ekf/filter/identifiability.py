@@ -1,0 +1,54 @@
+"""What a run taught of each parameter: its sigma against the prior's, and how to print it without false digits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rw_ekf.filter.belief import Belief
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+
+_LEARNED = 0.5  # posterior sigma below this share of the prior's: the data spoke
+_KNOWN = 0.5  # and below this share of the value itself: a number worth printing
+
+
+@dataclass(frozen=True)
+class ParameterReport:
+    """One parameter after a run."""
+
+    name: str
+    value: float
+    std: float
+    prior_std: float
+    identifiable: bool
+
+    @property
+    def unit(self) -> str:
+        """Unit of value and std."""
+        return STATE_UNITS[self.name]
+
+    def text(self) -> str:
+        """`15.21 +- 0.02 rad/s^2/A`, or that this run does not tell."""
+        if not self.identifiable:
+            return f"not identifiable from this run (sigma {self.std:.2g} {self.unit} against {self.prior_std:.2g} before it)"
+        return f"{rounded(self.value, self.std)} {self.unit}"
+
+
+def report(belief: Belief, prior: Belief) -> list[ParameterReport]:
+    """The four parameters, in state order, judged against the prior the run started from."""
+    found = []
+    for i, name in enumerate(PARAMETER_NAMES, start=1):
+        value, std, before = float(belief.mean[i]), float(belief.std[i]), float(prior.std[i])
+        learned = std <= _LEARNED * before and std <= _KNOWN * abs(value)
+        found.append(ParameterReport(name, value, std, before, learned))
+    return found
+
+
+def rounded(value: float, std: float) -> str:
+    """Value and sigma with the digits that sigma allows: two of sigma's, the value to the same place."""
+    if not (math.isfinite(value) and math.isfinite(std)) or std <= 0.0:
+        return f"{value:.6g}"
+    place = 1 - math.floor(math.log10(std))
+    if 0 <= place <= 7:
+        return f"{value:.{place}f} +- {std:.{place}f}"
+    return f"{value:.{max(1, place + 1 + math.floor(math.log10(max(abs(value), std))))}g} +- {std:.2g}"

@@ -1,0 +1,129 @@
+"""CSV files, fast: pyarrow reads what is sound; what is not goes to `csv_slow`, which knows the line and the column."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs import csv_slow
+from rw_ekf.logs.raw_table import RawTable, number_or_none
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_HEAD_BYTES = 1 << 20  # a preamble and a header fit in here
+_GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settled by the slow pass
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """How the text is laid out. `header` None: there is one unless the first row holds numbers only."""
+
+    delimiter: str = ","
+    skip_rows: int = 0  # physical lines before the header
+    header: bool | None = None
+
+
+@dataclass(frozen=True)
+class CsvFile:
+    """A CSV file whose header has been read."""
+
+    path: Path
+    layout: CsvLayout
+    names: tuple[str, ...]
+    has_header: bool
+    first_line: int  # physical line (from 1) where the data start
+    numeric: tuple[bool, ...]  # columns that must hold numbers
+
+
+def read_csv_table(
+    path: Path, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
+) -> RawTable:
+    """Read a CSV file; columns for which `must_be_numeric(number, name)` holds become float64, others as they are.
+
+    Raises LogError naming the line and the column of the first fault.
+    """
+    names, has_header, first_line = _header(path, layout, name_shown)
+    numeric = tuple(must_be_numeric(index, name) for index, name in enumerate(names))
+    file = CsvFile(path, layout, names, has_header, first_line, numeric)
+    table = _fast(file)
+    if table is None:
+        return csv_slow.read_slowly(file, name_shown)
+    if table.num_rows == 0:
+        raise no_rows(name_shown, has_header)
+    return RawTable(name_shown, names, list(table.columns), table.num_rows, csv_slow.place_finder(file))
+
+
+def no_rows(name: str, has_header: bool) -> LogError:
+    """Give the error for a file without data."""
+    return LogError(f"{name}: {'has a header but no rows' if has_header else 'has no rows'}: nothing was logged")
+
+
+def _fast(file: CsvFile) -> pa.Table | None:
+    """Let pyarrow read the file; None where it stumbles, for whatever reason."""
+    import pyarrow as pa
+    import pyarrow.csv as pa_csv
+
+    keys = [str(index) for index in range(len(file.names))]  # positions: names may repeat, or have blanks around
+    try:
+        table = pa_csv.read_csv(
+            file.path,
+            read_options=pa_csv.ReadOptions(skip_rows=file.first_line - 1, column_names=keys, use_threads=True),
+            parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter),
+            convert_options=pa_csv.ConvertOptions(
+                column_types={key: pa.float64() for key, numeric in zip(keys, file.numeric, strict=True) if numeric},
+                null_values=_GAPS,
+            ),
+        )
+    except (pa.ArrowException, OSError, ValueError):
+        return None
+    # Text that is not UTF-8 comes back as bytes: let the slow pass say where it is.
+    return None if any(pa.types.is_binary(field.type) for field in table.schema) else table
+
+
+def _header(path: Path, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], bool, int]:
+    """Column names, whether they come from a header row, and the physical line (from 1) where the data start."""
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES)
+    text = _decoded(head, name)
+    lines = re.split(r"\r\n|\n|\r", text)  # as the readers of the rest do; splitlines() knows more line ends
+    number = layout.skip_rows
+    while number < len(lines) and not lines[number].strip():
+        number += 1
+    if number >= len(lines):
+        skipped = f" after the {layout.skip_rows} skipped rows" if layout.skip_rows else ""
+        raise LogError(f"{name}: the file is empty{skipped}: there is no header and no row")
+    try:
+        cells = next(csv.reader(io.StringIO(lines[number]), delimiter=layout.delimiter))
+    except csv.Error as error:
+        raise LogError(f"{name}: line {number + 1}: the header cannot be read ({error})") from None
+    has_header = layout.header
+    if has_header is None:
+        has_header = not all(number_or_none(cell) is not None for cell in cells)
+    if not has_header:
+        return tuple("" for _ in cells), False, number + 1
+    return tuple(cell.strip() for cell in cells), True, number + 2
+
+
+def _decoded(head: bytes, name: str) -> str:
+    """Text of the first bytes. Raises LogError if they are no UTF-8 text."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise LogError(f"{name}: is UTF-16 text: save it as UTF-8")
+    first_line = head.split(b"\n", 1)[0]
+    if b"\x00" in first_line:
+        raise LogError(f"{name}: is binary, not a CSV log, nor Parquet or MATLAB: give a log in one of these forms")
+    cut = head if len(head) < _HEAD_BYTES else head[: head.rfind(b"\n") + 1]
+    try:
+        return cut.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = cut.count(b"\n", 0, error.start) + 1
+        raise LogError(
+            f"{name}: line {line}: not UTF-8 text (byte {cut[error.start]:#04x}): save the log as UTF-8, if it is "
+            "text at all"
+        ) from None

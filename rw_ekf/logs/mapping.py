@@ -1,0 +1,165 @@
+"""Applies a column map to a raw table: the log columns that come straight from the file, and what is carried along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.column_map import ColumnMap, Source
+from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.row_rules import segment_ids
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS, FloatArray
+from rw_ekf.units import rad_s_from_rpm
+
+
+@dataclass
+class MappedColumns:
+    """Log columns by name (n,), as read: no row dropped yet, gaps NaN."""
+
+    values: dict[str, FloatArray]
+    constant: frozenset[str]  # those of `values` that the map gives as a constant
+    position: tuple[FloatArray, Source, str] | None  # what the speed is the derivative of, and the speed's name
+    other: dict[str, Any] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def map_columns(table: RawTable, columns: ColumnMap) -> MappedColumns:
+    """Pick the log columns out of `table`. Raises LogError if a needed one is missing or holds infinity."""
+    mapped = MappedColumns({}, frozenset(n for n, s in columns.sources.items() if s.kind == "constant"), None)
+    used: set[int] = set()
+    for name, source in columns.sources.items():
+        if source.kind == "constant":
+            mapped.values[name] = np.full(table.rows, source.constant)
+            continue
+        index = _find(table, source)
+        used.add(index)
+        values = _finite(table, index)
+        if source.kind == "derivative":
+            mapped.position = (values, source, name)
+        else:
+            mapped.values[name] = _scaled(table, source, values)
+    _take_by_own_name(table, columns, mapped, used)
+    _make_time(table, columns, mapped)
+    _one_speed(table, mapped)
+    _require(table, mapped)
+    _carry_along(table, mapped, used)
+    return mapped
+
+
+def _find(table: RawTable, source: Source) -> int:
+    column = source.column
+    if isinstance(column, int):
+        if column < len(table.names):
+            return column
+        last = len(table.names) - 1
+        raise LogError(f"{source.where}: column {column} is not in {table.path}: its columns are 0 to {last}")
+    index = table.index_of(str(column))
+    if index is None:
+        raise LogError(
+            f"{source.where}: column '{column}' is not in {table.path}{table.nearest(str(column))}; "
+            f"its columns: {table.described_columns()}"
+        )
+    return index
+
+
+def _finite(table: RawTable, index: int) -> FloatArray:
+    """Numbers of a column; infinity is an error, a gap is NaN."""
+    values = table.floats(index)
+    infinite = np.isinf(values)
+    if infinite.any():
+        row = int(np.argmax(infinite))
+        name = f"column '{table.names[index]}'" if table.names[index] else f"column {index}"
+        raise LogError(
+            f"{table.path}: {table.place(row)}, {name}: {values[row]} is not a finite number: leave the cell empty for "
+            "a gap"
+        )
+    return values
+
+
+def _scaled(table: RawTable, source: Source, values: FloatArray) -> FloatArray:
+    """Apply scale and offset; without them the values stay bit for bit what they were."""
+    if source.scale == 1.0 and source.offset == 0.0:
+        return values
+    with np.errstate(over="ignore"):
+        scaled = source.scale * values + source.offset
+    if np.isinf(scaled).any():
+        place = table.place(int(np.argmax(np.isinf(scaled))))
+        raise LogError(f"{source.where}: scale and offset make {table.path}, {place}, too large for a number")
+    return np.asarray(scaled)
+
+
+def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:
+    """Columns that bear the log's own names need no mapping."""
+    speed_is_mapped = any(name.startswith("speed_") for name in columns.sources)
+    for name in READABLE_COLUMNS:
+        if name in columns.sources or (speed_is_mapped and name.startswith("speed_")):
+            continue
+        index = table.index_of(name)
+        if index is not None and index not in used:
+            used.add(index)
+            mapped.values[name] = _finite(table, index)
+
+
+def _make_time(table: RawTable, columns: ColumnMap, mapped: MappedColumns) -> None:
+    """Give time by the row number where the map gives a rate; it starts from 0 in each segment."""
+    if columns.rate_hz is None:
+        return
+    if "time_s" in mapped.values:
+        mapped.warnings.append(f"{table.path}: column time_s is ignored: {columns.path} gives rate_hz")
+    row = np.arange(table.rows, dtype=np.float64)
+    if "segment" in mapped.values:
+        ids = segment_ids(mapped.values["segment"])
+        row = row - np.searchsorted(ids, ids)
+    mapped.values["time_s"] = row / columns.rate_hz
+
+
+def _one_speed(table: RawTable, mapped: MappedColumns) -> None:
+    """Leave one speed, in rad/s."""
+    rpm = mapped.values.pop("speed_rpm", None)
+    if rpm is None:
+        return
+    if "speed_rad_s" in mapped.values:
+        mapped.warnings.append(f"{table.path}: has speed_rad_s and speed_rpm; speed_rad_s is used")
+        mapped.other["speed_rpm"] = rpm
+    else:
+        mapped.values["speed_rad_s"] = np.asarray(rad_s_from_rpm(1.0) * rpm)
+
+
+def _require(table: RawTable, mapped: MappedColumns) -> None:
+    has = mapped.values
+    for name, present, what in (
+        ("time_s", "time_s" in has, "time_s"),
+        ("speed_rad_s", "speed_rad_s" in has or mapped.position is not None, "speed_rad_s or speed_rpm"),
+        ("current_command_A", "current_command_A" in has or "current_A" in has, "current_command_A or current_A"),
+    ):
+        if not present:
+            raise LogError(
+                f"{table.path}: column {what} is missing{table.nearest(name)}; columns: {table.described_columns()}. "
+                f"Say which column it is with --columns map.yaml{_layout_hint(table)}"
+            )
+
+
+def _layout_hint(table: RawTable) -> str:
+    """What else may be wrong when nothing is found."""
+    if all(not name for name in table.names):
+        return " (there is no header row: columns go by number there)"
+    if len(table.names) == 1:
+        for delimiter, shown in ((";", '";"'), ("\t", '"\\t"'), ("|", '"|"'), (" ", '" "')):
+            if delimiter in table.names[0]:
+                return f" (its delimiter seems to be {shown}: `delimiter: {shown}` in the map)"
+    return ""
+
+
+def _carry_along(table: RawTable, mapped: MappedColumns, used: set[int]) -> None:
+    for index, name in enumerate(table.names):
+        if index in used or name in mapped.values:
+            continue
+        if name in mapped.other or name in table.names[:index]:
+            mapped.warnings.append(
+                f"{table.path}: column {index} ('{name}') is not carried along: the name is repeated"
+            )
+        elif name:
+            mapped.other[name] = table.columns[index]

@@ -1,0 +1,115 @@
+"""MATLAB files (v4 to v7): vectors, a matrix, a struct of vectors, or cells with one segment in each column."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.matlab_check import check_skeleton
+from rw_ekf.logs.raw_table import RawTable
+
+
+def read_matlab_table(path: Path, name: str, variable: str | None, layout: str) -> RawTable:
+    """Read a .mat file.
+
+    variable: None takes every vector of the most common length as a column; else a matrix, a struct or a cell array.
+    layout: "columns" (each matrix column is a channel), "rows" (each row is), or "cells": a cell array (channels,
+    segments) whose elements are vectors, joined end to end, with a column `segment` added; an element of one value
+    holds for its whole segment.
+    Raises LogError if the file or the variable cannot be used.
+    """
+    content = _load(path, name)
+    if variable is None:
+        if layout != "columns":
+            raise LogError(f"{name}: layout '{layout}' needs `variable`, one of: {', '.join(content) or 'none'}")
+        columns = _vectors(content)
+        kind = "the file holds no numeric vectors"
+    else:
+        if variable not in content:
+            raise LogError(f"{name}: has no variable '{variable}'; variables: {', '.join(content) or 'none'}")
+        columns = _columns_of(content[variable], name, variable, layout)
+        kind = f"variable '{variable}' holds no numbers"
+    rows = len(columns[0][1]) if columns else 0
+    if rows == 0:
+        raise LogError(f"{name}: {kind}: name the variable that holds the record (`variable` in the column map)")
+    names = tuple(column[0] for column in columns)
+    return RawTable(name, names, [column[1] for column in columns], rows, lambda row: f"row {row + 1}")
+
+
+def _load(path: Path, name: str) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        data = path.read_bytes()
+        if data.startswith(b"MATLAB 5.0"):
+            check_skeleton(data)
+        content = loadmat(io.BytesIO(data))
+    except NotImplementedError:
+        raise LogError(f"{name}: is a MATLAB v7.3 (HDF5) file: save it in MATLAB with save(..., '-v7')") from None
+    except Exception as error:  # noqa: BLE001 - scipy raises whatever a damaged file leads it into
+        raise LogError(f"{name}: is a damaged MATLAB file, or none ({error}): save it again with -v7") from None
+    return {key: value for key, value in content.items() if not key.startswith("__")}
+
+
+def _vectors(content: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Columns from top-level vectors: those of the most common length, the longer in a tie; scalars only if alone."""
+    vectors = {key: _vector(value) for key, value in content.items()}
+    found = {key: value for key, value in vectors.items() if value is not None}
+    lengths = Counter(len(value) for value in found.values() if len(value) > 1) or Counter(map(len, found.values()))
+    if not lengths:
+        return []
+    rows = max(lengths, key=lambda length: (lengths[length], length))
+    return [(key, value) for key, value in found.items() if len(value) == rows]
+
+
+def _vector(value: Any) -> Any:
+    """Flatten a numeric vector (1 x n, n x 1); None for anything else."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and min(array.shape) > 1):
+        return None
+    return array.reshape(-1)
+
+
+def _columns_of(value: Any, name: str, variable: str, layout: str) -> list[tuple[str, Any]]:
+    array = np.asarray(value)
+    if layout == "cells":
+        return _cells(array, name, variable)
+    if array.dtype.names:  # a struct: its fields are columns
+        record = array.reshape(-1)[0]
+        return _vectors({field: record[field] for field in array.dtype.names})
+    if array.dtype.kind not in "fiub" or array.ndim != 2:
+        hint = "; it is a cell array: use `layout: cells`" if array.dtype.kind == "O" else ""
+        raise LogError(f"{name}: variable '{variable}' is no matrix of numbers{hint}")
+    matrix = array.T if layout == "columns" else array
+    return [("", row) for row in matrix]
+
+
+def _cells(array: Any, name: str, variable: str) -> list[tuple[str, Any]]:
+    """Join the cells of each channel end to end; the segment's number becomes a column."""
+    if array.dtype.kind != "O" or array.ndim != 2 or 0 in array.shape:
+        raise LogError(
+            f"{name}: variable '{variable}' is no cell array (channels x segments): `layout: cells` needs one"
+        )
+    channels, segments = array.shape
+    joined: list[list[Any]] = [[] for _ in range(channels)]
+    numbers = []
+    for segment in range(segments):
+        vectors = [_vector(array[channel, segment]) for channel in range(channels)]
+        if any(vector is None for vector in vectors):
+            raise LogError(f"{name}: variable '{variable}', segment {segment}: a cell is not a vector of numbers")
+        rows = max(len(vector) for vector in vectors)
+        for channel, vector in enumerate(vectors):
+            if len(vector) not in (1, rows):
+                raise LogError(
+                    f"{name}: variable '{variable}', segment {segment}: channel {channel} has {len(vector)} values, "
+                    f"another has {rows}"
+                )
+            joined[channel].append(np.broadcast_to(vector.astype(np.float64), (rows,)))
+        numbers.append(np.full(rows, segment, dtype=np.float64))
+    columns = [("", np.concatenate(parts)) for parts in joined]
+    return [*columns, ("segment", np.concatenate(numbers))]

@@ -1,0 +1,28 @@
+"""Parquet files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.raw_table import RawTable
+
+
+def read_parquet_table(path: Path, name: str) -> RawTable:
+    """Read a Parquet file. Raises LogError if it cannot be read or has no rows."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        # Opened by hand: a path would be searched for partitions (`key=value` directories) and gain columns.
+        with path.open("rb") as stream:
+            table = parquet.ParquetFile(stream).read()
+    except (pa.ArrowException, OSError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise LogError(
+            f"{name}: is a damaged or incomplete Parquet file ({reason}): write it again, or give the CSV"
+        ) from None
+    if table.num_rows == 0:
+        raise LogError(f"{name}: has columns but no rows: nothing was logged")
+    names = tuple(str(column).strip() for column in table.column_names)
+    return RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")

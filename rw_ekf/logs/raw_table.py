@@ -1,0 +1,82 @@
+"""What a file holds before anyone says what it means: named columns, and the place of every row for messages."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.wheel_log import FloatArray
+
+MAX_NAMES_SHOWN = 30
+
+
+@dataclass
+class RawTable:
+    """Columns of one file in file order. `names` may repeat or be empty; the position is what identifies a column."""
+
+    path: str
+    names: tuple[str, ...]
+    columns: list[Any]  # pyarrow.Array / ChunkedArray or numpy array, each of `rows` values
+    rows: int
+    place: Callable[[int], str]  # row index (from 0) -> "line 17", for messages
+    warnings: list[str] = field(default_factory=list)
+
+    def index_of(self, name: str) -> int | None:
+        """Position of the column called `name`; None if there is none. Raises LogError if the name is repeated."""
+        positions = [index for index, other in enumerate(self.names) if other == name]
+        if len(positions) > 1:
+            numbers = ", ".join(map(str, positions))
+            raise LogError(
+                f"{self.path}: column '{name}' appears {len(positions)} times (columns {numbers}, counted from 0): "
+                "rename all but one, or pick one by number with --columns"
+            )
+        return positions[0] if positions else None
+
+    def floats(self, index: int) -> FloatArray:
+        """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric."""
+        column = self.columns[index]
+        if isinstance(column, np.ndarray):
+            return np.array(column, dtype=np.float64).reshape(-1)
+        import pyarrow as pa
+
+        kind = column.type
+        if pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
+            column = column.cast(pa.int8() if pa.types.is_boolean(kind) else pa.float64())
+        elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
+            raise LogError(
+                f"{self.path}: column '{self.names[index]}' holds {kind}, not numbers: convert it to a number "
+                "in the unit that its name says"
+            )
+        if pa.types.is_null(kind):
+            return np.full(self.rows, np.nan)
+        # A copy on purpose: arrays that arrow lends are read-only, and compiled code would be built twice for them.
+        return np.array(column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+
+    def described_columns(self) -> str:
+        """Describe the columns for a message: `time, v, (unnamed)`."""
+        shown = [name or "(unnamed)" for name in self.names[:MAX_NAMES_SHOWN]]
+        rest = len(self.names) - len(shown)
+        return ", ".join(shown) + (f" and {rest} more" if rest > 0 else "")
+
+    def nearest(self, name: str) -> str:
+        """Advice with the nearest column name, or nothing."""
+        near = difflib.get_close_matches(name, [other for other in self.names if other], n=1, cutoff=0.6)
+        return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def number_or_none(text: str) -> float | None:
+    """Value of a cell: empty or any spelling of nan is NaN; None if it is no number. Infinity comes back as such."""
+    stripped = text.strip()
+    if not stripped or stripped.lower() in {"nan", "+nan", "-nan"}:
+        return float("nan")
+    if "_" in stripped:  # Python's float() takes 1_000; nobody's instrument writes it
+        return None
+    try:
+        return float(stripped)
+    except ValueError:
+        return None

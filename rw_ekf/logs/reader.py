@@ -1,0 +1,194 @@
+"""Reads a log of any kind: `read_log`. The content decides what a file is; the rules of docs/logs.md are applied here.
+
+detect -> RawTable -> map_columns -> order of rows -> decimation -> derived speed -> current that drives -> WheelLog
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.column_map import ColumnMap, load_column_map
+from rw_ekf.logs.csv_table import read_csv_table
+from rw_ekf.logs.file_kind import file_kind
+from rw_ekf.logs.mapping import MappedColumns, map_columns
+from rw_ekf.logs.matlab_table import read_matlab_table
+from rw_ekf.logs.parquet_table import read_parquet_table
+from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.row_rules import (
+    backward_difference,
+    block_means,
+    decimated_rows,
+    held_current,
+    rows_in_order,
+    segment_ids,
+)
+from rw_ekf.logs.wheel_log import CHANNELS, READABLE_COLUMNS, Drive, FloatArray, IntArray, WheelLog
+from rw_ekf.units import rad_s_from_rpm
+
+MAX_SKIPPED_SHARE = 0.01
+_CURRENTS = ("current_command_A", "current_A")
+
+
+def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) -> WheelLog:
+    """Read one log: CSV, Parquet or MATLAB, told apart by content.
+
+    columns: the column map of a foreign log, or the path of one.
+    Raises LogError (file, line, column, what to do) if the log cannot be used, ConfigError if the map is wrong.
+    A log of one row, or without a single speed, is an error only for who needs more: it is read, with a warning.
+    """
+    column_map = columns if isinstance(columns, ColumnMap) else load_column_map(columns) if columns else ColumnMap()
+    table = read_table(Path(path), column_map)
+    return _assemble(table, map_columns(table, column_map), column_map)
+
+
+def read_table(path: Path, columns: ColumnMap) -> RawTable:
+    """Read the file as it is. Raises LogError if it is none of the known kinds or damaged."""
+    name = str(path)
+    kind = file_kind(path, name)
+    if kind == "parquet":
+        return _noting_suffix(read_parquet_table(path, name), path, ".parquet", "Parquet")
+    if kind == "matlab":
+        table = read_matlab_table(path, name, columns.variable, columns.layout)
+        return _noting_suffix(table, path, ".mat", "MATLAB")
+    return read_csv_table(
+        path, columns.csv, lambda number, column: column in READABLE_COLUMNS or columns.uses(number, column), name
+    )
+
+
+def _noting_suffix(table: RawTable, path: Path, suffix: str, kind: str) -> RawTable:
+    if path.suffix.lower() != suffix:
+        table.warnings.append(f"{table.path}: is a {kind} file in spite of its name, and was read as one")
+    return table
+
+
+def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> WheelLog:
+    """Apply the rules for rows, then build the log."""
+    warnings = [*table.warnings, *mapped.warnings]
+    time_s = mapped.values["time_s"]
+    _all_present(table, time_s, "time_s", "every row needs its time")
+    segment = _segments(table, mapped)
+    keep = rows_in_order(time_s, segment)
+    skipped = int(len(keep) - keep.sum())
+    rows: Any = slice(None)
+    if skipped:
+        warnings.append(_skipped_message(table, keep, skipped))
+        rows = np.flatnonzero(keep)
+    values = {name: array[rows] for name, array in mapped.values.items()}
+    position = None if mapped.position is None else mapped.position[0][rows]
+    segment = segment[rows]
+    if columns.decimate > 1:
+        starts = decimated_rows(segment, columns.decimate)
+        values = {
+            name: block_means(array, starts) if name in _CURRENTS else array[starts] for name, array in values.items()
+        }
+        position = None if position is None else position[starts]
+        segment = segment[starts]
+        rows = starts if isinstance(rows, slice) else rows[starts]
+    if position is not None and mapped.position is not None:
+        _, source, name = mapped.position
+        unit = rad_s_from_rpm(1.0) if name == "speed_rpm" else 1.0
+        slope = backward_difference(position, values["time_s"], segment)
+        values["speed_rad_s"] = unit * (source.scale * slope + source.offset)
+    drive, current_A = _drive(table, values, mapped, segment, warnings)
+    delay_s = values.get("command_delay_s")
+    delay_s = np.zeros(len(segment)) if delay_s is None else np.where(np.isnan(delay_s), 0.0, delay_s)
+    _check_delay(table, delay_s, rows)
+    _note_thin_log(table, values["speed_rad_s"], warnings)
+    return WheelLog(
+        name=table.path,
+        time_s=values["time_s"],
+        speed_rad_s=values["speed_rad_s"],
+        current_A=current_A,
+        drive=drive,
+        command_delay_s=delay_s,
+        segment=segment,
+        channels={name: values[name] for name in CHANNELS if name in values and name not in mapped.constant},
+        other={name: _taken(column, rows) for name, column in mapped.other.items()},
+        rows_read=table.rows,
+        skipped_rows=skipped,
+        warnings=tuple(warnings),
+    )
+
+
+def _all_present(table: RawTable, values: FloatArray, name: str, why: str) -> None:
+    gaps = np.isnan(values)
+    if gaps.any():
+        place = table.place(int(np.argmax(gaps)))
+        raise LogError(f"{table.path}: {place}, column '{name}': is empty or nan, {why}: mend or remove the row")
+
+
+def _segments(table: RawTable, mapped: MappedColumns) -> IntArray:
+    values = mapped.values.get("segment")
+    if values is None:
+        return np.zeros(table.rows, dtype=np.int64)
+    _all_present(table, values, "segment", "every row needs its segment")
+    return segment_ids(values)
+
+
+def _skipped_message(table: RawTable, keep: Any, skipped: int) -> str:
+    """Warn about skipped rows. Raises LogError if they are too many to be an accident."""
+    first = table.place(int(np.argmin(keep)))
+    share = skipped / table.rows
+    rows = f"{skipped} of {table.rows} rows" if skipped > 1 else f"1 of {table.rows} rows"
+    if share > MAX_SKIPPED_SHARE:
+        raise LogError(
+            f"{table.path}: {rows} ({100 * share:.1f} %) repeat a time or go backward, first at {first}; above "
+            f"{100 * MAX_SKIPPED_SHARE:g} % this is no accident: sort the log by time, or give a `segment` column that "
+            "changes where time restarts"
+        )
+    return f"{table.path}: {rows} repeat a time or go backward and were skipped, first at {first}"
+
+
+def _drive(
+    table: RawTable, values: dict[str, FloatArray], mapped: MappedColumns, segment: IntArray, warnings: list[str]
+) -> tuple[Drive, FloatArray]:
+    """Choose the current that drives the model, and hold it over its gaps."""
+    candidates = [name for name in _CURRENTS if name in values]
+    filled = [name for name in candidates if not np.isnan(values[name]).all()]
+    if not filled:
+        raise LogError(
+            f"{table.path}: column '{candidates[0]}' is empty throughout: the model needs the current; "
+            "if there was none, map it with {constant: 0.0}"
+        )
+    name = filled[0]
+    if name != candidates[0]:
+        warnings.append(f"{table.path}: column '{candidates[0]}' is empty throughout; '{name}' drives the model")
+    current_A, leading = held_current(values[name], segment)
+    if leading:
+        rows = "1 row" if leading == 1 else f"{leading} rows"
+        warnings.append(f"{table.path}: no {name} in {rows} at the start of a segment; 0 A was taken there")
+    if name in mapped.constant:
+        return "constant", current_A
+    return ("current_command_A" if name == "current_command_A" else "current_A"), np.array(current_A)
+
+
+def _check_delay(table: RawTable, delay_s: FloatArray, rows: Any) -> None:
+    negative = delay_s < 0.0
+    if negative.any():
+        index = int(np.argmax(negative))
+        row = index if isinstance(rows, slice) else int(rows[index])
+        raise LogError(
+            f"{table.path}: {table.place(row)}, column 'command_delay_s': {delay_s[index]} is negative: a command "
+            "cannot act before the row it stands in"
+        )
+
+
+def _note_thin_log(table: RawTable, speed_rad_s: FloatArray, warnings: list[str]) -> None:
+    if len(speed_rad_s) == 1:
+        warnings.append(f"{table.path}: holds only one sample")
+    if np.isnan(speed_rad_s).all():
+        warnings.append(f"{table.path}: holds no speed: the column is empty throughout")
+
+
+def _taken(column: Any, rows: Any) -> Any:
+    """Rows of a carried column, as one pyarrow array."""
+    import pyarrow as pa
+
+    if isinstance(column, pa.ChunkedArray):
+        column = column.combine_chunks()
+    array = column if isinstance(column, pa.Array) else pa.array(column)
+    return array if isinstance(rows, slice) else array.take(pa.array(rows))

@@ -1,0 +1,67 @@
+"""What a row must satisfy, as pure functions of arrays: segments, time order, gaps in the current, decimation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.logs.wheel_log import FloatArray, IntArray
+
+BoolArray = NDArray[np.bool_]
+
+
+def segment_ids(values: FloatArray) -> IntArray:
+    """Number the segments (n,): from 0, one more wherever `values` (n,) differs from the row before."""
+    ids = np.zeros(len(values), dtype=np.int64)
+    np.cumsum(values[1:] != values[:-1], out=ids[1:])
+    return ids
+
+
+def rows_in_order(time_s: FloatArray, segment: IntArray) -> BoolArray:
+    """Rows to keep (n,): those later than every row before them in their segment."""
+    keep = np.ones(len(time_s), dtype=np.bool_)
+    suspect = (time_s[1:] <= time_s[:-1]) & (segment[1:] == segment[:-1])
+    if not suspect.any():
+        return keep  # nearly every log
+    for number in np.unique(segment[1:][suspect]):
+        start, stop = np.searchsorted(segment, [number, number + 1])
+        part = time_s[start:stop]
+        keep[start + 1 : stop] = part[1:] > np.maximum.accumulate(part)[:-1]
+    return keep
+
+
+def held_current(current_A: FloatArray, segment: IntArray) -> tuple[FloatArray, int]:
+    """Hold the last current over gaps (n,); before the first one of a segment it is 0. Also how many those were."""
+    gaps = np.isnan(current_A)
+    if not gaps.any():
+        return current_A, 0
+    starts = np.searchsorted(segment, segment)  # first row of each row's segment
+    last = np.maximum.accumulate(np.where(gaps, -1, np.arange(len(current_A))))
+    leading = last < starts
+    return np.where(leading, 0.0, current_A[np.maximum(last, 0)]), int(leading.sum())
+
+
+def decimated_rows(segment: IntArray, every: int) -> NDArray[np.intp]:
+    """Indices of every `every`-th row of each segment, its first row included."""
+    row_in_segment = np.arange(len(segment)) - np.searchsorted(segment, segment)
+    return np.flatnonzero(row_in_segment % every == 0)
+
+
+def block_means(values: FloatArray, starts: NDArray[np.intp]) -> FloatArray:
+    """Mean over each block of rows that begins at `starts` and ends before the next one; gaps are left out of it."""
+    present = ~np.isnan(values)
+    sums = np.add.reduceat(np.where(present, values, 0.0), starts)
+    counts = np.add.reduceat(present.astype(np.float64), starts)
+    means = np.full(len(starts), np.nan)
+    np.divide(sums, counts, out=means, where=counts > 0)
+    return means
+
+
+def backward_difference(values: FloatArray, time_s: FloatArray, segment: IntArray) -> FloatArray:
+    """Difference to the row before over the time between them (n,); NaN in the first row of a segment."""
+    result = np.full(len(values), np.nan)
+    inside = np.diff(segment) == 0
+    with np.errstate(over="ignore"):  # a step too short for its difference gives no speed, rather than infinity
+        np.divide(np.diff(values), np.diff(time_s), out=result[1:], where=inside)
+    result[np.isinf(result)] = np.nan
+    return result

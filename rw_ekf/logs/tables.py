@@ -1,0 +1,110 @@
+"""Whole tables out: CSV, Parquet or MATLAB by suffix, all or nothing, every float exactly as it was."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rw_ekf.errors import BadInputError
+from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.logs.writer import cell
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+SUFFIXES = (".csv", ".parquet", ".mat")
+_MATLAB_NAME = re.compile(r"[A-Za-z]\w{0,62}", re.ASCII)
+
+
+def check_suffix(path: str | Path) -> None:
+    """Raise BadInputError unless `path` ends in a suffix that `write_table` knows: before the work, not after it."""
+    target = Path(path)
+    if target.suffix.lower() not in SUFFIXES and not _is_special(target):
+        raise BadInputError(f"{path}: the name must end in {', '.join(SUFFIXES)}: that decides how it is written")
+
+
+def write_table(path: str | Path, columns: Mapping[str, Any]) -> None:
+    """Write columns (name -> n numbers, booleans or texts; numpy array, list or pyarrow array) as one table.
+
+    NaN and None are gaps: empty in CSV, null in Parquet, NaN in MATLAB. A device such as /dev/stdout gets CSV.
+    Raises BadInputError for an unknown suffix or a place that cannot be written, ValueError for unequal lengths.
+    """
+    check_suffix(path)
+    table = _table(columns)
+    suffix = Path(path).suffix.lower()
+    with atomic_path(path) as temporary:
+        if suffix == ".parquet":
+            from pyarrow import parquet
+
+            parquet.write_table(table, temporary)
+        elif suffix == ".mat":
+            _write_matlab(temporary, table)
+        else:
+            _write_csv(temporary, table)
+
+
+def _table(columns: Mapping[str, Any]) -> pa.Table:
+    import pyarrow as pa
+
+    arrays = {}
+    for name, values in columns.items():
+        if isinstance(values, pa.Array | pa.ChunkedArray):
+            arrays[name] = values
+        else:
+            arrays[name] = pa.array(values, from_pandas=True)  # NaN becomes a gap
+    lengths = {name: len(array) for name, array in arrays.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns of unequal length: {lengths}")
+    return pa.table(arrays)
+
+
+def _write_csv(path: Path, table: pa.Table) -> None:
+    import pyarrow as pa
+    import pyarrow.csv as pa_csv
+
+    # Gaps in carried columns may stand as NaN, which readers take for a gap as well.
+    with pa.OSFile(str(path), "wb") as sink:
+        sink.write((",".join(map(cell, table.column_names)) + "\n").encode())
+        pa_csv.write_csv(table, sink, pa_csv.WriteOptions(include_header=False, quoting_style="needed"))
+
+
+def _write_matlab(path: Path, table: pa.Table) -> None:
+    from scipy.io import savemat
+
+    content: dict[str, Any] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        content[_matlab_name(name, content)] = _matlab_values(column)
+    with path.open("wb") as stream, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        savemat(stream, content, long_field_names=True, oned_as="column")
+
+
+def _matlab_name(name: str, taken: Mapping[str, Any]) -> str:
+    """Turn a column's name into one that MATLAB takes: other signs become `_`, a number is added where two coincide."""
+    if not _MATLAB_NAME.fullmatch(name):
+        name = re.sub(r"\W", "_", name, flags=re.ASCII)
+        name = (name if name[:1].isalpha() else f"x{name}")[:63]
+    result, number = name, 2
+    while result in taken:
+        result, number = f"{name[:59]}_{number}", number + 1
+    return result
+
+
+def _matlab_values(column: Any) -> Any:
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_boolean(kind):
+        return np.array([np.nan if value is None else float(value) for value in column.to_pylist()])
+    if pa.types.is_floating(kind) or pa.types.is_integer(kind):
+        return np.array(column.to_numpy(), dtype=np.float64 if column.null_count else None)
+    return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)
+
+
+def _is_special(path: Path) -> bool:
+    return path.exists() and not path.is_file() and not path.is_dir()

@@ -1,0 +1,70 @@
+"""A log as the rest of the project sees it: SI, one array per quantity, time strictly increasing within a segment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Drive = Literal["current_command_A", "current_A", "constant"]
+
+# Order of the columns in every log this project writes; a reader takes them in any order.
+LOG_COLUMNS = (
+    "time_s",
+    "speed_rad_s",
+    "current_command_A",
+    "current_A",
+    "command_delay_s",
+    "segment",
+    "temperature_degC",
+    "pressure_Pa",
+    "bus_voltage_V",
+    "angle_rad",
+    "status",
+)
+CHANNELS = (
+    "current_command_A",
+    "current_A",
+    "temperature_degC",
+    "pressure_Pa",
+    "bus_voltage_V",
+    "angle_rad",
+    "status",
+)
+READABLE_COLUMNS = (*LOG_COLUMNS, "speed_rpm")  # what a reader understands; anything else is carried along
+
+
+@dataclass(frozen=True)
+class WheelLog:
+    """A read log of n rows. All arrays are C-contiguous and of length n; NaN is a value that is missing."""
+
+    name: str  # path it was read from
+    time_s: FloatArray  # (n,) of the speed reading [s]; finite, strictly increasing within a segment
+    speed_rad_s: FloatArray  # (n,) [rad/s]; NaN: missing
+    current_A: FloatArray  # (n,) the current that drives the model from time_s to the next row [A]; finite
+    drive: Drive  # where current_A came from
+    command_delay_s: FloatArray  # (n,) from time_s until current_A takes force [s]; until then the previous holds
+    segment: IntArray  # (n,) from 0, one more wherever the log's segment column changes
+    channels: dict[str, FloatArray] = field(default_factory=dict)  # those of CHANNELS the log has, as it has them
+    other: dict[str, Any] = field(default_factory=dict)  # unknown columns, carried along: name -> pyarrow.Array (n,)
+    rows_read: int = 0  # data rows of the file, before any was skipped or decimated
+    skipped_rows: int = 0  # repeated or backward in time
+    warnings: tuple[str, ...] = ()  # what was mended in reading; each fit to be shown to a user
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second: one over the median step within segments [Hz]; NaN where no segment has two rows."""
+        step_s = np.diff(self.time_s)[np.diff(self.segment) == 0]
+        return float(1.0 / np.median(step_s)) if len(step_s) else float("nan")
+
+    @property
+    def duration_s(self) -> float:
+        """Time covered: first to last row of each segment, summed over segments [s]."""
+        return float(np.diff(self.time_s)[np.diff(self.segment) == 0].sum())

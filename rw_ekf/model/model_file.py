@@ -1,0 +1,158 @@
+"""A model on disk: parameters with their covariance, noises, Stribeck law, effects (YAML, schema rw_ekf.model/1).
+
+`fit --out` and every `run` write one; `replay --model`, `fit --prior` and `filter.model` of a configuration read one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rw_ekf.errors import ConfigError
+from rw_ekf.model.friction import LAW_CODES
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
+
+SCHEMA_FAMILY = "rw_ekf.model/"
+SCHEMA = SCHEMA_FAMILY + "1"
+
+
+@dataclass(frozen=True)
+class WheelModel:
+    """What is known of one wheel. Covariance is 4 x 4 in state order; noises None where the source knew none."""
+
+    parameters: FrictionParameters
+    covariance: tuple[tuple[float, ...], ...]
+    stribeck_speed_rad_s: float
+    stribeck_law: str = "gauss"
+    speed_noise_rad_s: float | None = None
+    acceleration_noise: float | None = None  # rad/s per sqrt(s)
+    inertia_kg_m2: float | None = None
+    source: Mapping[str, Any] = field(default_factory=dict)  # method, log, samples: for people
+
+    def to_text(self) -> str:
+        """YAML text; floats are written so that they read back exactly."""
+        import yaml
+
+        document = {
+            "schema": SCHEMA,
+            "source": dict(self.source),
+            "stribeck": {"speed_rad_s": self.stribeck_speed_rad_s, "law": self.stribeck_law},
+            "inertia_kg_m2": self.inertia_kg_m2,
+            "parameters": {
+                name: {"value": value, "std": math.sqrt(self.covariance[i][i]), "unit": STATE_UNITS[name]}
+                for i, (name, value) in enumerate(zip(PARAMETER_NAMES, self.parameters, strict=True))
+            },
+            "covariance": [list(row) for row in self.covariance],
+            "noise": {
+                "speed_rad_s": self.speed_noise_rad_s,
+                "acceleration_rad_s_per_sqrt_s": self.acceleration_noise,
+            },
+            "effects": [],
+        }
+        text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
+        return text
+
+
+def read_model(path: Path) -> WheelModel:
+    """Read and check a model file. Raises ConfigError naming file, line and column of everything that is wrong."""
+    from rw_ekf.settings.yaml_loader import load_yaml
+
+    document = load_yaml(path)
+    return model_from_data(document.data, document.where)
+
+
+def model_from_data(data: Any, where: Any) -> WheelModel:
+    """Check plain data; `where` turns a path of keys into "file:line:column"."""
+    if not isinstance(data, Mapping):
+        raise ConfigError(f"{where(())}: a model file is a mapping that begins with `schema: {SCHEMA}`.")
+    schema = data.get("schema")
+    if schema != SCHEMA:
+        raise ConfigError(_schema_finding(schema, where))
+    checker = _Checker(data, where)
+    parameters = [checker.number(("parameters", name, "value")) for name in PARAMETER_NAMES]
+    covariance = checker.covariance()
+    law = checker.get(("stribeck", "law"))
+    if law not in LAW_CODES:
+        checker.find(("stribeck", "law"), f"is {law!r}; it must be one of {', '.join(LAW_CODES)}")
+    model = {
+        "stribeck_speed_rad_s": checker.number(("stribeck", "speed_rad_s"), positive=True),
+        "speed_noise_rad_s": checker.optional(("noise", "speed_rad_s"), positive=True),
+        "acceleration_noise": checker.optional(("noise", "acceleration_rad_s_per_sqrt_s")),
+        "inertia_kg_m2": checker.optional(("inertia_kg_m2",), positive=True),
+    }
+    effects = data.get("effects") or []
+    if effects:
+        checker.find(("effects",), "lists effects, which this version of rw_ekf cannot run; upgrade, or empty the list")
+    for key in data:
+        if key not in {"schema", "source", "stribeck", "inertia_kg_m2", "parameters", "covariance", "noise", "effects"}:
+            checker.find((key,), "is not a key of a model file")
+    if checker.findings:
+        raise ConfigError(checker.findings)
+    return WheelModel(
+        FrictionParameters(*parameters),
+        covariance,
+        stribeck_law=str(law),
+        source=data.get("source") or {},
+        **model,  # type: ignore[arg-type]
+    )
+
+
+def _schema_finding(schema: object, where: Any) -> str:
+    if isinstance(schema, str) and schema.startswith(SCHEMA_FAMILY):
+        return (
+            f"{where(('schema',))}: schema is {schema!r}, this version of rw_ekf reads {SCHEMA!r}. "
+            "Write the model again with this version (`rw-ekf fit LOG --out model.yaml`)."
+        )
+    return f"{where(('schema',))}: not a model file: schema is {schema!r}, expected {SCHEMA!r}."
+
+
+class _Checker:
+    """Looks values up and collects everything that is wrong."""
+
+    def __init__(self, data: Mapping[str, Any], where: Any) -> None:
+        self.data = data
+        self.where = where
+        self.findings: list[str] = []
+
+    def find(self, path: tuple[str | int, ...], what: str) -> None:
+        self.findings.append(f"{self.where(path)}: {'.'.join(str(p) for p in path)} {what}")
+
+    def get(self, path: tuple[str, ...]) -> Any:
+        value: Any = self.data
+        for key in path:
+            value = value.get(key) if isinstance(value, Mapping) else None
+        return value
+
+    def number(self, path: tuple[str, ...], *, positive: bool = False) -> float:
+        value = self.get(path)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            self.find(path, f"is {value!r}; a finite number is needed" if value is not None else "is missing")
+            return 1.0
+        if positive and value <= 0:
+            self.find(path, f"is {value!r}; it must be above zero")
+        return float(value)
+
+    def optional(self, path: tuple[str, ...], *, positive: bool = False) -> float | None:
+        return None if self.get(path) is None else self.number(path, positive=positive)
+
+    def covariance(self) -> tuple[tuple[float, ...], ...]:
+        """A symmetric 4 x 4 with non-negative eigenvalues, or a finding."""
+        import numpy as np
+
+        rows = self.data.get("covariance")
+        try:
+            matrix = np.array(rows, dtype=np.float64)
+        except (TypeError, ValueError):
+            matrix = np.zeros(0)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+            self.find(("covariance",), "must be 4 rows of 4 finite numbers")
+            return ()
+        scale = np.sqrt(np.abs(np.diag(matrix)))
+        scale[scale == 0.0] = 1.0
+        normal = matrix / np.outer(scale, scale)
+        if not np.allclose(normal, normal.T, atol=1e-6) or np.linalg.eigvalsh(normal).min() < -1e-6:
+            self.find(("covariance",), "is not symmetric with non-negative eigenvalues: no covariance is like that")
+        return tuple(tuple(float(v) for v in row) for row in matrix)

@@ -1,0 +1,188 @@
+"""Reads a configuration file and checks it as a whole: all mistakes at once, each with file:line:column and key.
+
+Paths: what the configuration reads (filter.model, command.log, wheel.protocol where it is a path) is relative to the
+configuration file, so that a configuration and its files can be moved together. What it writes (output.directory) is
+relative to the working directory, so that a shared configuration does not fill its own directory. wheel.port is not
+a path but a name for pyserial, and is left alone.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from rw_ekf.errors import ConfigError
+from rw_ekf.settings.findings import validation_findings
+from rw_ekf.settings.resources import is_path, protocol_path
+from rw_ekf.settings.schema import (
+    SECTIONS,
+    CommandSection,
+    Configuration,
+    FilterSection,
+    LimitsSection,
+    LoopSection,
+    Section,
+    WheelSection,
+)
+from rw_ekf.settings.wording import shown, suggestion
+from rw_ekf.settings.yaml_loader import YamlDocument, load_yaml
+
+SHAPED_PROFILES = frozenset({"sine", "steps", "random-sines"})  # those that use amplitude_A and bias_A
+_PLACE = re.compile(r":(\d+):(\d+): ")
+_PATH_KEYS = (("wheel", "protocol"), ("filter", "model"), ("command", "log"))
+
+
+def load_configuration(path: str | Path) -> Configuration:
+    """Read, check and resolve the configuration file at `path`.
+
+    Paths of files that are read come back absolute. Raises ConfigError with one finding per mistake.
+    """
+    return configuration_from(load_yaml(path))
+
+
+def configuration_from(document: YamlDocument) -> Configuration:
+    """Check and resolve a parsed configuration. Raises ConfigError with one finding per mistake."""
+    if not isinstance(document.data, dict):
+        message = f"the configuration must be a table of sections, found {shown(document.data)}"
+        raise ConfigError(f"{document.where()}: {message}; known here: {', '.join(SECTIONS)}")
+    data = _with_resolved_paths(document)
+    findings = [
+        f"{document.where_key((name,))}: unknown section {name}; {suggestion(name, SECTIONS)}"
+        for name in data
+        if name not in SECTIONS
+    ]
+    sections: dict[str, Section] = {}
+    for name, model in SECTIONS.items():
+        try:
+            # A section written with nothing under it is the same as one left out: all defaults.
+            sections[name] = model.model_validate({} if data.get(name) is None else data[name])
+        except ValidationError as error:
+            findings += validation_findings(document, (name,), model, error)
+    findings += _cross_findings(document, sections)
+    if findings:
+        raise ConfigError(sorted(findings, key=_place_order))
+    return Configuration.model_validate(sections)
+
+
+def resolved_lines(configuration: Configuration, document: YamlDocument) -> str:
+    """Give the resolved configuration as YAML text; each line ends in its meaning, and says where a default was taken.
+
+    `document` is the file it came from: what does not stand there is marked `# default`.
+    """
+    lines: list[str] = []
+    for name in SECTIONS:
+        lines.append(f"{name}:")
+        written = document.data.get(name)
+        lines += _section_lines(getattr(configuration, name), written if isinstance(written, dict) else {}, "  ")
+    return "\n".join(lines) + "\n"
+
+
+def _section_lines(section: BaseModel, written: dict[Any, Any], indent: str) -> list[str]:
+    lines = []
+    for key, info in type(section).model_fields.items():
+        value = getattr(section, key)
+        origin = "" if key in written else "default: "
+        if isinstance(value, BaseModel):
+            lines.append(f"{indent}{key}:  # {info.description}")
+            lines += _section_lines(value, written.get(key) or {}, indent + "  ")
+        else:
+            lines.append(f"{indent}{key}: {_yaml_value(value)}  # {origin}{info.description}")
+    return lines
+
+
+def _yaml_value(value: object) -> str:
+    """Write a scalar or list of texts as YAML that reads back as the same value."""
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_yaml_value(item) for item in value) + "]"
+    if isinstance(value, str):
+        # Double-quoted YAML is a superset of JSON strings, and quotes keep words such as `none` from being guessed at.
+        import json
+
+        return json.dumps(value, ensure_ascii=False)
+    return "null" if value is None else repr(value)
+
+
+def _with_resolved_paths(document: YamlDocument) -> dict[Any, Any]:
+    """Copy the document's data, with the paths of input files made absolute."""
+    base = Path(document.path).resolve().parent
+    data = {name: dict(section) if isinstance(section, dict) else section for name, section in document.data.items()}
+    for section, key in _PATH_KEYS:
+        table = data.get(section)
+        value = table.get(key) if isinstance(table, dict) else None
+        if isinstance(value, str) and value and (key != "protocol" or is_path(value)):
+            table[key] = str((base / Path(value).expanduser()).absolute())  # type: ignore[index]
+    return data
+
+
+def _cross_findings(document: YamlDocument, sections: dict[str, Section]) -> list[str]:
+    """Findings that concern two keys, or a file that must exist; sections that did not validate are left out."""
+    findings: list[str] = []
+    wheel, limits, loop = sections.get("wheel"), sections.get("limits"), sections.get("loop")
+    filter_section, command = sections.get("filter"), sections.get("command")
+    if isinstance(command, CommandSection):
+        findings += _command_findings(document, command, limits if isinstance(limits, LimitsSection) else None)
+    if isinstance(loop, LoopSection):
+        findings += _timing_findings(document, loop, limits if isinstance(limits, LimitsSection) else None)
+    if isinstance(wheel, WheelSection):
+        try:
+            protocol_path(wheel.protocol)
+        except ConfigError as error:
+            findings.append(f"{document.where(('wheel', 'protocol'))}: wheel.protocol: {error}")
+    if isinstance(filter_section, FilterSection) and filter_section.model is not None:
+        findings += _missing_file(document, ("filter", "model"), filter_section.model)
+    if isinstance(command, CommandSection) and command.log is not None:
+        findings += _missing_file(document, ("command", "log"), command.log)
+    return findings
+
+
+def _command_findings(document: YamlDocument, command: CommandSection, limits: LimitsSection | None) -> list[str]:
+    findings = []
+    if command.profile == "log" and command.log is None:
+        place = document.where(("command", "profile"))
+        findings.append(f"{place}: command.log is required: command.profile is log, so name the log to repeat")
+    if command.profile != "log" and command.log is not None:
+        place = document.where(("command", "log"))
+        findings.append(
+            f"{place}: command.log is given but command.profile is {command.profile}: "
+            "set the profile to log, or drop the log"
+        )
+    peak_A = command.amplitude_A + abs(command.bias_A)
+    if limits is not None and command.profile in SHAPED_PROFILES and peak_A > limits.current_A:
+        findings.append(
+            f"{document.where(('command', 'amplitude_A'))}: command.amplitude_A {command.amplitude_A:g} A plus "
+            f"|command.bias_A| {abs(command.bias_A):g} A is {peak_A:g} A, beyond limits.current_A "
+            f"{limits.current_A:g} A ({document.where(('limits', 'current_A'))}): lower the command or raise the limit"
+        )
+    return findings
+
+
+def _timing_findings(document: YamlDocument, loop: LoopSection, limits: LimitsSection | None) -> list[str]:
+    findings = []
+    period_s = 1.0 / loop.rate_hz
+    if limits is not None and limits.silence_s <= period_s:
+        findings.append(
+            f"{document.where(('limits', 'silence_s'))}: limits.silence_s {limits.silence_s:g} s must exceed one loop "
+            f"period, {period_s:g} s at loop.rate_hz {loop.rate_hz:g}: raise it, or every cycle counts as silence"
+        )
+    if loop.reply_timeout_ms >= 1e3 * period_s:
+        findings.append(
+            f"{document.where(('loop', 'reply_timeout_ms'))}: loop.reply_timeout_ms {loop.reply_timeout_ms:g} must be "
+            f"below one loop period, {1e3 * period_s:g} ms at loop.rate_hz {loop.rate_hz:g}: lower it or the rate, "
+            "or one lost reply costs the next cycle"
+        )
+    return findings
+
+
+def _missing_file(document: YamlDocument, path: tuple[str, str], file: str) -> list[str]:
+    if Path(file).is_file():
+        return []
+    return [f"{document.where(path)}: {path[0]}.{path[1]}: no such file: {file}"]
+
+
+def _place_order(finding: str) -> tuple[int, int]:
+    """Line and column that a finding begins with, so that findings are told in the order of the file."""
+    match = _PLACE.search(finding)
+    return (int(match[1]), int(match[2])) if match else (0, 0)

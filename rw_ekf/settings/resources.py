@@ -1,0 +1,51 @@
+"""Files that the project ships in config/: found in a source checkout and in an installed package alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rw_ekf.errors import ConfigError
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def config_directory() -> Path:
+    """Directory of the shipped YAML files. Raises ConfigError if the installation lacks it."""
+    installed = _PACKAGE / "_config"  # pyproject force-includes config/ there
+    if installed.is_dir():
+        return installed
+    checkout = _PACKAGE.parent / "config"
+    # A stray directory called config beside site-packages is not ours: a checkout also has the pyproject file.
+    if checkout.is_dir() and (_PACKAGE.parent / "pyproject.toml").is_file():
+        return checkout
+    raise ConfigError(f"{installed}: the shipped configuration files are missing; install the package again")
+
+
+def available_resources() -> list[str]:
+    """Names (without .yaml) of the shipped files, sorted."""
+    return sorted(path.stem for path in config_directory().glob("*.yaml"))
+
+
+def config_resource(name: str) -> Path:
+    """Path of the shipped file `name` (".yaml" may be left out). Raises ConfigError listing the available names."""
+    file_name = name if name.endswith(".yaml") else f"{name}.yaml"
+    path = config_directory() / file_name
+    if Path(file_name).name != file_name or not path.is_file():
+        names = ", ".join(available_resources()) or "none"
+        raise ConfigError(f"no shipped file is called {name!r}; available: {names}")
+    return path
+
+
+def is_path(text: str) -> bool:
+    """Whether a protocol is meant as a path: it has a slash or ends in .yaml or .yml."""
+    return "/" in text or text.endswith((".yaml", ".yml"))
+
+
+def protocol_path(protocol: str) -> Path:
+    """Find the wire map: `protocol` is a name from config/ or a path. Raises ConfigError if there is no such file."""
+    if not is_path(protocol):
+        return config_resource(protocol)
+    path = Path(protocol).expanduser()
+    if path.is_file():
+        return path
+    raise ConfigError(f"{protocol}: no such wire map; give a path, or one of: {', '.join(available_resources())}")

@@ -1,0 +1,158 @@
+"""The configuration: one frozen model per section, each key with its unit, default, range and meaning.
+
+The descriptions are shown to users (docs/configuration.md, `rw-ekf check-config`, messages for missing keys); the
+unit stands in brackets at their end. Types are strict: a boolean or a text is no number, an integer is a fine float.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+CommandProfile = Literal[
+    "sine", "zero", "steps", "random-sines", "identification", "log", "none", "P1", "P2", "S1", "S2", "S3", "S4", "S5"
+]
+StribeckLaw = Literal["gauss", "tustin", "lorentz"]
+
+_EFFECT = re.compile(r"[a-z][a-z0-9_]*(:[A-Za-z]\w*=[^,=\s]+(,[A-Za-z]\w*=[^,=\s]+)*)?")
+
+
+def _effect_syntax(text: str) -> str:
+    if not _EFFECT.fullmatch(text):
+        raise ValueError("write an effect as ID:name=value,name=value")
+    return text
+
+
+Effect = Annotated[str, AfterValidator(_effect_syntax)]
+
+
+class Section(BaseModel):
+    """What all sections share: unknown keys refused, strict types, finite numbers, no change after loading."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, protected_namespaces=())
+
+
+class WheelSection(Section):
+    """The wheel and the line it is on."""
+
+    port: str = Field(min_length=1, description="serial port or any URL of pyserial's serial_for_url")
+    name: str = Field("wheel", min_length=1, description="what reports and logs call this wheel")
+    protocol: str = Field("sunspace-wheel", min_length=1, description="wire map: a name from config/ or a path")
+    inertia_kg_m2: float = Field(
+        1.5e-3, gt=0, le=1e3, description="rotor inertia, turns accelerations into torques [kg m^2]"
+    )
+    stribeck_speed_rpm: float = Field(4.0, gt=0, le=1e4, description="speed scale of the Stribeck bump [rpm]")
+    stribeck_law: StribeckLaw = Field("gauss", description="shape of the Stribeck bump: gauss, tustin or lorentz")
+    baud: int | None = Field(None, gt=0, le=10_000_000, description="line speed; null takes the wire map's [baud]")
+
+
+class LimitsSection(Section):
+    """What may never be exceeded, whatever the rest of the configuration says."""
+
+    current_A: float = Field(gt=0, le=1e3, description="the largest current ever commanded [A]")
+    slew_A_per_s: float = Field(5.0, gt=0, le=1e6, description="fastest change of the commanded current [A/s]")
+    speed_rpm: float = Field(4200.0, gt=0, le=1e6, description="above it only a braking current is written [rpm]")
+    temperature_degC: float = Field(60.0, gt=-100, le=500, description="above it only zero is written [degC]")
+    silence_s: float = Field(0.5, gt=0, le=3600, description="zero is written after so long without telemetry [s]")
+
+
+class LoopSection(Section):
+    """The cycle: read, filter, write."""
+
+    rate_hz: float = Field(10.0, ge=0.1, le=2000, description="cycles per second [Hz]")
+    reply_timeout_ms: float = Field(40.0, gt=0, le=60_000, description="how long a reply is waited for [ms]")
+
+
+class PriorValue(Section):
+    """One prior: a value and how sure of it you are."""
+
+    value: float = Field(description="expected value [unit of the parameter]")
+    std: float = Field(gt=0, description="standard deviation of the expectation [unit of the parameter]")
+
+
+class PriorSection(Section):
+    """What is known of the four parameters beforehand; what is left out keeps the built-in wide prior."""
+
+    motor_gain: PriorValue | None = Field(None, description="acceleration per ampere [rad/s^2/A]")
+    viscous: PriorValue | None = Field(None, description="viscous friction per inertia [1/s]")
+    coulomb: PriorValue | None = Field(None, description="Coulomb friction per inertia [rad/s^2]")
+    static: PriorValue | None = Field(None, description="break-away friction per inertia [rad/s^2]")
+
+
+class FilterSection(Section):
+    """The extended Kalman filter."""
+
+    speed_noise_rpm: float = Field(1.0, gt=0, le=1e4, description="standard deviation of one speed reading [rpm]")
+    acceleration_noise_rpm_per_sqrt_s: float = Field(
+        0.03, ge=0, le=1e4, description="random walk of the true speed that the model does not explain [rpm/sqrt(s)]"
+    )
+    parameter_drift_percent_per_sqrt_hour: float = Field(
+        0.1, ge=0, le=1e3, description="random walk allowed to the four parameters [%/sqrt(h)]"
+    )
+    gate_probability: float = Field(
+        0.9999, gt=0.5, lt=1, description="share of healthy readings that pass the outlier gate [-]"
+    )
+    max_gap_s: float = Field(2.0, gt=0, le=1e6, description="after a longer gap the speed is seeded anew [s]")
+    model: str | None = Field(None, min_length=1, description="model YAML as `diagnose` writes it; null: base model")
+    prior: PriorSection | None = Field(None, description="priors of the four parameters; null: the built-in ones")
+
+
+class CommandSection(Section):
+    """The current that `run` commands."""
+
+    profile: CommandProfile = Field(
+        "sine", description="what is commanded; none never writes, log repeats a recorded current"
+    )
+    amplitude_A: float = Field(0.1, ge=0, le=1e3, description="amplitude of sine, steps and random-sines [A]")
+    period_s: float = Field(30.0, gt=0, le=1e6, description="period of sine, steps and random-sines [s]")
+    bias_A: float = Field(0.0, ge=-1e3, le=1e3, description="constant current added to it [A]")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the random profiles [-]")
+    log: str | None = Field(None, min_length=1, description="the log to repeat; required if profile is log, else null")
+
+
+class OutputSection(Section):
+    """Where the runs go."""
+
+    directory: str = Field("runs", min_length=1, description="directory that gets one log and metadata per run")
+
+
+class SimulationSection(Section):
+    """The wheel that `simulate` serves; an estimator never reads this."""
+
+    motor_gain: float = Field(15.205, gt=0, le=1e6, description="true motor gain [rad/s^2/A]")
+    viscous: float = Field(0.00322, ge=0, le=1e3, description="true viscous friction per inertia [1/s]")
+    coulomb: float = Field(0.5863, ge=0, le=1e6, description="true Coulomb friction per inertia [rad/s^2]")
+    static: float = Field(0.6037, ge=0, le=1e6, description="true break-away friction per inertia [rad/s^2]")
+    speed_noise_rpm: float = Field(1.0, ge=0, le=1e4, description="standard deviation of one speed reading [rpm]")
+    ambient_degC: float = Field(20.0, ge=-100, le=500, description="ambient temperature [degC]")
+    acceleration_noise_rpm_per_sqrt_s: float = Field(
+        0.0, ge=0, le=1e4, description="random walk added to the true speed [rpm/sqrt(s)]"
+    )
+    effects: tuple[Effect, ...] = Field(
+        (), strict=False, description='effects of the catalogue, as "ID:name=value,name=value"'
+    )
+
+
+class Configuration(Section):
+    """A whole configuration. Made by `rw_ekf.settings.load.load_configuration`, which also checks sections together."""
+
+    wheel: WheelSection = Field(description="the wheel and its line")
+    limits: LimitsSection = Field(description="what may never be exceeded")
+    loop: LoopSection = Field(default_factory=LoopSection, description="the cycle")
+    filter: FilterSection = Field(default_factory=FilterSection, description="the extended Kalman filter")
+    command: CommandSection = Field(default_factory=CommandSection, description="the current that run commands")
+    output: OutputSection = Field(default_factory=OutputSection, description="where the runs go")
+    simulation: SimulationSection = Field(default_factory=SimulationSection, description="the wheel of simulate")
+
+
+SECTIONS: dict[str, type[Section]] = {
+    "wheel": WheelSection,
+    "limits": LimitsSection,
+    "loop": LoopSection,
+    "filter": FilterSection,
+    "command": CommandSection,
+    "output": OutputSection,
+    "simulation": SimulationSection,
+}

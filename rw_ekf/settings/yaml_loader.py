@@ -1,0 +1,205 @@
+"""Strict YAML: every mistake is an error with file:line:column, and every value can be traced to its place.
+
+Differences from plain PyYAML, each of which has bitten someone: a repeated key is an error (PyYAML: the last one wins
+silently); `1e-5` is a number (PyYAML: text); only `true` and `false` are booleans (PyYAML: also on, off, yes, no);
+`.nan` and `.inf` are refused; dates stay text. Anchors and aliases work; merge keys (`<<`) and tags are refused.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rw_ekf.errors import ConfigError
+
+PathTuple = tuple[str | int, ...]
+
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_FLOAT = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)")
+_CONSTANTS = {"": None, "~": None, "null": None, "true": True, "false": False}
+_MAX_VALUES = 100_000  # far above any real file; stops aliases of aliases from filling the memory
+_MAX_DIGITS = 300  # of an integer; longer ones are no numbers anyone means, and Python refuses some of them
+
+
+class _Composer(yaml.SafeLoader):
+    """PyYAML's parser without its guesses: a plain scalar keeps the neutral tag, `_Builder` decides what it is."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+
+
+@dataclass(frozen=True)
+class YamlDocument:
+    """A parsed file: plain data (dict, list, str, int, float, bool, None) and where each value stands."""
+
+    path: str
+    data: Any
+    _values: dict[PathTuple, tuple[int, int]] = field(default_factory=dict, repr=False)
+    _keys: dict[PathTuple, tuple[int, int]] = field(default_factory=dict, repr=False)
+
+    def where(self, path: PathTuple = ()) -> str:
+        """Give `file:line:column` of the value at `path`; of the nearest parent's key where there is no such value."""
+        if path in self._values:
+            return self._place(self._values[path])
+        return self.where_key(path)
+
+    def where_key(self, path: PathTuple = ()) -> str:
+        """Give `file:line:column` of the key (or list item) at `path`, or of its nearest parent's."""
+        while path and path not in self._keys:
+            path = path[:-1]
+        return self._place(self._keys.get(path, (1, 1)))
+
+    def _place(self, position: tuple[int, int]) -> str:
+        return f"{self.path}:{position[0]}:{position[1]}"
+
+
+def load_yaml(path: str | Path) -> YamlDocument:
+    """Read one strict YAML file.
+
+    Raises ConfigError if the file is missing, unreadable, not UTF-8, empty, not YAML, or breaks one of the rules in
+    the module docstring; all broken rules are reported at once.
+    """
+    return parse_yaml(_read_text(Path(path)), str(path))
+
+
+def parse_yaml(text: str, name: str) -> YamlDocument:
+    """Parse strict YAML text; `name` stands where a file name would in messages. Raises ConfigError."""
+    try:
+        loader = _Composer(text)
+        try:
+            node = loader.get_single_node()
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        raise ConfigError(_syntax_finding(name, error)) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1
+        message = f"a character that YAML does not allow (code {ord(text[error.position])}): remove it"
+        raise ConfigError(f"{name}:{line}:{column}: {message}") from None
+    except RecursionError:
+        raise ConfigError(f"{name}:1:1: lists or tables are nested too deeply") from None
+    if node is None:
+        raise ConfigError(f"{name}:1:1: the file is empty; nothing is configured")
+    builder = _Builder(name)
+    data = builder.build(node, (), ())
+    if builder.findings:
+        raise ConfigError(builder.findings)
+    return YamlDocument(name, data, builder.values, builder.keys)
+
+
+def _read_text(path: Path) -> str:
+    """Text of a UTF-8 file (with or without a byte order mark); ConfigError naming it otherwise."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise ConfigError(f"{path}: this is a directory, a YAML file is expected") from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        column = error.start - (error.object.rfind(b"\n", 0, error.start) + 1) + 1
+        raise ConfigError(f"{path}:{line}:{column}: not UTF-8 text; save the file as UTF-8") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ConfigError(f"{path}: cannot be read ({reason})") from None
+
+
+def _syntax_finding(name: str, error: yaml.MarkedYAMLError) -> str:
+    mark = error.problem_mark or error.context_mark
+    line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+    context = f" ({error.context})" if error.context else ""
+    return f"{name}:{line}:{column}: not valid YAML: {error.problem or 'syntax error'}{context}"
+
+
+class _Builder:
+    """Turns the node tree into plain data, keeps positions, collects findings instead of stopping at the first."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.values: dict[PathTuple, tuple[int, int]] = {}
+        self.keys: dict[PathTuple, tuple[int, int]] = {(): (1, 1)}
+        self.findings: list[str] = []
+
+    def build(self, node: yaml.Node, path: PathTuple, parents: tuple[int, ...]) -> Any:
+        """Plain data of `node`; `parents` are the ids of the nodes around it, to notice an alias of itself."""
+        if id(node) in parents:
+            return self._finding(node, "an alias contains itself")
+        if len(self.values) >= _MAX_VALUES:
+            if len(self.values) == _MAX_VALUES:
+                self._finding(node, f"more than {_MAX_VALUES} values: too many for a configuration file")
+                self.values[(*path, "")] = _position(node)
+            return None
+        if not isinstance(node, yaml.MappingNode):
+            self.values[path] = _position(node)
+        if node.tag not in _KNOWN_TAGS:
+            return self._finding(node, f"tag {node.tag!r} is not supported: remove it")
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path, (*parents, id(node)))
+        if isinstance(node, yaml.SequenceNode):
+            return self._sequence(node, path, (*parents, id(node)))
+        return self._scalar(node)
+
+    def _mapping(self, node: yaml.MappingNode, path: PathTuple, parents: tuple[int, ...]) -> dict[Any, Any]:
+        result: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            key = self._key(key_node)
+            if key is None:
+                continue
+            if key in result:
+                first = self.keys[(*path, key)]
+                self._finding(key_node, f"key '{key}' is repeated (first on line {first[0]}): keep one of them")
+                continue
+            self.keys[(*path, key)] = _position(key_node)
+            result[key] = self.build(value_node, (*path, key), parents)
+        return result
+
+    def _sequence(self, node: yaml.SequenceNode, path: PathTuple, parents: tuple[int, ...]) -> list[Any]:
+        result = []
+        for index, item in enumerate(node.value):
+            self.keys[(*path, index)] = _position(item)
+            result.append(self.build(item, (*path, index), parents))
+        return result
+
+    def _key(self, node: yaml.Node) -> str | int | None:
+        if not isinstance(node, yaml.ScalarNode):
+            self._finding(node, "a key must be plain text, not a list or table")
+            return None
+        if node.value == "<<" and node.style is None:
+            self._finding(node, "merge keys (<<) are not supported: write the keys out")
+            return None
+        key = self._scalar(node)
+        if isinstance(key, int) and not isinstance(key, bool):
+            return key
+        return str(node.value)
+
+    def _scalar(self, node: yaml.Node) -> Any:
+        text = str(node.value)
+        if node.tag == "tag:yaml.org,2002:str" and getattr(node, "style", None) is not None:
+            return text  # quoted or block text is never a number
+        if text in _CONSTANTS:
+            return _CONSTANTS[text]
+        if _INTEGER.fullmatch(text):
+            return int(text) if len(text) <= _MAX_DIGITS else self._finding(node, "a number with too many digits")
+        if _FLOAT.fullmatch(text):
+            value = float(text)
+            return value if abs(value) != float("inf") else self._finding(node, f"{text} is too large for a number")
+        if _NOT_FINITE.fullmatch(text):
+            return self._finding(node, f"{text} is not a finite number: write a finite one, or null")
+        return text
+
+    def _finding(self, node: yaml.Node, message: str) -> None:
+        line, column = _position(node)
+        self.findings.append(f"{self.name}:{line}:{column}: {message}")
+
+
+_KNOWN_TAGS = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("str", "map", "seq"))
+
+
+def _position(node: yaml.Node) -> tuple[int, int]:
+    """Line and column of a node, counted from 1."""
+    return node.start_mark.line + 1, node.start_mark.column + 1

@@ -1,0 +1,64 @@
+"""The files shipped in config/, and the documentation of the keys."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rw_ekf.errors import ConfigError
+from rw_ekf.settings import resources
+from rw_ekf.settings.load import _yaml_value
+from rw_ekf.settings.schema import SECTIONS
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_a_shipped_file_is_found_with_and_without_its_suffix() -> None:
+    """Proves that both spellings name the same file."""
+    assert resources.config_resource("example") == resources.config_resource("example.yaml")
+
+
+@pytest.mark.parametrize("name", ["nothing", "../pyproject", "sub/example"])
+def test_an_unknown_name_lists_what_there_is(name: str) -> None:
+    """Proves that a wrong name, or one that leaves the directory, is refused with the available ones."""
+    with pytest.raises(ConfigError, match=r"available: .*example"):
+        resources.config_resource(name)
+
+
+def test_an_installed_package_carries_its_own_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Proves that rw_ekf/_config is used where it exists, and that a stray config/ beside the package is not."""
+    package = tmp_path / "site-packages" / "rw_ekf"
+    (package / "_config").mkdir(parents=True)
+    (package / "_config" / "wheel.yaml").write_text("a: 1\n")
+    (tmp_path / "site-packages" / "config").mkdir()
+    monkeypatch.setattr(resources, "_PACKAGE", package)
+    assert resources.available_resources() == ["wheel"]
+    (package / "_config" / "wheel.yaml").unlink()
+    (package / "_config").rmdir()
+    with pytest.raises(ConfigError, match="install the package again"):
+        resources.config_resource("wheel")
+
+
+def test_a_protocol_is_a_name_or_a_path(tmp_path: Path) -> None:
+    """Proves that a user's own wire map is taken by path, and a missing one is named."""
+    own = tmp_path / "own.yaml"
+    own.write_text("a: 1\n")
+    assert resources.protocol_path(str(own)) == own
+    with pytest.raises(ConfigError, match="no such wire map"):
+        resources.protocol_path(str(tmp_path / "gone.yaml"))
+
+
+def test_every_key_is_documented_with_its_default() -> None:
+    """Proves that docs/configuration.md has a row for each key of the schema, with meaning and default."""
+    text = (ROOT / "docs" / "configuration.md").read_text()
+    for section, model in SECTIONS.items():
+        assert f"## {section}" in text
+        for key, info in model.model_fields.items():
+            row = next((line for line in text.splitlines() if line.startswith(f"| `{section}.{key}` |")), None)
+            assert row is not None, f"{section}.{key} has no row"
+            assert (info.description or "").replace("|", "/") in row, row
+            shown = (
+                "required" if info.is_required() else f"`{_yaml_value(info.get_default(call_default_factory=True))}`"
+            )
+            assert f"| {shown} |" in row, row
