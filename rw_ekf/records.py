@@ -29,7 +29,7 @@ class IssuedCommand:
 
     current_A: float
     delay_s: float = 0.0
-    acknowledged: bool = True
+    acknowledged: bool = True  # False: the wheel did not confirm it; the old current may still hold
     reason: str | None = None  # why it differs from what was asked for ("clamped", "slew", "over_speed", ...)
 
 
@@ -56,7 +56,7 @@ class LinkCounters:
 
 @runtime_checkable
 class WheelDriver(Protocol):
-    """A wheel, real, simulated or replayed. Raises DriverError when the link fails, EndOfRecord after a replay's end."""
+    """A wheel, real, simulated or replayed. DriverError: the link failed; EndOfRecord: a replay is over."""
 
     source: str  # "serial+/dev/ttyUSB0", "sim+in-process", "replay+run_012.csv": no record hides where it came from
     link: LinkCounters

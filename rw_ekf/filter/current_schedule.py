@@ -36,6 +36,9 @@ def pieces_of_log(
     n = time_s.size
     if n == 0:
         return Pieces(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    edges = np.flatnonzero(np.concatenate(([True], segment[1:] != segment[:-1], [True])))
+    # A backward row is skipped; the command issued after it counts from the last valid reading, as it does online.
+    time_s = np.concatenate([np.maximum.accumulate(time_s[a:b]) for a, b in pairwise(edges)])
     same = np.ones(n, dtype=bool)  # the interval from i goes on to i + 1
     same[:-1] = segment[1:] == segment[:-1]
     same[-1] = False
@@ -47,7 +50,6 @@ def pieces_of_log(
     durations: list[NDArray[np.float64]] = []
     currents: list[NDArray[np.float64]] = []
     count = 0
-    edges = np.flatnonzero(np.concatenate(([True], segment[1:] != segment[:-1], [True])))
     for a, b in pairwise(edges):
         run = _pieces_of_segment(time_s[a:b], current_A[a:b], delay_s[a:b])
         start[a:b] = run.start + count

@@ -30,7 +30,7 @@ class ParameterReport:
     def text(self) -> str:
         """`15.21 +- 0.02 rad/s^2/A`, or that this run does not tell."""
         if not self.identifiable:
-            return f"not identifiable from this run (sigma {self.std:.2g} {self.unit} against {self.prior_std:.2g} before it)"
+            return f"not identifiable from this run (sigma {self.std:.2g} {self.unit}, {self.prior_std:.2g} before it)"
         return f"{rounded(self.value, self.std)} {self.unit}"
 
 

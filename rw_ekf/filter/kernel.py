@@ -172,9 +172,10 @@ def _filter_pass(
                 noise[0] = constants.acceleration_noise * dt + curvature
                 if x[0] == 0.0:
                     noise[0] += constants.stuck_variance
-            else:
+            else:  # the speed starts afresh, or waits for a reading that it can start from
                 row[:] = 0.0
-                noise[0] = R
+                row[0] = 0.0 if has_speed else 1.0
+                noise[0] = R if has_speed else 0.0
                 seeded = False
             _predict_covariance(P, row, noise, work)
             if not continuous and has_speed:

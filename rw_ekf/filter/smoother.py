@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from rw_ekf.filter import compiled
 from rw_ekf.filter import decisions as _decisions
-from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.log_filter import FilterRun
 
@@ -70,7 +69,7 @@ def _smooth_pass(
 smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, sys.modules[__name__]])
 
 
-def smooth_log(run: FilterRun, constants: FilterConstants) -> tuple[Float64Array, Float64Array]:
+def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:
     """Smoothed states and standard deviations, (n, 5) each, from a run made with `keep_history=True`.
 
     Raises ValueError when the history was not kept.

@@ -1,4 +1,4 @@
-"""The "deterministic" method: each parameter from the stretch of a log that shows it alone [CK13, section 4; refs 2, 3].
+"""The "deterministic" method: each parameter from the stretch of a log that shows it alone [CK13, section 4].
 
 Coast-downs (no current, well above the Stribeck speed) give b and c: d omega/dt = -b omega - c. Constant-current runs
 at speed then give k: d omega/dt + b omega + sgn c = k I. The current at which a resting wheel starts gives T_s within a
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +56,9 @@ def deterministic(
     coast = _stretches(data, coasting, _COAST_SECONDS)
     if not coast:
         raise FilterError(
-            "the deterministic method needs a coast-down: five seconds or more without current, well above the Stribeck "
-            f"speed ({omega_s:.3g} rad/s). `rw-ekf excite identification` has some; `--method least-squares` needs none."
+            "the deterministic method needs a coast-down: five seconds or more without current, well above the "
+            f"Stribeck speed ({omega_s:.3g} rad/s). `rw-ekf excite identification` has some; "
+            "`--method least-squares` needs none."
         )
     decay = _regress(data, current_A, coast, speed_noise_rad_s, columns=(1, 2), known=np.zeros(3))
     b, c = (float(v) for v in decay.solution)
@@ -89,7 +91,7 @@ def _stretches(data: FilterInput, wanted: NDArray[np.bool_], least_s: float) -> 
     edges = [0, *(int(i) for i in cut), key.size]
     return [
         (a, b - 1)
-        for a, b in zip(edges, edges[1:], strict=False)
+        for a, b in pairwise(edges)
         if key[a] != 0.0 and b - a > 3 and data.time_s[b - 1] - data.time_s[a] >= least_s
     ]
 

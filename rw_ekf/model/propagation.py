@@ -13,9 +13,12 @@ import math
 
 from rw_ekf.model.friction import far_limit, stribeck, stribeck_slope
 
-_STEP_IN_STRIBECK_SPEEDS = 0.25  # error below 1e-7 rad/s a sample at the default wheel (tests/model)
+_STEP_IN_STRIBECK_SPEEDS = 0.25  # error below 2e-7 rad/s in 0.1 s at the default wheel (tests/model)
 _STEP_TIMES_SLOPE = 0.25
-_MAX_STEPS = 100_000  # a drive or a parameter estimate gone wild must not hang the daemon
+# A drive or a parameter estimate gone wild must neither hang the daemon nor overflow. An interval takes a wheel fewer
+# than 200 steps, and no friction is so negative that a speed grows by more than exp(30) in one.
+_MAX_STEPS = 2_000
+_MAX_GROWTH = 30.0
 _SERIES_LIMIT = 1.0e-3
 
 
@@ -99,6 +102,8 @@ def slip(
     """
     far = far_limit(law) * omega_s
     left = duration
+    if b * duration < -_MAX_GROWTH:
+        b = -_MAX_GROWTH / duration
     to_v, to_push, to_b, to_c, to_s = 1.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(_MAX_STEPS):
         if left <= 0.0:
@@ -134,6 +139,8 @@ def slip(
         a0 = -b - (s - c) / omega_s * stribeck_slope(v / omega_s, g0, law)
         end, half, gh = _step(v, rate, a0, h, push, b, c, s, omega_s, law)
         stops = end <= 0.0
+        if stops and v == 0.0:  # at rest under a push that exceeds s by a rounding error
+            break
         if stops:
             end_rate = push - b * end - c - (s - c) * stribeck(end / omega_s, law)
             tau = _time_to_stop(v, rate, h, end, end_rate)

@@ -1,0 +1,74 @@
+"""What can be wrong with a serial line, in one sentence each: what was found, and what to do."""
+
+from __future__ import annotations
+
+import errno
+
+from rw_ekf.errors import DriverError
+
+try:
+    from termios import error as termios_error
+except ImportError:  # not a POSIX system: pyserial raises nothing else there
+    termios_error = OSError  # type: ignore[assignment,misc]
+
+# Everything pyserial lets through: its own exceptions are OSErrors, a closed port gives TypeError, AttributeError or
+# ValueError (file descriptor None or -1), line settings a port refuses give termios.error or NotImplementedError.
+LINE_EXCEPTIONS = (OSError, termios_error, TypeError, AttributeError, ValueError, NotImplementedError)
+
+_HINT_SIMULATE = "or try the simulated wheel: rw-ekf simulate --link wheel0"
+
+
+def open_error(port: str, error: BaseException, parity: str) -> DriverError:
+    """The DriverError for a port that could not be opened."""
+    number, text = error_number(error), str(error)
+    if isinstance(error, termios_error) and not isinstance(error, OSError):
+        return DriverError(
+            f"{port} refuses its line settings (parity {parity}): {text}. A pseudo terminal takes parity none only; "
+            "set link.parity in the wire map"
+        )
+    if "exclusively lock" in text or number in (errno.EBUSY, errno.EAGAIN):
+        return DriverError(
+            f"{port} is in use by another process. Stop that one (rw-ekf stop --config F if it is a daemon of yours)"
+        )
+    if number == errno.ENOENT:
+        return DriverError(
+            f"there is no port {port}. Check the name and the cable (ls /dev/ttyUSB* /dev/ttyS*), {_HINT_SIMULATE}"
+        )
+    if number in (errno.EACCES, errno.EPERM):
+        return DriverError(
+            f"no permission to open {port}. Join its group: sudo usermod -aG dialout $USER, then log in again"
+        )
+    if number == errno.ENOTTY:
+        return DriverError(f"{port} is not a serial port. Check the name, {_HINT_SIMULATE}")
+    if "://" in port:
+        return DriverError(
+            f"{port} could not be opened: {text}. Check that the server runs; behind rfc2217:// a pseudo terminal or a "
+            "simple server needs ?ign_set_control at the end of the port"
+        )
+    return DriverError(f"{port} could not be opened: {text}. Check the name and the cable, {_HINT_SIMULATE}")
+
+
+def lost_error(port: str, error: BaseException) -> DriverError:
+    """The DriverError for a port that failed while in use."""
+    return DriverError(
+        f"{port} failed: {error}. The adapter was unplugged or the far end is gone, or a second process reads "
+        "the same port; check both"
+    )
+
+
+def silent_error(port: str, baud: int, waited_s: float, received: int) -> DriverError:
+    """The DriverError for a port that opened but where no wheel speaks."""
+    return DriverError(
+        f"{port} opened but no valid frame in {waited_s:.1f} s ({received} bytes, 0 good CRC). "
+        f"Check baud ({baud}), wiring and wheel power, {_HINT_SIMULATE}"
+    )
+
+
+def error_number(error: BaseException) -> int | None:
+    """The errno of an exception; pyserial keeps it where OSError has it, else in the exception it hid."""
+    if isinstance(error, OSError) and isinstance(error.errno, int):
+        return error.errno
+    for inner in (error.__cause__, error.__context__):
+        if isinstance(inner, OSError) and isinstance(inner.errno, int):
+            return inner.errno
+    return None

@@ -1,0 +1,214 @@
+"""A wheel on a serial line: register values become WheelSamples, currents become register writes."""
+
+from __future__ import annotations
+
+import time
+
+from drivers.line_errors import silent_error
+from drivers.registers import decode_register, encode_register, rounded_si
+from drivers.serial_link import Exchange, SerialLink
+from drivers.wheel_clock import WheelClock
+from drivers.wire_layout import Register
+from drivers.wire_map import STATUS_OK, WireMap
+from rw_ekf.errors import DriverError
+from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
+
+PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
+STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle
+FLAG_RESET = 8  # reset since last read
+TELEMETRY = (
+    "speed",
+    "current",
+    "current_command",
+    "temperature",
+    "pressure",
+    "bus_voltage",
+    "angle",
+    "uptime",
+    "flags",
+)
+
+
+class SerialWheel:
+    """A WheelDriver on a line. Made by open_serial_wheel."""
+
+    def __init__(self, link: SerialLink, wire_map: WireMap, clock: WheelClock | None = None) -> None:
+        self.source = f"serial+{link.port}"
+        self.link: LinkCounters = link.counters
+        self.identity: WheelIdentity | None = None
+        self._line = link
+        self._map = wire_map
+        self.clock = clock if clock is not None else WheelClock()
+        self._main = wire_map.speed_register
+        self._others = _registers_beside(self._main, wire_map)
+        self._flags: int | None = None
+        self._status_due_s = 0.0
+        self._opened_s = time.monotonic()
+        self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
+
+    def read(self, timeout_s: float) -> WheelSample | None:
+        """One sample, or None if no valid one came within timeout_s [s] and the reply timeout. Raises DriverError."""
+        deadline_s = time.monotonic() + timeout_s
+        self._read_status_if_due(deadline_s)
+        exchange = self._exchange(self._main, deadline_s)
+        values = self._values(self._main, exchange)
+        if values is None:
+            self._status_due_s = 0.0  # the wheel may have restarted: ask before the next sample
+            return None
+        for register in self._others:
+            values = (self._values(register, self._exchange(register, deadline_s)) or {}) | values
+        self._sample_at_s = exchange.received_by_wheel_s
+        time_s = self._time_s(values, exchange)
+        flags = values.get("flags", self._flags)
+        return WheelSample(
+            time_s=time_s,
+            speed_rad_s=values["speed"],
+            current_A=values.get("current"),
+            current_command_A=values.get("current_command"),
+            temperature_degC=values.get("temperature"),
+            pressure_Pa=values.get("pressure"),
+            bus_voltage_V=values.get("bus_voltage"),
+            angle_rad=values.get("angle"),
+            status=None if flags is None else int(flags),
+            segment=self.clock.segment,
+        )
+
+    def command_current(self, current_A: float) -> IssuedCommand:
+        """Write a current [A]; what is reported is what the wire carries, and from when after the last sample it acts.
+
+        Unacknowledged means: refused (reason from the map's statuses) or no answer in time (reason "timeout"; the
+        wheel may or may not have taken it). Raises DriverError for a current the wire cannot carry or a lost line.
+        """
+        register = self._map.current_command
+        try:
+            data = encode_register(register, {"current_command": current_A})
+        except ValueError as error:
+            raise DriverError(f"{self.source}: {error}. Set limits.current_A to what the wheel takes") from error
+        exchange = self._line.request(register.id, data, reply_bytes=1)
+        delay_s = exchange.received_by_wheel_s - self._sample_at_s if self._sample_at_s is not None else 0.0
+        sent_A = rounded_si(register.fields[0], current_A)
+        if exchange.data is None:
+            return IssuedCommand(sent_A, delay_s, acknowledged=False, reason="timeout")
+        status = exchange.data[0]
+        if status != STATUS_OK:
+            return IssuedCommand(sent_A, delay_s, acknowledged=False, reason=self._map.status_name(status))
+        return IssuedCommand(sent_A, delay_s)
+
+    def close(self) -> None:
+        """Release the port. Safe to call twice. Writes nothing: whoever commanded a current must have sent zero."""
+        self._line.close()
+
+    def probe(self, within_s: float = PROBE_S) -> None:
+        """Wait for the first valid reply and read who answers. Raises DriverError if none comes within_s [s]."""
+        identity = self._map.register("identity")
+        deadline_s = time.monotonic() + within_s
+        while self._line.good_frames == 0:
+            for register in filter(None, (identity, self._main)):
+                self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
+            if time.monotonic() >= deadline_s:
+                break
+        if self._line.good_frames == 0:
+            raise silent_error(self._line.port, self._line.baud, within_s, self._line.received_bytes)
+        soon_s = time.monotonic() + 4.0 * self._line.reply_timeout_s
+        if identity is not None and self.identity is None:
+            self._note_identity(self._values(identity, self._exchange(identity, soon_s)), identity)
+        self._read_status_if_due(soon_s)
+
+    # --- what the wheel says ------------------------------------------------------------------------------------
+
+    def _exchange(self, register: Register, deadline_s: float) -> Exchange:
+        """Ask for a register; at the deadline nothing is sent, for its reply would only come in the way of the next."""
+        now_s = time.monotonic()
+        if now_s >= deadline_s:
+            return Exchange(None, now_s, now_s)
+        return self._line.request(register.id, b"", register.size, deadline_s - now_s)
+
+    def _values(self, register: Register, exchange: Exchange) -> dict[str, float] | None:
+        """SI values of a reply, or None where there was none."""
+        return None if exchange.data is None else decode_register(register, exchange.data)
+
+    def _time_s(self, values: dict[str, float], exchange: Exchange) -> float:
+        """When the speed was read: by the wheel's clock, else when the request reached the wheel, since opening."""
+        if "uptime" not in values:
+            return exchange.received_by_wheel_s - self._opened_s
+        register = self._main if self._main.field("uptime") else next(r for r in self._others if r.field("uptime"))
+        field = register.field("uptime")
+        span_s = field.si_span if field is not None and field.type != "f32" else None
+        return self.clock.time_s(values["uptime"], exchange.received_by_wheel_s, span_s)
+
+    def _read_status_if_due(self, deadline_s: float) -> None:
+        """Read the status register now and then, before the sample: behind it, it would delay the command."""
+        register = self._map.register("status")
+        now_s = time.monotonic()
+        if register is None or register.access != "read" or now_s < self._status_due_s:
+            return
+        values = self._values(register, self._exchange(register, deadline_s))
+        if values is None or "flags" not in values:
+            return
+        self._status_due_s = now_s + STATUS_EVERY_S
+        self._flags = int(values["flags"])
+        if self._flags & FLAG_RESET:
+            self.clock.note_restart()
+
+    def _note_identity(self, values: dict[str, float] | None, register: Register) -> None:
+        """Keep who answered."""
+        if values is None or register.name != "identity":
+            return
+        self.identity = WheelIdentity(
+            kind=_whole(values.get("type")),
+            version=_whole(values.get("version")),
+            serial_number=_whole(values.get("serial_number")),
+            uptime_s=values.get("uptime"),
+        )
+
+
+def open_serial_wheel(
+    port: str,
+    wire_map: WireMap,
+    reply_timeout_s: float | None = None,
+    *,
+    baud: int | None = None,
+    probe: bool = True,
+    previous: SerialWheel | None = None,
+) -> SerialWheel:
+    """Open a wheel. Default timeout and baud are the wire map's.
+
+    probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
+    segments go on from it. Raises DriverError: no such port, busy, no permission, nobody answers.
+    """
+    if previous is not None:
+        previous.close()
+    counters = previous.link if previous is not None else None
+    timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.line.reply_timeout_s
+    line = SerialLink(port, wire_map.framing, wire_map.line, timeout_s, baud=baud, counters=counters)
+    wheel = SerialWheel(line, wire_map, previous.clock if previous is not None else None)
+    if previous is not None:
+        wheel.identity = previous.identity
+        wheel._opened_s = previous._opened_s
+    try:
+        if probe:
+            wheel.probe()
+    except BaseException:
+        wheel.close()
+        raise
+    if previous is not None:
+        wheel.link.reconnects += 1
+    return wheel
+
+
+def _registers_beside(main: Register, wire_map: WireMap) -> tuple[Register, ...]:
+    """Where the speed's register lacks a value, the registers that are named after one and carry it."""
+    known = {field.name for field in main.fields}
+    return tuple(
+        register
+        for register in wire_map.readable()
+        if register is not main
+        and register.name in TELEMETRY
+        and register.name not in known
+        and register.field(register.name)
+    )
+
+
+def _whole(value: float | None) -> int | None:
+    """A number that counts something."""
+    return None if value is None else int(value)

@@ -1,0 +1,37 @@
+"""The wheel's own clock, made to run on: a counter that wraps, and a wheel that restarts."""
+
+from __future__ import annotations
+
+
+class WheelClock:
+    """Turns uptime readings into time that never wraps, and a number of segments that counts restarts."""
+
+    def __init__(self) -> None:
+        self.segment = 0
+        self._uptime_s: float | None = None
+        self._host_s = 0.0
+        self._wraps_s = 0.0
+        self._restart_noted = False
+
+    def note_restart(self) -> None:
+        """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once."""
+        self._restart_noted = self._uptime_s is not None
+
+    def time_s(self, uptime_s: float, host_s: float, span_s: float | None) -> float:
+        """Wheel time [s] of an uptime reading [s] taken at `host_s` [s] of the host's clock.
+
+        span_s: after how much the counter wraps; None where it does not. A jump back is a wrap when counting on through
+        the wrap fits the time that passed here, else the wheel has restarted.
+        """
+        if self._uptime_s is not None:
+            back = uptime_s < self._uptime_s
+            passed_s = host_s - self._host_s
+            wrapped = back and span_s is not None and uptime_s - self._uptime_s + span_s <= 10.0 * passed_s + 10.0
+            if wrapped and span_s is not None and not self._restart_noted:
+                self._wraps_s += span_s
+            elif back or self._restart_noted:
+                self.segment += 1
+                self._wraps_s = 0.0
+        self._restart_noted = False
+        self._uptime_s, self._host_s = uptime_s, host_s
+        return uptime_s + self._wraps_s

@@ -1,0 +1,7 @@
+"""`python -m rw_ekf`."""
+
+import sys
+
+from rw_ekf.cli import main
+
+sys.exit(main())

@@ -1,0 +1,83 @@
+"""The command line: verbs, their help, and how errors reach a person."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from rw_ekf import __version__
+from rw_ekf.errors import ConfigError, RwEkfError
+
+VERBS = {
+    "run": "run",
+    "simulate": "simulate",
+    "excite": "excite",
+    "replay": "replay",
+    "fit": "fit",
+    "check-config": "check_config",
+    "export": "export",
+    "stop": "stop",
+}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser with every verb; nothing heavy is imported."""
+    parser = argparse.ArgumentParser(
+        prog="rw-ekf",
+        description="Online estimator for reaction wheels: speed, motor gain and bearing friction.",
+        epilog="Each verb has its own --help with an example. Start with `rw-ekf simulate` or docs/.",
+    )
+    parser.add_argument("--version", action="version", version=f"rw-ekf {__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for verb, module_name in VERBS.items():
+        module = importlib.import_module(f"rw_ekf.commands.{module_name}")
+        sub = verbs.add_parser(
+            verb,
+            help=module.HELP,
+            description=module.HELP[0].upper() + module.HELP[1:] + ".",
+            epilog=module.EXAMPLE,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(sub)
+        sub.add_argument("--json", action="store_true", help="one JSON document on standard output, nothing else there")
+        sub.set_defaults(execute=module.execute)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb; returns the exit status: 0 done, 1 failed in the work, 2 wrong usage or bad input."""
+    # Threads of a linear-algebra library make 5 x 5 matrices several times slower (docs/decisions/0005).
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    args = build_parser().parse_args(arguments)
+    try:
+        status = args.execute(args)
+        sys.stdout.flush()
+        return int(status)
+    except ConfigError as error:
+        return _fail(error, error.findings)
+    except RwEkfError as error:
+        return _fail(error, [str(error)])
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`); leave without Python's complaint at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        sys.stderr.write("rw-ekf: interrupted\n")
+        return 130
+    except MemoryError:
+        sys.stderr.write("rw-ekf: error: not enough memory for this; take a shorter log\n")
+        return 1
+
+
+def _fail(error: RwEkfError, findings: Sequence[str]) -> int:
+    for text in findings:
+        sys.stderr.write(f"rw-ekf: error: {text}\n")
+    return error.exit_status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,49 @@
+"""`rw-ekf check-config`: validate a configuration and show what it comes to."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+HELP = "validate a configuration and print it with every default"
+EXAMPLE = """example:
+  rw-ekf check-config my-wheel.yaml"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("config", metavar="F", help="configuration file")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises ConfigError with every finding."""
+    from rw_ekf.errors import ConfigError
+    from rw_ekf.json_output import print_json
+    from rw_ekf.settings.load import configuration_from, resolved_lines
+    from rw_ekf.settings.yaml_loader import load_yaml
+    from rw_ekf.wheels import limits_beyond_wire, load_wire_map, plant_of
+
+    document = load_yaml(args.config)
+    configuration = configuration_from(document)
+    wire_map = load_wire_map(configuration.wheel.protocol)
+    found = [f"{document.where(('limits',))}: {text}" for text in limits_beyond_wire(configuration, wire_map)]
+    try:
+        plant_of(configuration, [])
+    except (ConfigError, ValueError) as error:
+        found.append(f"{document.where(('simulation', 'effects'))}: {error}")
+    if configuration.filter.model is not None:
+        from pathlib import Path
+
+        from rw_ekf.model.model_file import read_model
+
+        try:
+            read_model(Path(configuration.filter.model))
+        except ConfigError as error:
+            found += error.findings
+    if found:
+        raise ConfigError(found)
+    if args.json:
+        print_json({"schema": "rw_ekf.configuration/1", "configuration": configuration.model_dump(mode="json")})
+    else:
+        sys.stdout.write(resolved_lines(configuration, document))
+    return 0

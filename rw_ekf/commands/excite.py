@@ -1,0 +1,35 @@
+"""`rw-ekf excite`: drive a wheel through a published or identification profile, and log it."""
+
+from __future__ import annotations
+
+import argparse
+
+from rw_ekf.commands.run import add_run_options, run_and_report
+
+HELP = "drive a wheel through a profile of [CK13]/[F12], or one made for identification, and log it"
+EXAMPLE = """example:
+  rw-ekf excite identification --config my-wheel.yaml
+  rw-ekf excite P2 --config my-wheel.yaml --seed 3"""
+PROFILES = ("P1", "P2", "S1", "S2", "S3", "S4", "S5", "identification", "sine", "steps", "random-sines", "zero")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("profile", metavar="PROFILE", choices=PROFILES, help=", ".join(PROFILES))
+    parser.add_argument("--seed", type=int, help="seed of the random profiles; default: the configuration's")
+    add_run_options(parser)
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises RwEkfError."""
+    from rw_ekf.errors import BadInputError
+    from rw_ekf.settings.load import load_configuration
+
+    configuration = load_configuration(args.config)
+    if args.seed is not None and args.seed < 0:
+        raise BadInputError(f"--seed {args.seed}: a seed is not negative")
+    change = {"profile": args.profile, "log": None}
+    if args.seed is not None:
+        change["seed"] = args.seed
+    command = configuration.command.model_copy(update=change)
+    return run_and_report(configuration.model_copy(update={"command": command}), args)

@@ -1,0 +1,196 @@
+"""`rw-ekf fit`: parameters (and noises) of a wheel from a whole log."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf.commands.inputs import add_log_options, read_configuration, read_logs, read_wheel_model
+
+if TYPE_CHECKING:
+    from rw_ekf.filter.log_filter import FilterInput
+    from rw_ekf.filter.setup import FilterSetup
+    from rw_ekf.identify.noise import NoiseFit
+    from rw_ekf.logs.wheel_log import WheelLog
+
+HELP = "fit the parameters to a whole log by least squares, or by dedicated experiments"
+EXAMPLE = """example:
+  rw-ekf fit runs/2026-11-21.csv --noise --out wheel.model.yaml
+  rw-ekf replay runs/2026-11-22.csv --model wheel.model.yaml"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("log", metavar="LOG", help="CSV, Parquet or MATLAB file")
+    add_log_options(parser)
+    parser.add_argument("--prior", metavar="F", help="model YAML that serves as the a priori")
+    parser.add_argument(
+        "--method",
+        choices=("least-squares", "deterministic"),
+        default="least-squares",
+        help="least squares over everything (default), or coast-downs and driven stretches one by one",
+    )
+    parser.add_argument("--noise", action="store_true", help="tune speed and acceleration noise by maximum likelihood")
+    parser.add_argument("--out", metavar="FILE", help="write the result as a model YAML")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises RwEkfError."""
+    from rw_ekf.console import progress
+    from rw_ekf.documents import FIT_SCHEMA, physical
+    from rw_ekf.filter.identifiability import report
+    from rw_ekf.filter.setup import setup_of_record
+    from rw_ekf.json_output import print_json
+    from rw_ekf.replay import input_of_log
+
+    configuration = read_configuration(args.config)
+    prior_model = read_wheel_model(args.prior, configuration)
+    (log,) = read_logs([args.log], args.columns)
+    data = input_of_log(log)
+    setup = setup_of_record(data, configuration, prior_model)
+    with progress("fit", None):
+        belief, quality, warnings = _fit(args.method, data, log, setup)
+        noise = _noise(data, setup, belief.parameters) if args.noise else None
+    reports = report(belief, setup.prior)
+    document: dict[str, Any] = {
+        "schema": FIT_SCHEMA,
+        "log": log.name,
+        "method": args.method,
+        "samples": len(log),
+        "parameters": {
+            item.name: {
+                "value": item.value,
+                "std": item.std,
+                "unit": item.unit,
+                "prior_std": item.prior_std,
+                "identifiable": item.identifiable,
+            }
+            for item in reports
+        },
+        "covariance": belief.covariance[1:, 1:].tolist(),
+        "physical": physical(belief.parameters, setup.inertia_kg_m2),
+        **quality,
+        "noise": _noise_document(noise),
+        "warnings": [*log.warnings, *setup.notes, *warnings],
+    }
+    if args.out is not None:
+        _write_model(args.out, args, belief, setup, noise, log)
+    if args.json:
+        print_json(document)
+    else:
+        _print(document, reports, noise)
+    return 0
+
+
+def _fit(method: str, data: FilterInput, log: WheelLog, setup: FilterSetup) -> tuple[Any, dict[str, Any], list[str]]:
+    """Belief, what is worth knowing of how it was reached, warnings."""
+    import numpy as np
+
+    from rw_ekf.filter.belief import Belief
+    from rw_ekf.units import rpm_from_rad_s
+
+    covariance = np.zeros((5, 5))
+    covariance[0, 0] = setup.constants.speed_variance
+    if method == "deterministic":
+        from rw_ekf.identify.deterministic import deterministic
+
+        found = deterministic(
+            data, log.current_A, setup.stribeck_speed_rad_s, math.sqrt(setup.constants.speed_variance)
+        )
+        covariance[range(1, 5), range(1, 5)] = np.square(found.std)
+        quality = {
+            "coast_down_s": found.coast_down_s,
+            "driven_s": found.driven_s,
+            "break_aways": found.break_aways,
+        }
+        said = [] if found.break_aways else ["no start from rest in this log: static friction is only a guess"]
+        return Belief(np.array([0.0, *found.parameters]), covariance), quality, said
+    from rw_ekf.identify.least_squares import least_squares
+
+    result = least_squares(data, setup.constants, setup.prior)
+    covariance[1:, 1:] = result.covariance
+    quality = {
+        "residual_rms_rpm": rpm_from_rad_s(result.residual_rms_rad_s),
+        "converged": result.converged,
+        "iterations": result.iterations,
+        "starts": result.starts,
+        "outliers": result.outliers,
+    }
+    said = [] if result.converged else ["the iteration did not converge: believe the values with care"]
+    expected = math.sqrt(setup.constants.speed_variance)
+    if result.residual_rms_rad_s > 1.5 * expected:
+        said.append(
+            f"the free run misses the readings by {rpm_from_rad_s(result.residual_rms_rad_s):.3g} rpm rms, "
+            f"{result.residual_rms_rad_s / expected:.1f} times their noise: the model lacks something"
+        )
+    return Belief(np.array([0.0, *result.parameters]), covariance), quality, said
+
+
+def _noise(data: FilterInput, setup: FilterSetup, parameters: Any) -> NoiseFit:
+    from rw_ekf.identify.noise import fit_noise
+
+    return fit_noise(data, setup.constants, parameters)
+
+
+def _noise_document(noise: NoiseFit | None) -> dict[str, Any] | None:
+    from rw_ekf.units import rpm_from_rad_s
+
+    if noise is None:
+        return None
+    std = noise.acceleration_noise_std
+    return {
+        "speed_noise_rpm": rpm_from_rad_s(noise.speed_noise_rad_s),
+        "speed_noise_std_rpm": rpm_from_rad_s(noise.speed_noise_std),
+        "acceleration_noise_rpm_per_sqrt_s": rpm_from_rad_s(noise.acceleration_noise),
+        "acceleration_noise_std_rpm_per_sqrt_s": None if std is None else rpm_from_rad_s(std),
+        "acceleration_noise_limit_rpm_per_sqrt_s": rpm_from_rad_s(noise.acceleration_noise_limit),
+        "log_likelihood": noise.log_likelihood,
+    }
+
+
+def _write_model(
+    path: str, args: argparse.Namespace, belief: Any, setup: FilterSetup, noise: NoiseFit | None, log: WheelLog
+) -> None:
+    from rw_ekf import __version__
+    from rw_ekf.logs.atomic import write_text
+    from rw_ekf.model.model_file import WheelModel
+
+    model = WheelModel(
+        belief.parameters,
+        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:, 1:]),
+        setup.stribeck_speed_rad_s,
+        setup.stribeck_law,
+        setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
+        setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
+        setup.inertia_kg_m2,
+        {"method": args.method, "log": Path(log.name).name, "samples": len(log), "rw_ekf": __version__},
+    )
+    write_text(Path(path), model.to_text())
+
+
+def _print(document: dict[str, Any], reports: list[Any], noise: NoiseFit | None) -> None:
+    from rw_ekf.filter.identifiability import rounded
+
+    lines = [f"{document['log']}: {document['samples']} samples, {document['method']}"]
+    lines += [f"  {item.name:<10}  {item.text()}" for item in reports]
+    if "residual_rms_rpm" in document:
+        state = "converged" if document["converged"] else "NOT converged"
+        lines.append(
+            f"  free run misses the readings by {document['residual_rms_rpm']:.3g} rpm rms; {state} after "
+            f"{document['iterations']} iterations, best of {document['starts']} starts, {document['outliers']} outliers"
+        )
+    if noise is not None:
+        shown = document["noise"]
+        q, q_std = shown["acceleration_noise_rpm_per_sqrt_s"], shown["acceleration_noise_std_rpm_per_sqrt_s"]
+        limit = shown["acceleration_noise_limit_rpm_per_sqrt_s"]
+        lines.append(f"  speed noise {rounded(shown['speed_noise_rpm'], shown['speed_noise_std_rpm'])} rpm")
+        lines.append(
+            f"  acceleration noise none seen, below {limit:.2g} rpm/sqrt(s)"
+            if q_std is None
+            else f"  acceleration noise {rounded(q, q_std)} rpm/sqrt(s)"
+        )
+    lines += [f"  warning: {text}" for text in document["warnings"]]
+    sys.stdout.write("\n".join(lines) + "\n")

@@ -1,0 +1,50 @@
+"""What several verbs read: logs with a column map, configurations, models."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rw_ekf.logs.wheel_log import WheelLog
+    from rw_ekf.model.model_file import WheelModel
+    from rw_ekf.settings.schema import Configuration
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Options of every verb that reads logs."""
+    parser.add_argument("--columns", metavar="MAP", help="column map (YAML) of a foreign log; see docs/logs.md")
+    parser.add_argument(
+        "--config",
+        metavar="F",
+        help="configuration: noise, prior, Stribeck speed, inertia; without it the record tells",
+    )
+
+
+def read_configuration(path: str | None) -> Configuration | None:
+    """Read a configuration, if one is named."""
+    if path is None:
+        return None
+    from rw_ekf.settings.load import load_configuration
+
+    return load_configuration(path)
+
+
+def read_wheel_model(path: str | None, configuration: Configuration | None = None) -> WheelModel | None:
+    """Read the model named on the command line, else the configuration's `filter.model`, else none."""
+    named = path or (configuration.filter.model if configuration is not None else None)
+    if named is None:
+        return None
+    from rw_ekf.model.model_file import read_model
+
+    return read_model(Path(named))
+
+
+def read_logs(paths: list[str], columns: str | None) -> list[WheelLog]:
+    """Read logs, all through the same column map if one is named. Raises LogError or ConfigError."""
+    from rw_ekf.logs.column_map import load_column_map
+    from rw_ekf.logs.reader import read_log
+
+    column_map = None if columns is None else load_column_map(columns)
+    return [read_log(path, column_map) for path in paths]

@@ -1,0 +1,121 @@
+"""`rw-ekf run`: the daemon."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rw_ekf.loop.daemon import RunOutcome
+    from rw_ekf.settings.schema import Configuration
+
+HELP = "attach to a wheel: estimate, log and publish until a signal"
+EXAMPLE = """example:
+  rw-ekf check-config my-wheel.yaml && rw-ekf run --config my-wheel.yaml --duration 600"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    add_run_options(parser)
+
+
+def add_run_options(parser: argparse.ArgumentParser) -> None:
+    """Options that `excite` shares."""
+    parser.add_argument("--config", metavar="F", required=True, help="configuration file")
+    parser.add_argument("--duration", metavar="S", type=_seconds, help="end after S seconds of samples")
+    parser.add_argument("--log-format", choices=("text", "json"), default="text", help="of the lines on standard error")
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds") from None
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above zero and finite")
+    return value
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises RwEkfError."""
+    from rw_ekf.settings.load import load_configuration
+
+    return run_and_report(load_configuration(args.config), args)
+
+
+def run_and_report(configuration: Configuration, args: argparse.Namespace) -> int:
+    """Run the daemon and print what it came to; exit status 1 if the link was lost to the end."""
+    from rw_ekf.commands.inputs import read_wheel_model
+    from rw_ekf.console import logger
+    from rw_ekf.loop.daemon import run_daemon
+    from rw_ekf.wheels import check_wire
+
+    wire_map = check_wire(configuration)
+    model = read_wheel_model(None, configuration)
+    log = logger(args.log_format).bind(wheel=configuration.wheel.name)
+    outcome = run_daemon(configuration, wire_map, model, args.duration, log)
+    warnings = _warnings(outcome, configuration)
+    for text in warnings:
+        log.warning("finding", text=text)
+    _print(outcome, warnings, json=args.json)
+    return 1 if outcome.lost or outcome.statistics.samples == 0 else 0
+
+
+def _warnings(outcome: RunOutcome, configuration: Configuration) -> list[str]:
+    """Judge the log that was just written; a run's own numbers never fail because of this."""
+    from rw_ekf.errors import RwEkfError
+    from rw_ekf.logs.reader import read_log
+    from rw_ekf.replay import input_of_log, judge_log
+
+    said = []
+    if not outcome.zero_confirmed:
+        said.append("the wheel did not confirm zero current at the end")
+    if outcome.statistics.samples == 0:
+        return [*said, "no sample came from the wheel"]
+    try:
+        data = input_of_log(read_log(outcome.files.log))
+        said += judge_log(data, outcome.setup, outcome.belief).warnings()
+    except RwEkfError as error:
+        said.append(f"the run's log could not be judged: {error}")
+    return said
+
+
+def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
+    from rw_ekf.documents import REPLAY_SCHEMA, entry_text, log_entry
+    from rw_ekf.json_output import print_json
+
+    entry = log_entry(
+        str(outcome.files.log),
+        outcome.statistics,
+        outcome.belief,
+        outcome.setup.prior,
+        outcome.setup.inertia_kg_m2,
+        warnings,
+    )
+    if not json:
+        sys.stdout.write(entry_text(entry, outcome.belief, outcome.setup.prior) + "\n")
+        return
+    link, timing = outcome.link, outcome.timing
+    document: dict[str, Any] = {
+        "schema": REPLAY_SCHEMA,
+        "logs": [entry],
+        "seconds": {"read": 0.0, "filter": outcome.statistics.duration_s, "write": 0.0},
+        "link": {
+            "requests": link.requests,
+            "timeouts": link.timeouts,
+            "stale": link.stale,
+            "damaged": link.damaged,
+            "reconnects": link.reconnects,
+        },
+        "loop": {
+            "ticks": timing.ticks,
+            "overruns": timing.overruns,
+            "late_ms_p50": timing.percentile_ms(0.50),
+            "late_ms_p99": timing.percentile_ms(0.99),
+            "late_ms_max": timing.late_ms_max,
+        },
+        "stopped_by": outcome.stopped_by,
+        "model": str(outcome.files.model),
+    }
+    print_json(document)

@@ -1,0 +1,94 @@
+"""`rw-ekf simulate`: a simulated wheel behind a real tty."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+HELP = "serve a simulated wheel on a pseudo-terminal"
+EXAMPLE = """example:
+  rw-ekf simulate --link /tmp/rw-ekf-wheel --effect offset_torque:torque_rad_s2=0.03 --seed 7
+  rw-ekf simulate --effects"""
+
+
+class _ListEffects(argparse.Action):
+    """Print the effects and leave, like --help."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
+        from drivers.plant_effect_text import describe_effects
+
+        sys.stdout.write("\n".join(describe_effects()) + "\n")
+        parser.exit()
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("--link", metavar="PATH", required=True, help="where the wheel's tty is reachable")
+    parser.add_argument("--config", metavar="F", help="configuration: its `simulation` and `wheel` describe the truth")
+    parser.add_argument(
+        "--effect",
+        metavar="ID:name=value,...",
+        action="append",
+        nargs="+",
+        default=[],
+        help="a physical effect the wheel shall have; may be repeated",
+    )
+    parser.add_argument("--effects", nargs=0, action=_ListEffects, help="list all effects with their parameters")
+    parser.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
+    parser.add_argument("--speed-factor", metavar="X", type=float, default=1.0, help="wheel time runs X times as fast")
+    parser.add_argument("--initial-speed-rpm", metavar="RPM", type=float, default=0.0, help="speed at the start")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb until a signal; raises RwEkfError."""
+    from drivers.plant_parameters import PlantNoise
+    from drivers.pty_server import serve_simulated_wheel
+    from rw_ekf.commands.inputs import read_configuration
+    from rw_ekf.errors import BadInputError
+    from rw_ekf.json_output import print_json
+    from rw_ekf.units import rad_s_from_rpm
+    from rw_ekf.wheels import load_wire_map, plant_of
+
+    if not 0.0 < args.speed_factor <= 1000.0:
+        raise BadInputError(f"--speed-factor {args.speed_factor:g}: give a number above 0, up to 1000")
+    if args.seed < 0:
+        raise BadInputError(f"--seed {args.seed}: a seed is not negative")
+    configuration = read_configuration(args.config)
+    plant = plant_of(configuration, [text for group in args.effect for text in group])
+    noise = PlantNoise()
+    if configuration is not None:
+        noise = PlantNoise(
+            rad_s_from_rpm(configuration.simulation.speed_noise_rpm),
+            rad_s_from_rpm(configuration.simulation.acceleration_noise_rpm_per_sqrt_s),
+        )
+    wire_map = load_wire_map(configuration.wheel.protocol if configuration is not None else "sunspace-wheel")
+
+    def ready(device: str) -> None:
+        if args.json:
+            print_json(
+                {
+                    "schema": "rw_ekf.simulation/1",
+                    "link": args.link,
+                    "device": device,
+                    "seed": args.seed,
+                    "speed_factor": args.speed_factor,
+                    "truth": plant._asdict(),
+                    "noise": noise._asdict(),
+                }
+            )
+        else:
+            sys.stdout.write(f"simulated wheel at {args.link} ({device}); Ctrl-C ends it\n")
+            sys.stdout.flush()
+
+    serve_simulated_wheel(
+        wire_map,
+        plant,
+        args.link,
+        seed=args.seed,
+        speed_factor=args.speed_factor,
+        noise=noise,
+        initial_speed_rad_s=rad_s_from_rpm(args.initial_speed_rpm),
+        on_ready=ready,
+    )
+    return 0

@@ -1,0 +1,74 @@
+"""The JSON documents of the contract, and their text for people. NaN and infinity are written as null."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf.filter.identifiability import report
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES
+from rw_ekf.statistics import RunStatistics
+from rw_ekf.units import rpm_from_rad_s
+
+if TYPE_CHECKING:
+    from rw_ekf.filter.belief import Belief
+
+REPLAY_SCHEMA = "rw_ekf.replay/1"
+FIT_SCHEMA = "rw_ekf.fit/1"
+_PHYSICAL_NAMES = ("motor_constant_Nm_A", "viscous_Nms", "coulomb_Nm", "static_Nm")
+
+
+def physical(values: Sequence[float], inertia_kg_m2: float | None) -> dict[str, float | None]:
+    """Turn the four parameters per unit inertia into N m; null where the inertia is not known."""
+    return {
+        name: None if inertia_kg_m2 is None else value * inertia_kg_m2
+        for name, value in zip(_PHYSICAL_NAMES, values, strict=True)
+    }
+
+
+def log_entry(
+    log: str,
+    statistics: RunStatistics,
+    belief: Belief,
+    prior: Belief,
+    inertia_kg_m2: float | None,
+    warnings: Sequence[str],
+) -> dict[str, Any]:
+    """Return one element of `logs` of a replay document (contract, section 5)."""
+    return {
+        "log": log,
+        "samples": statistics.samples,
+        "duration_s": statistics.duration_s,
+        "missing": statistics.missing,
+        "rejected": statistics.rejected,
+        "state": dict(zip(STATE_NAMES, (float(v) for v in belief.mean), strict=True)),
+        "std": dict(zip(STATE_NAMES, (float(v) for v in belief.std), strict=True)),
+        "covariance": [[float(v) for v in row] for row in belief.covariance],
+        "identifiable": {item.name: item.identifiable for item in report(belief, prior)},
+        "effects": {},
+        "physical": physical(belief.parameters, inertia_kg_m2),
+        "innovation": statistics.innovation_document(),
+        "warnings": list(warnings),
+    }
+
+
+def entry_text(entry: Mapping[str, Any], belief: Belief, prior: Belief) -> str:
+    """Return the same for a person: no digit that sigma does not allow."""
+    lines = [
+        f"{entry['log']}: {entry['samples']} samples, {entry['duration_s']:.1f} s"
+        f" ({entry['missing']} missing, {entry['rejected']} rejected)"
+    ]
+    width = max(len(name) for name in PARAMETER_NAMES)
+    lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief, prior)]
+    speed = rpm_from_rad_s(entry["state"]["speed_rad_s"])
+    lines.append(
+        f"  {'speed':<{width}}  {speed:.2f} +- {rpm_from_rad_s(entry['std']['speed_rad_s']):.2f} rpm at the end"
+    )
+    innovation = entry["innovation"]
+    if innovation["rms_rpm"] is not None:
+        lines.append(
+            f"  innovation: rms {innovation['rms_rpm']:.3g} rpm, mean {innovation['mean_rpm']:+.2g} rpm, "
+            f"NIS {innovation['nis_mean']:.3f}, {100 * innovation['nis_inside_95']:.1f} % inside the 95 % band"
+        )
+    lines += [f"  warning: {text}" for text in entry["warnings"]]
+    return "\n".join(lines)

@@ -1,0 +1,150 @@
+"""Where a filter starts: configuration, model file or the record itself, in that order of authority."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief, NoiseModel, filter_constants, with_prior_table
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.model.model_file import WheelModel
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_SIZE
+from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
+
+if TYPE_CHECKING:
+    from rw_ekf.settings.schema import Configuration
+
+DEFAULT_INERTIA_KG_M2 = 1.5e-3
+_FOREIGN_NOISE_SAMPLES = 20_000
+
+
+@dataclass(frozen=True)
+class FilterSetup:
+    """Everything a filter needs to start, and what was decided on the way."""
+
+    constants: FilterConstants
+    noise: NoiseModel
+    prior: Belief
+    stribeck_speed_rad_s: float
+    stribeck_law: str
+    inertia_kg_m2: float | None  # None: not known, nothing is turned into torques
+    notes: tuple[str, ...] = ()
+
+
+def setup_of_configuration(configuration: Configuration, model: WheelModel | None) -> FilterSetup:
+    """Start as a configuration says; a model (its `filter.model`, or --model) gives prior and Stribeck law."""
+    section = configuration.filter
+    noise = NoiseModel(
+        rad_s_from_rpm(section.speed_noise_rpm),
+        section.acceleration_noise_rpm_per_sqrt_s * RAD_S_PER_RPM,
+        0.01 * section.parameter_drift_percent_per_sqrt_hour,
+    )
+    prior = DEFAULT_PRIOR if model is None else belief_of_model(model)
+    if section.prior is not None:
+        table = {}
+        for name in PARAMETER_NAMES:
+            value = getattr(section.prior, name)
+            if value is not None:
+                table[name] = (value.value, value.std)
+        prior = with_prior_table(prior, table)
+    omega_s = rad_s_from_rpm(configuration.wheel.stribeck_speed_rpm)
+    law = configuration.wheel.stribeck_law
+    if model is not None:
+        omega_s, law = model.stribeck_speed_rad_s, model.stribeck_law  # type: ignore[assignment]
+        noise = NoiseModel(noise.speed_noise_rad_s, noise.acceleration_noise, noise.parameter_drift, model.parameters)
+    constants = filter_constants(
+        noise,
+        omega_s,
+        law,
+        gate_probability=section.gate_probability,
+        max_gap_s=section.max_gap_s,
+        nominal_period_s=1.0 / configuration.loop.rate_hz,
+    )
+    return FilterSetup(constants, noise, prior, omega_s, law, configuration.wheel.inertia_kg_m2)
+
+
+def setup_of_record(
+    data: FilterInput, configuration: Configuration | None = None, model: WheelModel | None = None
+) -> FilterSetup:
+    """Start for a log: from the configuration if there is one, else from the model, else from the record itself."""
+    period = _period_s(data)
+    if configuration is not None:
+        setup = setup_of_configuration(configuration, model)
+        return _with_period(setup, period)
+    from rw_ekf.identify.record_scale import measure
+
+    scale = measure(data)
+    if model is not None:
+        noise = NoiseModel(
+            model.speed_noise_rad_s or scale.noise.speed_noise_rad_s,
+            scale.noise.acceleration_noise if model.acceleration_noise is None else model.acceleration_noise,
+            scale=model.parameters,
+        )
+        constants = filter_constants(noise, model.stribeck_speed_rad_s, model.stribeck_law, nominal_period_s=period)
+        return FilterSetup(
+            constants,
+            noise,
+            belief_of_model(model),
+            model.stribeck_speed_rad_s,
+            model.stribeck_law,
+            model.inertia_kg_m2,
+        )
+    noise = scale.noise
+    notes: list[str] = []
+    if not scale.like_default_wheel:
+        noise, said = _foreign_noise(data, noise, scale.prior, scale.stribeck_speed_rad_s, period)
+        notes.append(said)
+    constants = filter_constants(noise, scale.stribeck_speed_rad_s, nominal_period_s=period)
+    inertia = DEFAULT_INERTIA_KG_M2 if scale.like_default_wheel else None
+    return FilterSetup(constants, noise, scale.prior, scale.stribeck_speed_rad_s, "gauss", inertia, tuple(notes))
+
+
+def belief_of_model(model: WheelModel) -> Belief:
+    """Belief over the state from a model file; the speed is left to the first reading."""
+    covariance = np.zeros((STATE_SIZE, STATE_SIZE))
+    covariance[0, 0] = 1.0
+    covariance[1:, 1:] = np.array(model.covariance)
+    return Belief(np.array([0.0, *model.parameters]), covariance)
+
+
+def _foreign_noise(
+    data: FilterInput, noise: NoiseModel, prior: Belief, omega_s: float, period: float
+) -> tuple[NoiseModel, str]:
+    """Noises of a machine that is not the default wheel, by likelihood at the filter's own estimate."""
+    from rw_ekf.identify.noise import fit_noise
+
+    constants = filter_constants(noise, omega_s, nominal_period_s=period)
+    run = filter_log(data, constants._replace(gate=1.0e30), prior.mean, prior.covariance)
+    estimate = Belief(run.mean, run.covariance).parameters
+    found = fit_noise(data, constants, estimate, max_samples=_FOREIGN_NOISE_SAMPLES)
+    tuned = NoiseModel(
+        found.speed_noise_rad_s, max(found.acceleration_noise, 1e-3 * found.speed_noise_rad_s), scale=estimate
+    )
+    said = (
+        "the record does not look like the default wheel: noise, prior and Stribeck speed were taken from the record "
+        f"itself (speed noise {found.speed_noise_rad_s:.3g} rad/s = {rpm_from_rad_s(found.speed_noise_rad_s):.3g} rpm, "
+        f"Stribeck speed {omega_s:.3g} rad/s); torques are not given, because its inertia is not known. "
+        "`--config` settles them otherwise."
+    )
+    return tuned, said
+
+
+def _period_s(data: FilterInput) -> float:
+    step = np.diff(data.time_s[:100_000])[np.diff(data.segment[:100_000]) == 0]
+    return float(np.median(step)) if step.size else 0.1
+
+
+def _with_period(setup: FilterSetup, period_s: float) -> FilterSetup:
+    constants = setup.constants._replace(max_gap_s=max(setup.constants.max_gap_s, 5.0 * period_s))
+    return FilterSetup(
+        constants,
+        setup.noise,
+        setup.prior,
+        setup.stribeck_speed_rad_s,
+        setup.stribeck_law,
+        setup.inertia_kg_m2,
+        setup.notes,
+    )

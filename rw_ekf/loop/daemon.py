@@ -1,0 +1,207 @@
+"""The daemon: a configuration becomes a live wheel, an estimator and its sinks, until a signal or a duration."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf import __version__
+from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.estimator import Estimator
+from rw_ekf.filter.setup import FilterSetup, setup_of_configuration
+from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.metadata import RunMetadata, utc_text, write_metadata
+from rw_ekf.logs.writer import EstimateWriter, SampleWriter
+from rw_ekf.loop.claim import PortClaim
+from rw_ekf.loop.commanders import request_of
+from rw_ekf.loop.live import LiveWheel, LoopTiming, with_following_command
+from rw_ekf.loop.loop import Issue, Sink, run_loop
+from rw_ekf.loop.safety import SafetyLimits
+from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, TerminalSink
+from rw_ekf.loop.stop_signal import StopSignal
+from rw_ekf.model.model_file import WheelModel
+from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
+from rw_ekf.statistics import RunStatistics
+
+if TYPE_CHECKING:
+    from drivers.wire_map import WireMap
+    from rw_ekf.settings.schema import Configuration
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """Where one run leaves its files; all beside each other under one stem."""
+
+    log: Path
+    estimates: Path
+    model: Path
+    state: Path
+
+    @classmethod
+    def in_directory(cls, directory: Path, wheel: str, began: datetime) -> RunFiles:
+        """Name the files of a run; the directory is made if it is not there."""
+        directory.mkdir(parents=True, exist_ok=True)
+        safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)
+        stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
+        number = 1
+        while (directory / f"{stem}.csv").exists():
+            number += 1
+            stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
+        return cls(
+            directory / f"{stem}.csv",
+            directory / f"{stem}.estimates.csv",
+            directory / f"{stem}.model.yaml",
+            directory / f"{safe}.state.json",
+        )
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """What a run came to."""
+
+    files: RunFiles
+    setup: FilterSetup
+    belief: Belief
+    statistics: RunStatistics
+    link: LinkCounters
+    timing: LoopTiming
+    stopped_by: str | None
+    lost: bool  # the link was down at the end
+    zero_confirmed: bool
+
+
+def run_daemon(
+    configuration: Configuration,
+    wire_map: WireMap,
+    model: WheelModel | None,
+    duration_s: float | None,
+    logger: Any,
+) -> RunOutcome:
+    """Attach, estimate, log, publish. Raises DriverError if the wheel cannot be reached at the start.
+
+    Zero current is sent on every way out; SIGINT, SIGTERM and SIGHUP end the run in order.
+    """
+    from rw_ekf.wheels import serial_opener
+
+    began = datetime.now(UTC)
+    setup = setup_of_configuration(configuration, model)
+    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance)
+    writes = configuration.command.profile != "none"
+    request, profile_s = request_of(configuration.command) if writes else (None, None)
+    lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
+    statistics = StatisticsSink()
+    with contextlib.ExitStack() as stack:
+        stop = stack.enter_context(StopSignal())
+        stack.enter_context(PortClaim(configuration.wheel.port))
+        live = LiveWheel(
+            serial_opener(configuration, wire_map),
+            SafetyLimits.of(configuration.limits),
+            configuration.loop.rate_hz,
+            stop,
+            writes=writes,
+            note=logger.warning,
+        )
+        confirmed = False
+        try:
+            files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
+            sinks = _sinks(stack, files, configuration, statistics)
+            logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
+            samples = _with_metadata(live, live.samples(lasts_s), files, configuration)
+            if request is None:
+                samples, issue = _following(samples)
+            else:
+                issue = live.issue(request)
+            run_loop(samples, estimator, issue, sinks)
+        finally:
+            confirmed = live.close()
+            if not confirmed:
+                logger.error(
+                    "zero_not_confirmed",
+                    port=configuration.wheel.port,
+                    do="the wheel may still carry its last current: run `rw-ekf stop --config F`, or cut its power",
+                )
+        belief = Belief(estimator.mean, estimator.covariance)
+        _write_model(files.model, belief, setup, files.log.name)
+        logger.info("ended", by=stop.requested or "duration", samples=statistics.statistics.samples)
+        return RunOutcome(
+            files,
+            setup,
+            belief,
+            statistics.statistics,
+            live.link,
+            live.timing,
+            stop.requested,
+            live.lost,
+            confirmed,
+        )
+
+
+def _sinks(
+    stack: contextlib.ExitStack, files: RunFiles, configuration: Configuration, statistics: StatisticsSink
+) -> list[Sink]:
+    log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates))
+    about = {"schema": "rw_ekf.state/1", "wheel": configuration.wheel.name, "log": files.log.name}
+    sinks: list[Sink] = [
+        log,
+        statistics,
+        StateFileSink(files.state, about),
+        SyncSink([files.log, files.estimates]),
+        TerminalSink(),
+    ]
+    for sink in sinks:
+        stack.callback(sink.close)
+    return sinks
+
+
+def _with_metadata(
+    live: LiveWheel, samples: Iterator[WheelSample], files: RunFiles, configuration: Configuration
+) -> Iterator[WheelSample]:
+    """Write the metadata when the first sample comes: only then is its UTC known."""
+    first = True
+    for sample in samples:
+        if first:
+            first = False
+            write_metadata(
+                files.log,
+                RunMetadata(
+                    utc_text(datetime.now(UTC)),
+                    live.driver.source,
+                    __version__,
+                    live.driver.identity,
+                    configuration.model_dump(mode="json"),
+                ),
+            )
+        yield sample
+
+
+def _following(samples: Iterator[WheelSample]) -> tuple[Iterator[WheelSample], Issue]:
+    """Samples a tick late, each with the command that telemetry reported after it."""
+    latest: list[IssuedCommand] = []
+
+    def walk() -> Iterator[WheelSample]:
+        for sample, command in with_following_command(samples):
+            latest[:] = [command]
+            yield sample
+
+    def issue(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
+        return latest[0]
+
+    return walk(), issue
+
+
+def _write_model(path: Path, belief: Belief, setup: FilterSetup, log: str) -> None:
+    model = WheelModel(
+        belief.parameters,
+        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:, 1:]),
+        setup.stribeck_speed_rad_s,
+        setup.stribeck_law,
+        setup.noise.speed_noise_rad_s,
+        setup.noise.acceleration_noise,
+        setup.inertia_kg_m2,
+        {"method": "filter", "log": log, "rw_ekf": __version__},
+    )
+    write_text(path, model.to_text())

@@ -1,0 +1,197 @@
+"""A wheel on a line as a source of samples at a steady rate: pacing, silence, a lost link, reconnection."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from rw_ekf.errors import DriverError
+from rw_ekf.loop.safety import CurrentGuard, SafetyLimits
+from rw_ekf.loop.stop_signal import StopSignal
+from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelDriver, WheelSample
+
+_REOPEN_EVERY_S = 0.5
+_LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
+
+Request = Callable[[WheelSample], float]
+Note = Callable[..., None]
+
+
+@dataclass
+class LoopTiming:
+    """When the ticks came (the `loop` object of `run --json`)."""
+
+    ticks: int = 0
+    overruns: int = 0
+    late_ms_max: float = 0.0
+    late_ms: list[float] = field(default_factory=list)
+
+    def note(self, late_s: float, *, overrun: bool) -> None:
+        """Note one tick that began late_s after its time; overrun: the one before had not ended by then."""
+        late = 1e3 * max(late_s, 0.0)
+        if len(self.late_ms) < _LATENESS_KEPT:
+            self.late_ms.append(late)
+        else:
+            self.late_ms[self.ticks % _LATENESS_KEPT] = late
+        self.ticks += 1
+        self.overruns += overrun
+        self.late_ms_max = max(self.late_ms_max, late)
+
+    def percentile_ms(self, share: float) -> float:
+        """Percentile of the lateness [ms], nearest rank; 0.0 before the first tick."""
+        if not self.late_ms:
+            return 0.0
+        ordered = sorted(self.late_ms)
+        return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+class LiveWheel:
+    """Reads the wheel at each tick and writes what the guard allows. One of these per `run`."""
+
+    def __init__(
+        self,
+        open_wheel: Callable[[WheelDriver | None], WheelDriver],
+        limits: SafetyLimits,
+        rate_hz: float,
+        stop: StopSignal,
+        *,
+        writes: bool = True,
+        note: Note = lambda event, **context: None,
+    ) -> None:
+        """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
+
+        note: receives named events for the log, e.g. note("link_lost", reason="...").
+        """
+        self._open = open_wheel
+        self._limits = limits
+        self._period_s = 1.0 / rate_hz
+        self._stop = stop
+        self._writes = writes
+        self._note = note
+        self.timing = LoopTiming()
+        self.driver = open_wheel(None)
+        self.guard = CurrentGuard(self.driver, limits)
+        self.lost = False
+        self._heard_s = time.monotonic()
+        self._silent = False
+        self._retry_at = 0.0
+        self._changed_for: str | None = None
+        if writes:
+            self.guard.zero()
+
+    @property
+    def link(self) -> LinkCounters:
+        """Counters of the line, over all reconnections."""
+        return self.driver.link
+
+    def samples(self, duration_s: float | None = None) -> Iterator[WheelSample]:
+        """Samples, one per tick, until a stop is asked for or `duration_s` of samples have come."""
+        deadline = time.monotonic()
+        began = deadline
+        while not self._stop.wait(deadline - time.monotonic()):
+            now = time.monotonic()
+            late = now - deadline
+            self.timing.note(late, overrun=late >= self._period_s)
+            sample = self._read()
+            if sample is not None:
+                yield sample
+            deadline += self._period_s
+            after = time.monotonic()
+            if after - deadline > self._period_s:  # skip the ticks that are past, keep the phase
+                deadline += self._period_s * int((after - deadline) / self._period_s)
+            if duration_s is not None and after - began >= duration_s - 0.5 * self._period_s:
+                return
+
+    def issue(self, request: Request) -> Callable[[WheelSample, StepResult], IssuedCommand | None]:
+        """Return what commands the wheel after each sample: the request, through the guard."""
+
+        def write(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
+            try:
+                command = self.guard.write(request(sample), sample)
+            except DriverError as error:
+                self._lose(error)
+                return None
+            if command.reason != self._changed_for:
+                self._changed_for = command.reason
+                if command.reason is not None:
+                    self._note("command_changed", reason=command.reason, current_A=command.current_A)
+            return command
+
+        return write
+
+    def close(self) -> bool:
+        """Command zero (unless this run never writes) and release the line; True if the wheel confirmed zero."""
+        confirmed = True
+        if self._writes:
+            confirmed = not self.lost and self.guard.zero()
+            if not confirmed:
+                confirmed = self._zero_over_new_line()
+        self.driver.close()
+        return confirmed
+
+    def _read(self) -> WheelSample | None:
+        if self.lost and not self._reconnect():
+            return None
+        try:
+            sample = self.driver.read(0.5 * self._period_s)
+        except DriverError as error:
+            self._lose(error)
+            return None
+        now = time.monotonic()
+        if sample is not None:
+            if self._silent:
+                self._note("telemetry_back", silent_s=round(now - self._heard_s, 2))
+            self._heard_s = now
+            self._silent = False
+            return sample
+        if now - self._heard_s > self._limits.silence_s:
+            if not self._silent:
+                self._note("silence", seconds=round(now - self._heard_s, 2), doing="writing zero, retrying")
+            self._silent = True
+            if self._writes:
+                self.guard.zero(within_s=0.0)
+        return None
+
+    def _lose(self, error: DriverError) -> None:
+        if not self.lost:
+            self._note("link_lost", reason=str(error))
+        self.lost = True
+        self._retry_at = time.monotonic()
+
+    def _reconnect(self) -> bool:
+        if time.monotonic() < self._retry_at:
+            return False
+        self._retry_at = time.monotonic() + _REOPEN_EVERY_S
+        try:
+            self.driver = self._open(self.driver)
+        except DriverError:
+            return False
+        self.guard.driver = self.driver
+        self.lost = False
+        if self._writes:
+            self.guard.zero()
+        self._note("link_back", reconnects=self.driver.link.reconnects)
+        return True
+
+    def _zero_over_new_line(self) -> bool:
+        try:
+            self.driver = self._open(self.driver)
+        except DriverError:
+            return False
+        self.guard.driver = self.driver
+        return self.guard.zero(1.0)
+
+
+def with_following_command(samples: Iterator[WheelSample]) -> Iterator[tuple[WheelSample, IssuedCommand]]:
+    """Pair each sample with the command that telemetry reports at the next one, a tick later.
+
+    Beside a lab's own controller the command of an interval is known only at its end: what a reading reports as in
+    force was set after the reading before. The last sample is dropped: nothing is known of what followed.
+    """
+    before: WheelSample | None = None
+    for sample in samples:
+        if before is not None:
+            current = sample.current_command_A if sample.current_command_A is not None else sample.current_A
+            yield before, IssuedCommand(current if current is not None else 0.0)
+        before = sample

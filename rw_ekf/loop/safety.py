@@ -1,0 +1,137 @@
+"""The one place that may write a current to a wheel (contract, section 9).
+
+Finite, clamped, slew-limited; above the speed limit only what brakes, above the temperature limit only zero. A request
+that is refused becomes zero or the nearest allowed current, never a kept old one. Zero is exempt from slew.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rw_ekf.errors import DriverError
+from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
+from rw_ekf.units import rad_s_from_rpm
+
+if TYPE_CHECKING:
+    from rw_ekf.settings.schema import LimitsSection
+
+_ZERO_RETRY_S = 0.05
+
+
+@dataclass(frozen=True)
+class SafetyLimits:
+    """Limits in SI; none may be exceeded by a written current."""
+
+    current_A: float
+    slew_A_per_s: float
+    speed_rad_s: float
+    temperature_degC: float
+    silence_s: float
+
+    @classmethod
+    def of(cls, section: LimitsSection) -> SafetyLimits:
+        """From the `limits` of a configuration."""
+        return cls(
+            section.current_A,
+            section.slew_A_per_s,
+            rad_s_from_rpm(section.speed_rpm),
+            section.temperature_degC,
+            section.silence_s,
+        )
+
+
+def allowed_current(
+    requested_A: float,
+    previous_A: float,
+    elapsed_s: float,
+    speed_rad_s: float | None,
+    temperature_degC: float | None,
+    limits: SafetyLimits,
+) -> tuple[float, str | None]:
+    """Current that may be written in place of `requested_A`, and why it differs (None where it does not).
+
+    previous_A: the last current written, elapsed_s ago; speed and temperature: the last known, None if never measured.
+    """
+    if not math.isfinite(requested_A):
+        return 0.0, "not_finite"
+    if temperature_degC is not None and not temperature_degC <= limits.temperature_degC:
+        return 0.0, None if requested_A == 0.0 else "over_temperature"
+    reason = None
+    current = requested_A
+    if speed_rad_s is not None and not abs(speed_rad_s) <= limits.speed_rad_s and current * speed_rad_s >= 0.0:
+        return 0.0, None if requested_A == 0.0 else "over_speed"
+    if abs(current) > limits.current_A:
+        current = math.copysign(limits.current_A, current)
+        reason = "clamped"
+    step = limits.slew_A_per_s * max(elapsed_s, 0.0)
+    if current != 0.0 and abs(current - previous_A) > step:
+        current = previous_A + math.copysign(step, current - previous_A)
+        reason = "slew"
+        # The start of the ramp may lie outside what is allowed now, if the limits close in on it.
+        current = max(-limits.current_A, min(limits.current_A, current))
+        if speed_rad_s is not None and abs(speed_rad_s) > limits.speed_rad_s and current * speed_rad_s > 0.0:
+            current = 0.0
+    return current, reason
+
+
+class CurrentGuard:
+    """Writes currents to one wheel, and knows what was written last. No other code calls `command_current`."""
+
+    def __init__(self, driver: WheelDriver, limits: SafetyLimits, clock: Callable[[], float] = time.monotonic) -> None:
+        self.driver = driver
+        self.limits = limits
+        self._clock = clock
+        self._previous_A = 0.0
+        self._written_at_s = clock()
+        self._speed_rad_s: float | None = None
+        self._temperature_degC: float | None = None
+
+    def write(self, requested_A: float, sample: WheelSample) -> IssuedCommand:
+        """Write what is allowed of a request made on `sample`; retried once where the wheel does not confirm.
+
+        Raises DriverError when the line is lost. An unconfirmed command reports the current before it, which is the one
+        that most likely still holds.
+        """
+        if sample.speed_rad_s is not None:
+            self._speed_rad_s = sample.speed_rad_s
+        if sample.temperature_degC is not None:
+            self._temperature_degC = sample.temperature_degC
+        now = self._clock()
+        current, reason = allowed_current(
+            requested_A,
+            self._previous_A,
+            now - self._written_at_s,
+            self._speed_rad_s,
+            self._temperature_degC,
+            self.limits,
+        )
+        issued = self._send(current)
+        if not issued.acknowledged:
+            issued = self._send(current)
+        self._written_at_s = now
+        if not issued.acknowledged:
+            return IssuedCommand(self._previous_A, issued.delay_s, False, issued.reason or "unconfirmed")
+        self._previous_A = issued.current_A
+        return IssuedCommand(issued.current_A, issued.delay_s, True, reason)
+
+    def zero(self, within_s: float = 0.5) -> bool:
+        """Write zero until the wheel confirms it or `within_s` is over; True if confirmed. Never raises."""
+        end = self._clock() + within_s
+        while True:
+            try:
+                if self._send(0.0).acknowledged:
+                    self._previous_A = 0.0
+                    self._written_at_s = self._clock()
+                    return True
+            except DriverError:
+                return False
+            if self._clock() >= end:
+                return False
+            time.sleep(_ZERO_RETRY_S)
+
+    def _send(self, current_A: float) -> IssuedCommand:
+        return self.driver.command_current(current_A)

@@ -1,0 +1,58 @@
+"""SIGINT, SIGTERM and SIGHUP as a request to stop, and a wait that they cut short."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Self
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class StopSignal:
+    """While open, the three signals only set `requested`; leaving restores what was there before.
+
+    A handler that raised could cut a write to the wheel in half; one that set a threading.Event could deadlock with the
+    wait it interrupts. So the handler assigns, and writes one byte to a pipe that the wait watches.
+    """
+
+    def __init__(self) -> None:
+        self.requested: str | None = None
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._reader, False)
+        os.set_blocking(self._writer, False)
+        self._before: dict[int, object] = {}
+
+    def request(self, why: str) -> None:
+        """Ask for the stop from within the program."""
+        self.requested = self.requested or why
+        with contextlib.suppress(BlockingIOError, OSError):
+            os.write(self._writer, b"!")
+
+    def wait(self, seconds: float) -> bool:
+        """Sleep up to `seconds`; True as soon as a stop was asked for."""
+        if self.requested is None and seconds > 0.0:
+            select.select([self._reader], [], [], seconds)
+        return self.requested is not None
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in _SIGNALS:
+                self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        self._before.clear()
+        os.close(self._reader)
+        os.close(self._writer)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.request(signal.Signals(number).name)

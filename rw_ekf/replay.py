@@ -1,0 +1,171 @@
+"""Replay of a logged run: the compiled pass, or the very loop of the daemon, to the same document."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.errors import LogError
+from rw_ekf.filter import decisions
+from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.consistency import Consistency, judge
+from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.setup import FilterSetup, setup_of_record
+from rw_ekf.identify.noise import frozen, without_drift
+from rw_ekf.records import IssuedCommand, WheelSample
+from rw_ekf.statistics import RunStatistics
+
+if TYPE_CHECKING:
+    from rw_ekf.logs.wheel_log import WheelLog
+    from rw_ekf.model.model_file import WheelModel
+    from rw_ekf.settings.schema import Configuration
+
+_JUDGED_SAMPLES = 200_000  # of a long log, the first so many decide whether the residual is noise
+_FEW_SAMPLES = 20
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A replayed log: where it ended, how it went, and per-sample columns where they were asked for."""
+
+    log: WheelLog
+    setup: FilterSetup
+    belief: Belief
+    statistics: RunStatistics
+    consistency: Consistency
+    warnings: tuple[str, ...]
+    columns: dict[str, Any] | None
+
+
+def input_of_log(log: WheelLog) -> FilterInput:
+    """Turn a log into what the filter reads."""
+    return FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.command_delay_s, log.segment)
+
+
+def replay_log(
+    log: WheelLog,
+    configuration: Configuration | None = None,
+    model: WheelModel | None = None,
+    *,
+    with_columns: bool = False,
+    smooth: bool = False,
+    online: bool = False,
+    advance: Callable[[int], object] = lambda n: None,
+) -> Replayed:
+    """Filter a log. Raises LogError for a log without a single speed, FilterError where the filter breaks.
+
+    with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
+    and filterpy; `advance` is then told of every 100 samples done.
+    """
+    data = input_of_log(log)
+    if not np.isfinite(data.speed_rad_s).any():
+        raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
+    setup = setup_of_record(data, configuration, model)
+    if online:
+        run = _online(log, setup, advance)
+    else:
+        run = filter_log(
+            data,
+            setup.constants,
+            setup.prior.mean,
+            setup.prior.covariance,
+            keep_states=with_columns,
+            keep_history=smooth,
+        )
+    belief = Belief(run.mean, run.covariance)
+    statistics = RunStatistics.of_run(data, run)
+    consistency = judge_log(data, setup, belief)
+    warnings = [*log.warnings, *setup.notes, *_remarks(data, log, statistics), *consistency.warnings()]
+    columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
+    return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
+
+
+def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consistency:
+    """Second pass with the parameters frozen at the estimate, and the tests of its innovations."""
+    n = min(data.time_s.size, _JUDGED_SAMPLES)
+    head = replace(data, time_s=data.time_s[:n], speed_rad_s=data.speed_rad_s[:n], segment=data.segment[:n])
+    mean, covariance = frozen(belief.parameters)
+    run = filter_log(head, without_drift(setup.constants), mean, covariance)
+    return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
+
+
+def rows_of_log(log: WheelLog) -> Iterator[tuple[WheelSample, IssuedCommand]]:
+    """Yield the log as the samples and commands of a run."""
+    channels = log.channels
+    temperature, pressure = channels.get("temperature_degC"), channels.get("pressure_Pa")
+    voltage, angle = channels.get("bus_voltage_V"), channels.get("angle_rad")
+    for i in range(len(log)):
+        speed = float(log.speed_rad_s[i])
+        sample = WheelSample(
+            time_s=float(log.time_s[i]),
+            speed_rad_s=None if np.isnan(speed) else speed,
+            temperature_degC=_value(temperature, i),
+            pressure_Pa=_value(pressure, i),
+            bus_voltage_V=_value(voltage, i),
+            angle_rad=_value(angle, i),
+            segment=int(log.segment[i]),
+        )
+        yield sample, IssuedCommand(float(log.current_A[i]), float(log.command_delay_s[i]))
+
+
+def _value(values: NDArray[np.float64] | None, i: int) -> float | None:
+    return None if values is None or np.isnan(values[i]) else float(values[i])
+
+
+def _remarks(data: FilterInput, log: WheelLog, statistics: RunStatistics) -> list[str]:
+    said = []
+    present = int(np.isfinite(data.speed_rad_s).sum())
+    if present < _FEW_SAMPLES:
+        said.append(f"only {present} speed readings: the estimates are little more than the prior")
+    if statistics.rejected > 0.05 * max(present, 1):
+        said.append(
+            f"{statistics.rejected} of {present} readings were rejected by the gate: the model or the noise does not "
+            "fit this record"
+        )
+    if not np.any(log.current_A != 0.0):
+        said.append("the current is zero throughout: the motor gain cannot be learned from this log")
+    return said
+
+
+def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object]) -> FilterRun:
+    """Run the daemon's loop over the log and collect what the compiled pass would have left."""
+    from rw_ekf.filter.estimator import Estimator
+    from rw_ekf.loop.loop import command_of_record, run_loop, samples_of_record
+    from rw_ekf.loop.sinks import ArraySink
+    from rw_ekf.wheels import replay_wheel
+
+    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance)
+    driver = replay_wheel(rows_of_log(log), log.name)
+    sink = ArraySink(len(log), advance)
+    run_loop(samples_of_record(driver), estimator, command_of_record(driver), [sink])
+    driver.close()
+    return sink.as_run(estimator.mean, estimator.covariance)
+
+
+def _columns(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth: bool) -> dict[str, Any]:
+    """One row per sample, as the contract's `--out` wants them."""
+    from rw_ekf.model.state import STATE_NAMES
+
+    columns: dict[str, Any] = {"time_s": log.time_s}
+    columns |= {name: run.states[:, i] for i, name in enumerate(STATE_NAMES)}
+    columns |= {f"std_{name}": run.stds[:, i] for i, name in enumerate(STATE_NAMES)}
+    columns["innovation_rad_s"] = run.innovation_rad_s
+    columns["innovation_std_rad_s"] = np.sqrt(run.innovation_variance)
+    columns["nis"] = run.nis
+    columns["accepted"] = run.outcome == decisions.UPDATED
+    columns["reason"] = np.array(REASONS, dtype=object)[run.outcome]
+    if smooth:
+        from rw_ekf.filter.smoother import smooth_log
+
+        means, stds = smooth_log(run)
+        columns |= {f"smoothed_{name}": means[:, i] for i, name in enumerate(STATE_NAMES)}
+        columns |= {f"std_smoothed_{name}": stds[:, i] for i, name in enumerate(STATE_NAMES)}
+    return columns
+
+
+# By outcome code of rw_ekf.filter.decisions; an accepted sample has none.
+REASONS = ["first", "", "missing", "gate", "repeated", "backward", "reseeded"]

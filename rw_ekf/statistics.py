@@ -1,0 +1,89 @@
+"""Running statistics of a run, the same numbers online and over a whole log."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rw_ekf.records import Outcome, StepResult
+from rw_ekf.units import rpm_from_rad_s
+
+if TYPE_CHECKING:
+    from rw_ekf.filter.log_filter import FilterInput, FilterRun
+
+_NIS_95 = 3.841458820694124  # chi-square(1)
+
+
+@dataclass
+class RunStatistics:
+    """Counts and sums; nothing grows with the length of the run."""
+
+    samples: int = 0
+    missing: int = 0
+    rejected: int = 0
+    reseeded: int = 0
+    duration_s: float = 0.0
+    used: int = 0
+    innovation_sum: float = 0.0
+    innovation_squares: float = 0.0
+    nis_sum: float = 0.0
+    nis_inside_95: int = 0
+    _last_time_s: float | None = None
+
+    def add(self, result: StepResult, *, same_segment: bool) -> None:
+        """Count one sample of a running loop."""
+        self.samples += 1
+        if same_segment and self._last_time_s is not None:
+            self.duration_s += max(result.time_s - self._last_time_s, 0.0)
+        self._last_time_s = result.time_s
+        if result.outcome in (Outcome.MISSING, Outcome.REPEATED, Outcome.BACKWARD):
+            self.missing += 1
+        self.reseeded += result.outcome is Outcome.RESEEDED
+        test = result.innovation
+        if test is None:
+            return
+        if not test.accepted:
+            self.rejected += 1
+            return
+        self.used += 1
+        self.innovation_sum += test.innovation_rad_s
+        self.innovation_squares += test.innovation_rad_s**2
+        self.nis_sum += test.nis
+        self.nis_inside_95 += test.nis <= _NIS_95
+
+    @classmethod
+    def of_run(cls, data: FilterInput, run: FilterRun) -> RunStatistics:
+        """Statistics of a compiled pass."""
+        import numpy as np
+
+        from rw_ekf.filter import decisions
+
+        same = np.diff(data.segment) == 0
+        used = run.outcome == decisions.UPDATED
+        innovation = run.innovation_rad_s[used]
+        nis = run.nis[used]
+        tested = np.isfinite(run.innovation_rad_s)
+        return cls(
+            samples=int(data.time_s.size),
+            missing=int(np.count_nonzero(np.isnan(data.speed_rad_s))),
+            rejected=int(np.count_nonzero(tested & ~used)),
+            reseeded=int(np.count_nonzero(run.outcome == decisions.RESEEDED)),
+            duration_s=float(np.diff(data.time_s)[same].sum()),
+            used=int(used.sum()),
+            innovation_sum=float(innovation.sum()),
+            innovation_squares=float(innovation @ innovation),
+            nis_sum=float(nis.sum()),
+            nis_inside_95=int(np.count_nonzero(nis <= _NIS_95)),
+        )
+
+    def innovation_document(self) -> dict[str, float | None]:
+        """Return the `innovation` object of a replay document; null where there was no innovation."""
+        if self.used == 0:
+            return {"rms_rpm": None, "mean_rpm": None, "nis_mean": None, "nis_inside_95": None}
+        return {
+            "rms_rpm": rpm_from_rad_s(math.sqrt(self.innovation_squares / self.used)),
+            "mean_rpm": rpm_from_rad_s(self.innovation_sum / self.used),
+            "nis_mean": self.nis_sum / self.used,
+            "nis_inside_95": self.nis_inside_95 / self.used,
+        }

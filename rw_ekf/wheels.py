@@ -1,0 +1,99 @@
+"""The only module that picks a driver: a wheel on a line, a logged run, a simulated wheel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from rw_ekf.errors import ConfigError
+from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
+from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
+
+if TYPE_CHECKING:
+    from drivers.plant_parameters import PlantParameters
+    from drivers.wire_map import WireMap
+    from rw_ekf.settings.schema import Configuration
+
+
+def load_wire_map(protocol: str) -> WireMap:
+    """Wire map by a name from config/ or a path. Raises ConfigError with every finding."""
+    from drivers.wire_map import wire_map_from_mapping
+    from rw_ekf.settings.resources import protocol_path
+    from rw_ekf.settings.yaml_loader import load_yaml
+
+    document = load_yaml(protocol_path(protocol))
+    return wire_map_from_mapping(document.data, document.where)
+
+
+def limits_beyond_wire(configuration: Configuration, wire_map: WireMap) -> list[str]:
+    """Limits that the wire map cannot carry, a finding each: a command beyond them could never be sent or seen."""
+    found = []
+    low_A, high_A = wire_map.current_range_A
+    limit_A = configuration.limits.current_A
+    if limit_A > high_A or -limit_A < low_A:
+        found.append(
+            f"limits.current_A is {limit_A:g} A, but the wire map {configuration.wheel.protocol!r} carries commands "
+            f"from {low_A:g} to {high_A:g} A: lower the limit."
+        )
+    low, high = (rpm_from_rad_s(v) for v in wire_map.speed_range_rad_s)
+    limit_rpm = configuration.limits.speed_rpm
+    if limit_rpm > high or -limit_rpm < low:
+        found.append(
+            f"limits.speed_rpm is {limit_rpm:g} rpm, but the wire map {configuration.wheel.protocol!r} carries speeds "
+            f"from {low:g} to {high:g} rpm: lower the limit."
+        )
+    return found
+
+
+def check_wire(configuration: Configuration) -> WireMap:
+    """Wire map of a configuration; raises ConfigError where it cannot carry the limits."""
+    wire_map = load_wire_map(configuration.wheel.protocol)
+    found = limits_beyond_wire(configuration, wire_map)
+    if found:
+        raise ConfigError(found)
+    return wire_map
+
+
+def serial_opener(configuration: Configuration, wire_map: WireMap) -> Callable[[WheelDriver | None], WheelDriver]:
+    """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on."""
+    from drivers.serial_wheel import SerialWheel, open_serial_wheel
+
+    def open_wheel(lost: WheelDriver | None) -> WheelDriver:
+        return open_serial_wheel(
+            configuration.wheel.port,
+            wire_map,
+            1e-3 * configuration.loop.reply_timeout_ms,
+            baud=configuration.wheel.baud,
+            previous=lost if isinstance(lost, SerialWheel) else None,
+        )
+
+    return open_wheel
+
+
+def replay_wheel(rows: Iterable[tuple[WheelSample, IssuedCommand]], name: str) -> WheelDriver:
+    """Return a logged run as a wheel."""
+    from drivers.replay_wheel import ReplayWheel
+
+    return ReplayWheel(rows, name)
+
+
+def plant_of(configuration: Configuration | None, effects: list[str]) -> PlantParameters:
+    """Truth of the simulated wheel: the configuration's `simulation` and `wheel`, then effects ("ID:name=value")."""
+    from drivers.plant_effect_text import parse_effects
+    from drivers.plant_parameters import STRIBECK_LAWS, PlantParameters
+
+    plant = PlantParameters()
+    listed: list[str] = []
+    if configuration is not None:
+        truth = configuration.simulation
+        plant = plant._replace(
+            motor_gain=truth.motor_gain,
+            viscous=truth.viscous,
+            coulomb=truth.coulomb,
+            static=truth.static,
+            ambient_degC=truth.ambient_degC,
+            stribeck_speed_rad_s=rad_s_from_rpm(configuration.wheel.stribeck_speed_rpm),
+            stribeck_law=STRIBECK_LAWS[configuration.wheel.stribeck_law],
+        )
+        listed = list(truth.effects)
+    return parse_effects([*listed, *effects], plant)
