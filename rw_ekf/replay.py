@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from rw_ekf.errors import LogError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
-from rw_ekf.filter.consistency import Consistency, judge
+from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.filter.setup import FilterSetup, setup_of_record
+from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.noise import frozen, without_drift
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.statistics import RunStatistics
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from rw_ekf.model.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
 
-_JUDGED_SAMPLES = 200_000  # of a long log, the first so many decide whether the residual is noise
+_JUDGED_SAMPLES = 20_000  # of a long log, the first so many decide whether the residual is noise
 _FEW_SAMPLES = 20
 
 
@@ -85,10 +86,19 @@ def replay_log(
 
 
 def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consistency:
-    """Second pass with the parameters frozen at the estimate, and the tests of its innovations."""
+    """Second pass with the parameters frozen at the best single value for the log, and the tests of its innovations.
+
+    That value is the least-squares one, started from the filter's: where the filter went wrong early in a short log and
+    only the fit is right, the model is not to blame.
+    """
     n = min(data.time_s.size, _JUDGED_SAMPLES)
     head = replace(data, time_s=data.time_s[:n], speed_rad_s=data.speed_rad_s[:n], segment=data.segment[:n])
-    mean, covariance = frozen(belief.parameters)
+    if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
+        return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
+    found = belief.parameters
+    starts = [found, found._replace(static=found.coulomb), found._replace(static=1.35 * found.coulomb)]
+    best = least_squares(head, setup.constants, setup.prior, starts=starts).parameters
+    mean, covariance = frozen(best)
     run = filter_log(head, without_drift(setup.constants), mean, covariance)
     return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
 

@@ -17,7 +17,7 @@ Float64Array = NDArray[np.float64]
 
 FALSE_ALARM = 1.0e-3  # of the verdict as a whole, over both tests
 _LAGS = 20
-_MIN_SAMPLES = 100
+MIN_SAMPLES = 100
 _NOISE_TOLERANCE = 0.25  # a speed noise wrong by more than this is worth a word
 
 
@@ -69,7 +69,7 @@ def judge(innovation_rad_s: Float64Array, variance: Float64Array, used: NDArray[
     z = innovation_rad_s[used] / np.sqrt(variance[used])
     z = z[np.isfinite(z)]
     n = z.size
-    if n < _MIN_SAMPLES:
+    if n < MIN_SAMPLES:
         return Consistency(n, None, None, None, None, None)
     spread = float(np.std(z))
     if not spread > 0.0:

@@ -204,6 +204,11 @@ def _filter_pass(
                 else:
                     gated_in_a_row += 1
             last = i
+        elif keep_all:  # skipped: for a smoother the state just stays
+            row[:] = 0.0
+            row[0] = 1.0
+            noise[:] = 0.0
+            _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
         outcome[i] = what
         if keep_state:
             for j in range(n):

@@ -19,6 +19,7 @@ from rw_ekf.errors import ConfigError
 PathTuple = tuple[str | int, ...]
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
+_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)")
 _CONSTANTS = {"": None, "~": None, "null": None, "true": True, "false": False}
@@ -185,6 +186,8 @@ class _Builder:
             return _CONSTANTS[text]
         if _INTEGER.fullmatch(text):
             return int(text) if len(text) <= _MAX_DIGITS else self._finding(node, "a number with too many digits")
+        if _HEXADECIMAL.fullmatch(text):
+            return int(text, 16)
         if _FLOAT.fullmatch(text):
             value = float(text)
             return value if abs(value) != float("inf") else self._finding(node, f"{text} is too large for a number")

@@ -104,3 +104,9 @@ def test_a_byte_order_mark_and_windows_line_ends_are_no_trouble(tmp_path: Path) 
     path = tmp_path / "w.yaml"
     path.write_bytes(b"\xef\xbb\xbfa: 1\r\nb: 2\r\n")
     assert load_yaml(path).data == {"a": 1, "b": 2}
+
+
+def test_hexadecimal_numbers_of_a_wire_map_are_integers() -> None:
+    """YAML 1.2 writes bytes as 0x1F; they arrive as the integer, quoted ones as text."""
+    data = parse_yaml("{escape: 0x1F, text: '0x1F'}", "map.yaml").data
+    assert data == {"escape": 31, "text": "0x1F"}
