@@ -11,7 +11,7 @@ from rw_ekf.commands.inputs import add_log_options, read_configuration, read_log
 
 HELP = "filter logged runs"
 EXAMPLE = """example:
-  rw-ekf replay runs/2026-11-21.csv --out estimates.csv
+  rw-ekf replay runs/2026-11-21.csv --out estimates.csv --picture run.png
   rw-ekf replay carriage.csv --columns columns-emps.yaml --json"""
 
 

@@ -15,6 +15,9 @@ from rw_ekf.units import RAD_S_PER_RPM
 Float64Array = NDArray[np.float64]
 
 SECONDS_PER_HOUR = 3600.0
+# Without any process noise the speed's variance shrinks for ever, and after some 10^5 samples rounding makes it negative.
+# This much, in speed noises per sqrt(s), is far below what any wheel has.
+_LEAST_ACCELERATION_NOISE = 1.0e-4
 
 # Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (contract, 4).
 _RELATIVE_STD = (0.30, 1.00, 0.50)
@@ -112,7 +115,7 @@ def filter_constants(
         omega_s=stribeck_speed_rad_s,
         law=LAW_CODES[stribeck_law],
         speed_variance=noise.speed_noise_rad_s**2,
-        acceleration_noise=noise.acceleration_noise**2,
+        acceleration_noise=max(noise.acceleration_noise, _LEAST_ACCELERATION_NOISE * noise.speed_noise_rad_s) ** 2,
         motor_gain_drift=drift[0],
         viscous_drift=drift[1],
         coulomb_drift=drift[2],

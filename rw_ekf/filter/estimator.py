@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.errors import FilterError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.current_schedule import CurrentSchedule
@@ -52,7 +53,12 @@ class Estimator:
         return np.array(self.ekf.P)
 
     def command_issued(self, command: IssuedCommand) -> None:
-        """Note the current that goes into force after the last sample; without a call the old one holds."""
+        """Note the current that goes into force after the last sample; without a call the old one holds.
+
+        Raises FilterError on a current or a delay that is not a finite number.
+        """
+        if not (math.isfinite(command.current_A) and math.isfinite(command.delay_s)):
+            raise FilterError(f"a current of {command.current_A} A, {command.delay_s} s late, reached the filter")
         if self._last is not None:
             self._schedule.issue(self._last.time_s, command.current_A, command.delay_s)
 

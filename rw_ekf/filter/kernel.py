@@ -81,16 +81,17 @@ def _predict_covariance(P: Float64Array, row: Float64Array, noise: Float64Array,
         P[j, j] += noise[j]
 
 
-def _update_joseph(x: Float64Array, P: Float64Array, innovation: float, S: float, work: Float64Array) -> None:
-    """Update by a measured speed: (I - K H) P (I - K H)' + K R K' written out for H = (1, 0, ...), symmetric."""
+def _update_joseph(x: Float64Array, P: Float64Array, innovation: float, S: float, R: float, work: Float64Array) -> None:
+    """Update by a measured speed: (I - K H) P (I - K H)' + K R K' for H = (1, 0, ...), symmetric; `work` (n,) is K."""
     n = x.size
     for i in range(n):
-        work[i] = P[i, 0]
-    for i in range(n):
-        gain = work[i] / S
-        x[i] += gain * innovation
-        for j in range(i + 1):
-            value = P[i, j] - gain * work[j] - work[i] * (work[j] / S) + gain * S * (work[j] / S)
+        work[i] = P[i, 0] / S
+        x[i] += work[i] * innovation
+    for i in range(n - 1, -1, -1):  # downward: row and column 0 are still the old ones when they are read
+        for j in range(i, -1, -1):
+            open_ij = P[i, j] - work[i] * P[0, j]
+            open_i0 = P[i, 0] - work[i] * P[0, 0]
+            value = open_ij - open_i0 * work[j] + work[i] * R * work[j]
             P[i, j] = value
             P[j, i] = value
 
@@ -193,7 +194,7 @@ def _filter_pass(
                 innovation_variance[i] = S
                 what = gating(nis, constants.gate, gated_in_a_row, constants.reseed_after)
                 if what == UPDATED:
-                    _update_joseph(x, P, residual, S, work)
+                    _update_joseph(x, P, residual, S, R, work)
                     gated_in_a_row = 0
                 elif what == RESEEDED:
                     _seed_speed(x, P, speed, R)

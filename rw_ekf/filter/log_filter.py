@@ -87,9 +87,13 @@ def filter_log(
 ) -> FilterRun:
     """Run the filter over `data` from the belief (mean (5,), covariance (5, 5)); neither is changed.
 
-    The speed of `mean` is replaced by the first reading. Raises FilterError when the result is not finite.
+    The speed of `mean` is replaced by the first reading. Raises FilterError when the input or the result is not finite.
     """
     n = data.time_s.size
+    if not np.isfinite(data.pieces.current_A).all() or np.isinf(data.speed_rad_s).any():
+        raise FilterError(
+            "the log holds a current or a speed that is not finite (a missing speed is NaN, no current is)"
+        )
     x = np.array(mean, dtype=np.float64)
     P = np.array(covariance, dtype=np.float64)
     size = STATE_SIZE

@@ -142,7 +142,9 @@ class _Problem:
             sigma = np.sqrt(np.diag(np.linalg.inv(R.T @ R)))
             while True:
                 dp, trial = self.step(point, parts, R, z, damping)
-                small = bool(np.all(np.abs(dp) < _STEP_TOLERANCE * sigma))
+                # Where the model is wrong the loss is many times the readings' number; "small" is judged against that.
+                factor = max(1.0, point.loss / max(int(self.used.sum()), 1))
+                small = bool(np.all(np.abs(dp) < _STEP_TOLERANCE * math.sqrt(factor) * sigma))
                 if trial.loss <= point.loss:
                     break
                 if small or damping > 1.0e12:
@@ -151,7 +153,7 @@ class _Problem:
             gained = point.loss - trial.loss
             point = trial
             damping = max(damping / 8.0, 1.0e-9)
-            if small and gained < 1.0e-3:
+            if small and gained < 1.0e-3 * factor:
                 return point, True, iteration
         return point, False, _MAX_ITERATIONS
 

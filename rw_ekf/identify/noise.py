@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.identify.record_scale import speed_noise_of
 from rw_ekf.model.state import STATE_SIZE, FrictionParameters
 
 Float64Array = NDArray[np.float64]
@@ -58,7 +59,11 @@ def fit_noise(
     *,
     max_samples: int = 200_000,
 ) -> NoiseFit:
-    """Tune R and q on (at most the first max_samples of) a log whose parameters are known or fitted."""
+    """Tune R and q on (at most the first max_samples of) a log whose parameters are known or fitted.
+
+    The speed noise is sought between a tenth and three times what third differences of the readings show: where the
+    model is wrong, process noise alone could explain everything and the likelihood would run to a sensor without noise.
+    """
     from scipy.optimize import minimize
 
     data = _leave_out_spikes(_head(data, max_samples), constants, parameters)
@@ -72,20 +77,22 @@ def fit_noise(
         value = -filter_log(data, trial, mean, covariance).log_likelihood
         return value if math.isfinite(value) else 1.0e300
 
-    sigma_0 = math.sqrt(constants.speed_variance)
+    seen = speed_noise_of(data.time_s, data.speed_rad_s, data.segment)
+    sigma_0 = seen or math.sqrt(constants.speed_variance)
+    low, high = (math.log(0.1 * sigma_0), math.log(3.0 * sigma_0)) if seen is not None else (-math.inf, math.inf)
     floor = math.log(sigma_0) - 12.0
     best = None
-    for share in (0.03, 0.6):
+    for q_0 in (0.03 * sigma_0, 0.6 * sigma_0, _model_error(data, base, parameters)):
         found = minimize(
-            lambda v: negative(v[0], max(v[1], floor)),
-            x0=[math.log(sigma_0), math.log(share * sigma_0)],
+            lambda v: negative(min(max(v[0], low), high), max(v[1], floor)),
+            x0=[math.log(sigma_0), math.log(max(q_0, 1.0e-3 * sigma_0))],
             method="Nelder-Mead",
-            options={"xatol": 1e-4, "fatol": 1e-4, "maxfev": 240, "initial_simplex": None},
+            options={"xatol": 1e-4, "fatol": 1e-4, "maxfev": 240},
         )
         if best is None or found.fun < best.fun:
             best = found
     assert best is not None
-    log_sigma, log_q = float(best.x[0]), max(float(best.x[1]), floor)
+    log_sigma, log_q = min(max(float(best.x[0]), low), high), max(float(best.x[1]), floor)
     lowest = float(best.fun)
     at_boundary = negative(log_sigma, floor) - lowest < 1.0e-2
     limit = _upper_limit(negative, log_sigma, floor if at_boundary else log_q, lowest)
@@ -100,6 +107,15 @@ def fit_noise(
         log_likelihood=-lowest,
         samples=int(np.isfinite(data.speed_rad_s).sum()),
     )
+
+
+def _model_error(data: FilterInput, constants: FilterConstants, parameters: FrictionParameters) -> float:
+    """Acceleration noise that one-step errors would ask for if readings had none [rad/s per sqrt(s)]."""
+    mean, covariance = frozen(parameters)
+    run = filter_log(data, constants, mean, covariance)
+    step = np.diff(data.time_s)[np.diff(data.segment) == 0]
+    period = float(np.median(step)) if step.size else 1.0
+    return float(np.sqrt(np.nanmean(run.innovation_rad_s**2) / max(period, 1.0e-9)))
 
 
 def _head(data: FilterInput, n: int) -> FilterInput:

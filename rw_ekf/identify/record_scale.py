@@ -71,11 +71,11 @@ def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: NDA
         return None
     sigma = 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0)
     steps = np.abs(np.diff(y))
-    steps = steps[np.isfinite(steps) & (steps > 0.0)]
+    steps = steps[np.isfinite(steps) & (steps > 1.0e-9 * np.nanmax(np.abs(y)))]
     if steps.size == 0:
         return None
-    if sigma == 0.0:
-        sigma = max(float(np.min(steps)) / np.sqrt(12.0), float(np.sqrt(np.mean(third**2) / 20.0)) * 0.1)
+    if sigma <= 1.0e-9 * float(np.nanmax(np.abs(y))):
+        sigma = max(float(np.quantile(steps, 0.1)) / np.sqrt(12.0), float(np.sqrt(np.mean(third**2) / 20.0)) * 0.1)
     return float(sigma)
 
 

@@ -58,6 +58,8 @@ def allowed_current(
     """
     if not math.isfinite(requested_A):
         return 0.0, "not_finite"
+    if speed_rad_s is not None and math.isnan(speed_rad_s):  # no current brakes for certain
+        return 0.0, None if requested_A == 0.0 else "over_speed"
     if temperature_degC is not None and not temperature_degC <= limits.temperature_degC:
         return 0.0, None if requested_A == 0.0 else "over_temperature"
     reason = None
@@ -89,6 +91,7 @@ class CurrentGuard:
         self._written_at_s = clock()
         self._speed_rad_s: float | None = None
         self._temperature_degC: float | None = None
+        self.doubtful = False  # whether the last write was confirmed is not known: it may be in force or not
 
     def write(self, requested_A: float, sample: WheelSample) -> IssuedCommand:
         """Write what is allowed of a request made on `sample`; retried once where the wheel does not confirm.
@@ -100,6 +103,7 @@ class CurrentGuard:
             self._speed_rad_s = sample.speed_rad_s
         if sample.temperature_degC is not None:
             self._temperature_degC = sample.temperature_degC
+        self._believe_telemetry(sample.current_command_A)
         now = self._clock()
         current, reason = allowed_current(
             requested_A,
@@ -113,6 +117,11 @@ class CurrentGuard:
         if not issued.acknowledged:
             issued = self._send(current)
         self._written_at_s = now
+        if not issued.acknowledged and issued.reason != "timeout" and current != 0.0:
+            # The wheel answers that it will not: the old current must not stay in its place.
+            refusal, issued = issued.reason, self._send(0.0)
+            reason = refusal or "refused"
+        self.doubtful = not issued.acknowledged
         if not issued.acknowledged:
             return IssuedCommand(self._previous_A, issued.delay_s, False, issued.reason or "unconfirmed")
         self._previous_A = issued.current_A
@@ -123,15 +132,22 @@ class CurrentGuard:
         end = self._clock() + within_s
         while True:
             try:
-                if self._send(0.0).acknowledged:
-                    self._previous_A = 0.0
-                    self._written_at_s = self._clock()
+                # Confirmed or not, the way back up starts from zero.
+                self._previous_A, self._written_at_s = 0.0, self._clock()
+                self.doubtful = not self._send(0.0).acknowledged
+                if not self.doubtful:
                     return True
             except DriverError:
+                self.doubtful = True
                 return False
             if self._clock() >= end:
                 return False
             time.sleep(_ZERO_RETRY_S)
+
+    def _believe_telemetry(self, in_force_A: float | None) -> None:
+        """Slew from what the wheel says is in force: it may have restarted, or taken what it never confirmed."""
+        if in_force_A is not None and math.isfinite(in_force_A):
+            self._previous_A = in_force_A
 
     def _send(self, current_A: float) -> IssuedCommand:
         return self.driver.command_current(current_A)

@@ -1,0 +1,103 @@
+"""Pictures of a run: speed, innovation with its band, the parameters converging with theirs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.units import RAD_S_PER_RPM
+
+if TYPE_CHECKING:
+    from rw_ekf.logs.wheel_log import WheelLog
+
+_BLUE, _RED, _GREY = "#1f5fa8", "#c0392b", "#8a8f98"
+_TITLES = {
+    "motor_gain": "motor gain",
+    "viscous": "viscous friction",
+    "coulomb": "Coulomb friction",
+    "static": "break-away friction",
+}
+
+
+def run_picture(
+    path: str | Path,
+    log: WheelLog,
+    columns: Mapping[str, Any],
+    *,
+    truth: Mapping[str, float] | None = None,
+    title: str = "",
+) -> None:
+    """Write a PNG of one replayed log. `columns` are those of `replay --out`; truth: parameters, drawn dashed."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    time_s = np.asarray(columns["time_s"], dtype=np.float64)
+    time_s = time_s - (time_s[0] if time_s.size else 0.0)
+    figure, axes = plt.subplots(6, 1, figsize=(10, 13), sharex=True, height_ratios=[1.5, 1.2, 1, 1, 1, 1])
+    _draw_speed(axes[0], time_s, log, columns)
+    _draw_innovation(axes[1], time_s, columns)
+    for axis, name in zip(axes[2:], PARAMETER_NAMES, strict=True):
+        _draw_parameter(axis, time_s, columns, name, None if truth is None else truth.get(name))
+    axes[-1].set_xlabel("time [s]")
+    for axis in axes:
+        axis.grid(visible=True, alpha=0.25)
+        axis.margins(x=0.01)
+    figure.suptitle(title or log.name, fontsize=12)
+    figure.align_ylabels(axes)
+    figure.tight_layout(rect=(0, 0, 1, 0.99))
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110, format="png")
+    plt.close(figure)
+
+
+def _draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any]) -> None:
+    measured = log.speed_rad_s / RAD_S_PER_RPM
+    axis.plot(time_s, measured, ".", ms=2, color=_GREY, label="measured")
+    axis.plot(time_s, np.asarray(columns["speed_rad_s"]) / RAD_S_PER_RPM, lw=1.0, color=_BLUE, label="estimate")
+    axis.set_ylabel("speed [rpm]")
+    current = axis.twinx()
+    current.step(time_s, 1e3 * log.current_A, where="post", lw=0.7, color=_RED, alpha=0.45)
+    current.set_ylabel("current [mA]", color=_RED)
+    axis.legend(loc="upper right", fontsize=8)
+
+
+def _draw_innovation(axis: Any, time_s: Any, columns: Mapping[str, Any]) -> None:
+    innovation = np.asarray(columns["innovation_rad_s"]) / RAD_S_PER_RPM
+    band = 3.0 * np.asarray(columns["innovation_std_rad_s"]) / RAD_S_PER_RPM
+    axis.fill_between(time_s, -band, band, color=_BLUE, alpha=0.15, lw=0, label="3 sigma")
+    axis.plot(time_s, innovation, ".", ms=2, color=_BLUE)
+    rejected = ~np.asarray(columns["accepted"], dtype=bool) & np.isfinite(innovation)
+    if rejected.any():
+        axis.plot(time_s[rejected], innovation[rejected], "x", ms=5, color=_RED, label="rejected")
+    typical = float(np.nanmedian(band)) if np.isfinite(band).any() else 1.0
+    axis.set_ylim(-2.0 * typical, 2.0 * typical)
+    axis.set_ylabel("innovation [rpm]")
+    axis.legend(loc="upper right", fontsize=8)
+
+
+def _draw_parameter(axis: Any, time_s: Any, columns: Mapping[str, Any], name: str, truth: float | None) -> None:
+    value = np.asarray(columns[name], dtype=np.float64)
+    band = 3.0 * np.asarray(columns[f"std_{name}"], dtype=np.float64)
+    axis.fill_between(time_s, value - band, value + band, color=_BLUE, alpha=0.15, lw=0)
+    axis.plot(time_s, value, lw=1.2, color=_BLUE, label="estimate, 3 sigma")
+    if truth is not None:
+        axis.axhline(truth, ls="--", lw=1.0, color=_RED, label="truth")
+    # The band of the prior dwarfs everything later: show what is left after the first tenth of the run.
+    late = slice(max(1, value.size // 10), None)
+    if value[late].size:
+        low, high = float(np.min((value - band)[late])), float(np.max((value + band)[late]))
+        if truth is not None:
+            low, high = min(low, truth), max(high, truth)
+        pad = 0.1 * (high - low) if high > low else max(abs(high), 1e-12)
+        if math.isfinite(low) and math.isfinite(high):
+            axis.set_ylim(low - pad, high + pad)
+    axis.set_ylabel(f"{_TITLES[name]}\n[{STATE_UNITS[name]}]", fontsize=9)
+    axis.legend(loc="upper right", fontsize=8)
