@@ -32,8 +32,12 @@ def run_picture(
     *,
     truth: Mapping[str, float] | None = None,
     title: str = "",
+    wheel_units: bool = True,
 ) -> None:
-    """Write a PNG of one replayed log. `columns` are those of `replay --out`; truth: parameters, drawn dashed."""
+    """Write a PNG of one replayed log. `columns` are those of `replay --out`; truth: parameters, drawn dashed.
+
+    wheel_units: rpm and mA; otherwise as the log has them, for a plant that is no wheel.
+    """
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -42,8 +46,8 @@ def run_picture(
     time_s = np.asarray(columns["time_s"], dtype=np.float64)
     time_s = time_s - (time_s[0] if time_s.size else 0.0)
     figure, axes = plt.subplots(6, 1, figsize=(10, 13), sharex=True, height_ratios=[1.5, 1.2, 1, 1, 1, 1])
-    _draw_speed(axes[0], time_s, log, columns)
-    _draw_innovation(axes[1], time_s, columns)
+    _draw_speed(axes[0], time_s, log, columns, wheel_units=wheel_units)
+    _draw_innovation(axes[1], time_s, columns, wheel_units=wheel_units)
     for axis, name in zip(axes[2:], PARAMETER_NAMES, strict=True):
         _draw_parameter(axis, time_s, columns, name, None if truth is None else truth.get(name))
     axes[-1].set_xlabel("time [s]")
@@ -58,20 +62,23 @@ def run_picture(
     plt.close(figure)
 
 
-def _draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any]) -> None:
-    measured = log.speed_rad_s / RAD_S_PER_RPM
+def _draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any], *, wheel_units: bool) -> None:
+    unit, scale = ("rpm", RAD_S_PER_RPM) if wheel_units else ("rad/s", 1.0)
+    measured = log.speed_rad_s / scale
     axis.plot(time_s, measured, ".", ms=2, color=_GREY, label="measured")
-    axis.plot(time_s, np.asarray(columns["speed_rad_s"]) / RAD_S_PER_RPM, lw=1.0, color=_BLUE, label="estimate")
-    axis.set_ylabel("speed [rpm]")
+    axis.plot(time_s, np.asarray(columns["speed_rad_s"]) / scale, lw=1.0, color=_BLUE, label="estimate")
+    axis.set_ylabel(f"speed [{unit}]")
     current = axis.twinx()
-    current.step(time_s, 1e3 * log.current_A, where="post", lw=0.7, color=_RED, alpha=0.45)
-    current.set_ylabel("current [mA]", color=_RED)
+    drive = 1e3 * log.current_A if wheel_units else log.current_A
+    current.step(time_s, drive, where="post", lw=0.7, color=_RED, alpha=0.45)
+    current.set_ylabel("current [mA]" if wheel_units else "drive", color=_RED)
     axis.legend(loc="upper right", fontsize=8)
 
 
-def _draw_innovation(axis: Any, time_s: Any, columns: Mapping[str, Any]) -> None:
-    innovation = np.asarray(columns["innovation_rad_s"]) / RAD_S_PER_RPM
-    band = 3.0 * np.asarray(columns["innovation_std_rad_s"]) / RAD_S_PER_RPM
+def _draw_innovation(axis: Any, time_s: Any, columns: Mapping[str, Any], *, wheel_units: bool) -> None:
+    unit, scale = ("rpm", RAD_S_PER_RPM) if wheel_units else ("rad/s", 1.0)
+    innovation = np.asarray(columns["innovation_rad_s"]) / scale
+    band = 3.0 * np.asarray(columns["innovation_std_rad_s"]) / scale
     axis.fill_between(time_s, -band, band, color=_BLUE, alpha=0.15, lw=0, label="3 sigma")
     axis.plot(time_s, innovation, ".", ms=2, color=_BLUE)
     rejected = ~np.asarray(columns["accepted"], dtype=bool) & np.isfinite(innovation)
@@ -79,7 +86,7 @@ def _draw_innovation(axis: Any, time_s: Any, columns: Mapping[str, Any]) -> None
         axis.plot(time_s[rejected], innovation[rejected], "x", ms=5, color=_RED, label="rejected")
     typical = float(np.nanmedian(band)) if np.isfinite(band).any() else 1.0
     axis.set_ylim(-2.0 * typical, 2.0 * typical)
-    axis.set_ylabel("innovation [rpm]")
+    axis.set_ylabel(f"innovation [{unit}]")
     axis.legend(loc="upper right", fontsize=8)
 
 

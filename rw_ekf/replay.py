@@ -166,7 +166,7 @@ def _columns(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth: bool)
     columns["innovation_rad_s"] = run.innovation_rad_s
     columns["innovation_std_rad_s"] = np.sqrt(run.innovation_variance)
     columns["nis"] = run.nis
-    columns["accepted"] = run.outcome == decisions.UPDATED
+    columns["accepted"] = (run.outcome == decisions.UPDATED) | (run.outcome == decisions.FIRST)
     columns["reason"] = np.array(REASONS, dtype=object)[run.outcome]
     if smooth:
         from rw_ekf.filter.smoother import smooth_log

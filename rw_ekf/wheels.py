@@ -54,8 +54,14 @@ def check_wire(configuration: Configuration) -> WireMap:
     return wire_map
 
 
-def serial_opener(configuration: Configuration, wire_map: WireMap) -> Callable[[WheelDriver | None], WheelDriver]:
-    """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on."""
+def serial_opener(
+    configuration: Configuration, wire_map: WireMap, *, probe: bool = True
+) -> Callable[[WheelDriver | None], WheelDriver]:
+    """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
+
+    probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
+    where its answers do not come through.
+    """
     from drivers.serial_wheel import SerialWheel, open_serial_wheel
 
     def open_wheel(lost: WheelDriver | None) -> WheelDriver:
@@ -64,6 +70,7 @@ def serial_opener(configuration: Configuration, wire_map: WireMap) -> Callable[[
             wire_map,
             1e-3 * configuration.loop.reply_timeout_ms,
             baud=configuration.wheel.baud,
+            probe=probe and lost is None,
             previous=lost if isinstance(lost, SerialWheel) else None,
         )
 

@@ -46,5 +46,18 @@ def read_logs(paths: list[str], columns: str | None) -> list[WheelLog]:
     from rw_ekf.logs.column_map import load_column_map
     from rw_ekf.logs.reader import read_log
 
-    column_map = None if columns is None else load_column_map(columns)
+    column_map = None if columns is None else load_column_map(_shipped_or_own(columns))
     return [read_log(path, column_map) for path in paths]
+
+
+def _shipped_or_own(name: str) -> str:
+    """Take a bare name that is no file here as one of the maps that come with the package."""
+    if Path(name).exists() or Path(name).name != name:
+        return name
+    from rw_ekf.errors import ConfigError
+    from rw_ekf.settings.resources import config_resource
+
+    try:
+        return str(config_resource(name))
+    except ConfigError as error:
+        raise ConfigError(f"{name}: no such file, and {error}") from None

@@ -22,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", metavar="F", help="model YAML to start from, as `fit --out` or a run writes it")
     parser.add_argument("--prior", dest="model", metavar="F", help=argparse.SUPPRESS)
     parser.add_argument("--out", metavar="FILE", help="one row per sample, CSV, Parquet or .mat by its ending")
+    parser.add_argument("--picture", metavar="PNG", help="speed, innovation and parameters of one log as a picture")
     parser.add_argument(
         "--smooth", action="store_true", help="add smoothed states (the whole log's hindsight) to --out"
     )
@@ -39,6 +40,8 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError("--smooth adds columns to --out: name a file with --out FILE")
     if args.smooth and args.online:
         raise BadInputError("--smooth needs the whole log at once and --online goes sample by sample: drop one of them")
+    if args.picture is not None and len(args.logs) != 1:
+        raise BadInputError(f"--picture shows one log, {len(args.logs)} are named: replay them one by one")
     if args.out is not None:
         from rw_ekf.logs.tables import check_suffix
 
@@ -59,7 +62,7 @@ def execute(args: argparse.Namespace) -> int:
                 log,
                 configuration,
                 model,
-                with_columns=args.out is not None,
+                with_columns=args.out is not None or args.picture is not None,
                 smooth=args.smooth,
                 online=args.online,
                 advance=bar.update,
@@ -70,6 +73,12 @@ def execute(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     if args.out is not None:
         _write(args.out, [(item.log.name, item.columns or {}) for item in done])
+    if args.picture is not None:
+        from rw_ekf.pictures import run_picture
+
+        item = done[0]
+        wheel_units = item.setup.inertia_kg_m2 is not None
+        run_picture(args.picture, item.log, item.columns or {}, wheel_units=wheel_units)
     write_s = time.perf_counter() - started
     entries = [
         log_entry(

@@ -32,13 +32,16 @@ def execute(args: argparse.Namespace) -> int:
         pid = stop_holder(port)
     except DriverError as error:  # zero is tried all the same
         trouble = error
-    driver = serial_opener(configuration, load_wire_map(configuration.wheel.protocol))(None)
+    # Without a probe: zero goes out even where the wheel's answers are lost.
+    driver = serial_opener(configuration, load_wire_map(configuration.wheel.protocol), probe=False)(None)
     try:
         confirmed = CurrentGuard(driver, SafetyLimits.of(configuration.limits)).zero(1.0)
     finally:
         driver.close()
     if not confirmed:
-        raise DriverError(f"{port}: zero was sent but the wheel did not confirm it; try again, or cut its power")
+        raise DriverError(
+            f"{port}: zero was sent but no wheel confirmed it within 1 s; check the port, try again, or cut its power"
+        )
     if trouble is not None:
         raise trouble
     if args.json:

@@ -114,7 +114,7 @@ class Estimator:
             reason = None
         elif what == decisions.RESEEDED:
             self._seed(sample)
-            reason = f"gate, {c.reseed_after} in a row: speed re-seeded"
+            reason = "reseeded"
         else:
             self._gated_in_a_row += 1
             reason = "gate"

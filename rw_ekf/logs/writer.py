@@ -14,7 +14,7 @@ from typing import Self
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.wheel_log import LOG_COLUMNS
-from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
 
 STATE_KEYS = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
 INNOVATION_COLUMNS = ("innovation_rad_s", "innovation_std_rad_s", "nis", "accepted", "reason")
@@ -110,7 +110,7 @@ class EstimateWriter(RowWriter):
                 None if test is None else test.innovation_rad_s,
                 None if test is None else test.std_rad_s,
                 None if test is None else test.nis,
-                None if test is None else test.accepted,
+                result.outcome in (Outcome.UPDATED, Outcome.FIRST),
                 result.outcome.value if test is None else test.reason,
             )
         )

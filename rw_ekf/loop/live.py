@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rw_ekf.errors import DriverError
 from rw_ekf.loop.safety import CurrentGuard, SafetyLimits
@@ -27,15 +28,14 @@ class LoopTiming:
     late_ms_max: float = 0.0
     late_ms: list[float] = field(default_factory=list)
 
-    def note(self, late_s: float, *, overrun: bool) -> None:
-        """Note one tick that began late_s after its time; overrun: the one before had not ended by then."""
+    def note(self, late_s: float) -> None:
+        """Note one tick that began late_s after its time."""
         late = 1e3 * max(late_s, 0.0)
         if len(self.late_ms) < _LATENESS_KEPT:
             self.late_ms.append(late)
         else:
             self.late_ms[self.ticks % _LATENESS_KEPT] = late
         self.ticks += 1
-        self.overruns += overrun
         self.late_ms_max = max(self.late_ms_max, late)
 
     def percentile_ms(self, share: float) -> float:
@@ -47,7 +47,12 @@ class LoopTiming:
 
 
 class LiveWheel:
-    """Reads the wheel at each tick and writes what the guard allows. One of these per `run`."""
+    """Reads the wheel at each tick and writes what the guard allows. One of these per `run`.
+
+    A tick without a reply is a sample without a speed: the current of the sample before holds. Where the current that was
+    in force cannot be known (nobody confirmed a command, and telemetry contradicts the log), a new segment begins, so
+    that the filter, and whoever replays the log, starts the speed afresh instead of believing a wrong current.
+    """
 
     def __init__(
         self,
@@ -73,8 +78,14 @@ class LiveWheel:
         self.driver = open_wheel(None)
         self.guard = CurrentGuard(self.driver, limits)
         self.lost = False
+        self.silent = False  # no telemetry for longer than limits.silence_s
         self._heard_s = time.monotonic()
-        self._silent = False
+        self._last: WheelSample | None = None
+        self._last_tick_s = 0.0
+        self._told_A: float | None = None  # the last current that the log and the filter were told of
+        self._broken = False
+        self._breaks = 0
+        self._zeroed_after_s: float | None = None  # in silence: the zero was confirmed, so long after the tick
         self._retry_at = 0.0
         self._changed_for: str | None = None
         if writes:
@@ -86,32 +97,43 @@ class LiveWheel:
         return self.driver.link
 
     def samples(self, duration_s: float | None = None) -> Iterator[WheelSample]:
-        """Samples, one per tick, until a stop is asked for or `duration_s` of samples have come."""
-        deadline = time.monotonic()
-        began = deadline
+        """Samples, one per tick, until a stop is asked for or `duration_s` of samples have come.
+
+        Time counts as the samples tell it, and by the host's clock where none come.
+        """
+        deadline = told_s = time.monotonic()
+        covered_s = 0.0
+        before: WheelSample | None = None
         while not self._stop.wait(deadline - time.monotonic()):
             now = time.monotonic()
-            late = now - deadline
-            self.timing.note(late, overrun=late >= self._period_s)
-            sample = self._read()
+            self.timing.note(now - deadline)
+            sample = self._read(now)
             if sample is not None:
+                known = before is not None and sample.segment == before.segment
+                covered_s += max(sample.time_s - before.time_s, 0.0) if known and before else now - told_s
+                before, told_s = sample, now
                 yield sample
             deadline += self._period_s
             after = time.monotonic()
+            if after > deadline:
+                self.timing.overruns += 1
             if after - deadline > self._period_s:  # skip the ticks that are past, keep the phase
                 deadline += self._period_s * int((after - deadline) / self._period_s)
-            if duration_s is not None and after - began >= duration_s - 0.5 * self._period_s:
+            if duration_s is not None and covered_s + now - told_s >= duration_s - 0.5 * self._period_s:
                 return
 
     def issue(self, request: Request) -> Callable[[WheelSample, StepResult], IssuedCommand | None]:
         """Return what commands the wheel after each sample: the request, through the guard."""
 
         def write(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
+            if sample.speed_rad_s is None:
+                return self._command_of_a_missed_tick()
             try:
                 command = self.guard.write(request(sample), sample)
             except DriverError as error:
                 self._lose(error)
                 return None
+            self._told_A = command.current_A
             if command.reason != self._changed_for:
                 self._changed_for = command.reason
                 if command.reason is not None:
@@ -130,7 +152,7 @@ class LiveWheel:
         self.driver.close()
         return confirmed
 
-    def _read(self) -> WheelSample | None:
+    def _read(self, tick_s: float) -> WheelSample | None:
         if self.lost and not self._reconnect():
             return None
         try:
@@ -138,25 +160,53 @@ class LiveWheel:
         except DriverError as error:
             self._lose(error)
             return None
+        if sample is None:
+            return self._missed(tick_s)
         now = time.monotonic()
-        if sample is not None:
-            if self._silent:
-                self._note("telemetry_back", silent_s=round(now - self._heard_s, 2))
-            self._heard_s = now
-            self._silent = False
-            return sample
-        if now - self._heard_s > self._limits.silence_s:
-            if not self._silent:
-                self._note("silence", seconds=round(now - self._heard_s, 2), doing="writing zero, retrying")
-            self._silent = True
-            if self._writes:
-                self.guard.zero(within_s=0.0)
-        return None
+        if self.silent:
+            self._note("telemetry_back", silent_s=round(now - self._heard_s, 2))
+        if (self._broken or self.guard.doubtful) and self._last is not None and not self._as_told(sample):
+            self._breaks += 1
+        self._heard_s, self._last_tick_s = now, tick_s
+        self.silent = self._broken = False
+        self._zeroed_after_s = None
+        self._last = replace(sample, segment=sample.segment + self._breaks)
+        return self._last
+
+    def _missed(self, tick_s: float) -> WheelSample | None:
+        """Answer for a tick without a reply: a sample without a speed, at the time it would have had.
+
+        In silence there is one only where the current changes: when the wheel confirms the zero.
+        """
+        quiet_s = time.monotonic() - self._heard_s
+        if quiet_s > self._limits.silence_s:
+            if not self.silent:
+                doing = "writing zero, retrying" if self._writes else "waiting"
+                self._note("silence", seconds=round(quiet_s, 2), doing=doing)
+            self.silent = True
+            known = self._zeroed_after_s is not None
+            if not self._writes or not self.guard.zero(within_s=0.0) or known:
+                return None
+            self._zeroed_after_s = time.monotonic() - tick_s
+        if self._last is None:
+            return None
+        return WheelSample(self._last.time_s + tick_s - self._last_tick_s, None, segment=self._last.segment)
+
+    def _command_of_a_missed_tick(self) -> IssuedCommand | None:
+        if self._zeroed_after_s is None:
+            return None
+        self._told_A = 0.0
+        return IssuedCommand(0.0, self._zeroed_after_s)
+
+    def _as_told(self, sample: WheelSample) -> bool:
+        """Whether telemetry reports the current that the log says was in force."""
+        said = sample.current_command_A
+        return said is not None and self._told_A is not None and math.isclose(said, self._told_A, abs_tol=1e-7)
 
     def _lose(self, error: DriverError) -> None:
         if not self.lost:
             self._note("link_lost", reason=str(error))
-        self.lost = True
+        self.lost = self._broken = True
         self._retry_at = time.monotonic()
 
     def _reconnect(self) -> bool:
@@ -187,11 +237,14 @@ def with_following_command(samples: Iterator[WheelSample]) -> Iterator[tuple[Whe
     """Pair each sample with the command that telemetry reports at the next one, a tick later.
 
     Beside a lab's own controller the command of an interval is known only at its end: what a reading reports as in
-    force was set after the reading before. The last sample is dropped: nothing is known of what followed.
+    force was set after the reading before. Samples wait over ticks without a reply. The last is dropped: nothing is
+    known of what followed.
     """
-    before: WheelSample | None = None
+    waiting: list[WheelSample] = []
     for sample in samples:
-        if before is not None:
-            current = sample.current_command_A if sample.current_command_A is not None else sample.current_A
-            yield before, IssuedCommand(current if current is not None else 0.0)
-        before = sample
+        current = sample.current_command_A if sample.current_command_A is not None else sample.current_A
+        if current is not None:
+            for before in waiting:
+                yield before, IssuedCommand(current)
+            waiting.clear()
+        waiting.append(sample)

@@ -91,7 +91,7 @@ class CurrentGuard:
         self._written_at_s = clock()
         self._speed_rad_s: float | None = None
         self._temperature_degC: float | None = None
-        self.doubtful = False  # whether the last write was confirmed is not known: it may be in force or not
+        self.doubtful = False  # True: the last write was not confirmed; it may be in force or not
 
     def write(self, requested_A: float, sample: WheelSample) -> IssuedCommand:
         """Write what is allowed of a request made on `sample`; retried once where the wheel does not confirm.

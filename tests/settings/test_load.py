@@ -170,7 +170,7 @@ def test_every_profile_of_the_schema_can_be_made() -> None:
     assert all(make_profile(name).name == name for name in PROFILE_NAMES)
 
 
-@pytest.mark.parametrize("name", ["example", "demo"])
+@pytest.mark.parametrize("name", ["example", "simulated"])
 def test_the_shipped_examples_are_valid(name: str) -> None:
     """Proves that what a user copies first passes check-config."""
     load_configuration(config_directory() / f"{name}.yaml")
