@@ -65,7 +65,7 @@ def test_estimates_have_the_columns_of_the_contract(tmp_path: Path) -> None:
         "std_static,innovation_rad_s,innovation_std_rad_s,nis,accepted,reason"
     )
     assert first.endswith(",0.41,0.14,8.4,true,")
-    assert second.endswith(",,,,,missing")
+    assert second.endswith(",,,,false,missing")
 
 
 def test_metadata_stand_beside_the_log_and_read_back(tmp_path: Path) -> None:
