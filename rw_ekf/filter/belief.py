@@ -15,8 +15,8 @@ from rw_ekf.units import RAD_S_PER_RPM
 Float64Array = NDArray[np.float64]
 
 SECONDS_PER_HOUR = 3600.0
-# Without any process noise the speed's variance shrinks for ever, and after some 10^5 samples rounding makes it negative.
-# This much, in speed noises per sqrt(s), is far below what any wheel has.
+# Without any process noise the speed's variance shrinks for ever, and after some 10^5 samples rounding makes it
+# negative. This much, in speed noises per sqrt(s), is far below what any wheel has.
 _LEAST_ACCELERATION_NOISE = 1.0e-4
 
 # Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (contract, 4).

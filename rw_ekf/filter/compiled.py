@@ -58,6 +58,10 @@ def compile_cached(function: Callable[..., Any], modules: list[ModuleType]) -> C
     class Cache(caching.FunctionCache):
         _impl_class = Implementation
 
+        def save_overload(self, sig: Any, data: Any) -> None:
+            with contextlib.suppress(OSError):  # a full disk costs the cache, not the run
+                super().save_overload(sig, data)
+
     dispatcher = numba.njit(error_model="numpy")(function)
     with contextlib.suppress(RuntimeError):  # no folder is writable: compile in memory, every time
         dispatcher._cache = Cache(function)

@@ -41,7 +41,7 @@ class WheelEkf(ExtendedKalmanFilter):
         self.R = np.array([[constants.speed_variance]])
         self.Q = np.zeros((STATE_SIZE, STATE_SIZE))
         self.F = np.eye(STATE_SIZE)
-        self._factor = np.zeros((STATE_SIZE, STATE_SIZE))
+        self._factor = np.zeros((STATE_SIZE + 2, STATE_SIZE))
         self._curvature = 0.0
         self.check()
 

@@ -145,7 +145,7 @@ def _filter_pass(
     keep_all = covariance_history.shape[0] > 0
     noise = np.zeros(n)
     row = np.zeros(n)
-    L = np.zeros((n, n))
+    L = np.zeros((n + 2, n))
     work = np.zeros(n)
     seeded = ever_seeded = False
     gated_in_a_row = 0

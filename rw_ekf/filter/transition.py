@@ -42,7 +42,7 @@ def interval(
 
 
 def factor_covariance(P: Any, L: Any) -> None:
-    """Lower triangular L with L L' = P, both (n, n), Cholesky; a direction without variance gives a zero column."""
+    """Lower triangular L with L L' = P (n, n), Cholesky, in the first n rows of L; no variance gives a zero column."""
     n = P.shape[0]
     for j in range(n):
         pivot = P[j, j]
@@ -70,28 +70,60 @@ def divided_difference(
     row: Any,
     L: Any,
 ) -> float:
-    """Overwrite `row` with the statistical slope of eq. 7 and return the variance of eq. 8 (see `transition`)."""
+    """Overwrite `row` with the statistical slope of eq. 7 and return the variance of eq. 8 (see `transition`).
+
+    Rows 5 and 6 of `L` (7, 5) hold the reflection's vector v and the differences D.
+    """
     factor_covariance(P, L)
+    # Householder's reflection I - 2 v v' / v'v turns L's first column into the direction in which |k I| - s varies.
+    current = currents[stop - 1]
+    push = math.copysign(current, x[1] * current)
+    norm = 0.0
+    for j in range(5):
+        L[5, j] = push * L[1, j] - L[4, j]
+        norm += L[5, j] * L[5, j]
+    norm = math.sqrt(norm)
+    # Any sign will do that does not cancel; one that rounding decides, where the first element is zero, will not.
+    L[5, 0] += norm if L[5, 0] > -0.5 * norm else -norm
+    length = 0.0
+    for j in range(5):
+        length += L[5, j] * L[5, j]
+    double = 2.0 / length if length > 0.0 else 0.0
+    q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(5):
+        q0 += L[0, j] * L[5, j]
+        q1 += L[1, j] * L[5, j]
+        q2 += L[2, j] * L[5, j]
+        q3 += L[3, j] * L[5, j]
+        q4 += L[4, j] * L[5, j]
     bends = 0.0
-    for j in range(4, -1, -1):
-        if L[j, j] == 0.0:
+    along = 0.0
+    for j in range(5):
+        turn = double * L[5, j]
+        d0 = _SPREAD * (L[0, j] - turn * q0)
+        d1 = _SPREAD * (L[1, j] - turn * q1)
+        d2 = _SPREAD * (L[2, j] - turn * q2)
+        d3 = _SPREAD * (L[3, j] - turn * q3)
+        d4 = _SPREAD * (L[4, j] - turn * q4)
+        if d0 == 0.0 and d1 == 0.0 and d2 == 0.0 and d3 == 0.0 and d4 == 0.0:
+            L[6, j] = 0.0
             continue
-        d0 = _SPREAD * L[0, j]
-        d1 = _SPREAD * L[1, j]
-        d2 = _SPREAD * L[2, j]
-        d3 = _SPREAD * L[3, j]
-        d4 = _SPREAD * L[4, j]
         up = interval(
             x[0] + d0, x[1] + d1, x[2] + d2, x[3] + d3, x[4] + d4, omega_s, law, durations, currents, start, stop
         )[0]
         down = interval(
             x[0] - d0, x[1] - d1, x[2] - d2, x[3] - d3, x[4] - d4, omega_s, law, durations, currents, start, stop
         )[0]
-        slope = (up - down) / (2.0 * _SPREAD)
+        L[6, j] = (up - down) / (2.0 * _SPREAD)
+        along += L[6, j] * L[5, j]
+        bends += up + down - 2.0 * end
+    for j in range(4, -1, -1):
+        if L[j, j] == 0.0:
+            continue
+        slope = L[6, j] - double * along * L[5, j]
         for m in range(j + 1, 5):
             slope -= row[m] * L[m, j]
         row[j] = slope / L[j, j]
-        bends += up + down - 2.0 * end
     return bends * bends / 12.0
 
 
@@ -110,15 +142,17 @@ def transition(
 ) -> tuple[float, float]:
     """Predict the speed over one interval: (speed [rad/s], variance of the neglected curvature [rad^2/s^2]).
 
-    x (5,) and P (5, 5) are the present belief; `row` (5,) receives the first row of F, `L` (5, 5) is scratch.
+    x (5,) and P (5, 5) are the present belief; `row` (5,) receives the first row of F, `L` (7, 5) is scratch.
 
     Away from zero speed the row is the derivative of the flow. Where the stop, the stick or the Stribeck peak lies
-    within reach of the uncertainty it is the statistical slope over the columns l_j of the Cholesky factor of P,
+    within reach of the uncertainty it is the statistical slope over the columns l_j of a root of P,
 
         F L = D,   D_j = [Phi(x + h l_j) - Phi(x - h l_j)] / 2h,   h = sqrt(3),          (docs/filter.md eq. 7)
 
     because a wheel believed stuck has derivative zero, and a filter that trusts it never learns the break-away friction
-    that would free it. The curvature that any linear form neglects is added to the process noise,
+    that would free it. The root is Cholesky's, turned so that its first column is the direction in which |k I| - s
+    varies: motion within h sigma of what is believed is then always seen. The curvature that any linear form neglects
+    is added to the process noise,
 
         [sum_j Phi(x + h l_j) + Phi(x - h l_j) - 2 Phi(x)]^2 / 12,                          (docs/filter.md eq. 8)
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.errors import FilterError
+from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import FrictionParameters
 
@@ -43,11 +44,12 @@ class _Regression:
 
 
 def deterministic(
-    data: FilterInput, current_A: Float64Array, omega_s: float, speed_noise_rad_s: float
+    data: FilterInput, current_A: Float64Array, omega_s: float, speed_noise_rad_s: float, prior: Belief
 ) -> DeterministicResult:
     """Estimate from dedicated stretches; current_A (n,) is in force from each sample on.
 
-    Raises FilterError naming the stretch that is missing (no coast-down of five seconds, no driven stretch).
+    What no stretch shows keeps the prior: k where nothing drives the wheel, T_s where it never starts from rest.
+    Raises FilterError where there is no coast-down of five seconds: then the method has nothing to stand on.
     """
     speed = data.speed_rad_s
     fast = np.abs(speed) > _FAST_IN_STRIBECK_SPEEDS * omega_s
@@ -63,17 +65,14 @@ def deterministic(
     decay = _regress(data, current_A, coast, speed_noise_rad_s, columns=(1, 2), known=np.zeros(3))
     b, c = (float(v) for v in decay.solution)
     driven = _stretches(data, fast & ~coasting, 1.0)
-    if not driven:
-        raise FilterError(
-            "the deterministic method needs a driven stretch: none lasts a second above the Stribeck speed."
-        )
-    drive = _regress(data, current_A, driven, speed_noise_rad_s, columns=(0,), known=np.array([0.0, b, c]))
-    k = float(drive.solution[0])
-    static, static_std, count = _break_away(data, current_A, speed_noise_rad_s, k, c)
-    # What b and c may be wrong by moves k: the mean drag over the driven stretch against the mean current.
-    k_std = math.hypot(
-        math.sqrt(float(drive.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])) / max(largest, 1e-12)
-    )
+    k, k_std = float(prior.mean[1]), float(prior.std[1])
+    if driven:
+        drive = _regress(data, current_A, driven, speed_noise_rad_s, columns=(0,), known=np.array([0.0, b, c]))
+        k = float(drive.solution[0])
+        # What b and c may be wrong by moves k: the mean drag over the driven stretch against the mean current.
+        k_std = math.hypot(math.sqrt(float(drive.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])) / largest)
+    starts = _break_away(data, current_A, speed_noise_rad_s, k, c) if driven else None
+    static, static_std, count = starts or (float(prior.mean[4]), float(prior.std[4]), 0)
     return DeterministicResult(
         FrictionParameters(k, b, c, static),
         (k_std, math.sqrt(float(decay.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])), static_std),
@@ -136,7 +135,7 @@ def _regress(
 
 def _break_away(
     data: FilterInput, current_A: Float64Array, speed_noise: float, k: float, c: float
-) -> tuple[float, float, int]:
+) -> tuple[float, float, int] | None:
     """T_s from starts from rest: between the largest drive that did not move the wheel and the one that did."""
     resting = np.abs(np.nan_to_num(data.speed_rad_s, nan=np.inf)) < _REST_STDS * speed_noise
     brackets = []
@@ -154,7 +153,7 @@ def _break_away(
             brackets.append((k * float(held.max()), k * float(np.abs(current_A[first:i]).max())))
     usable = [(low, high) for low, high in brackets if high > 0.0]
     if not usable:
-        return c, max(0.5 * c, 1e-12), 0
+        return None
     middles = np.array([0.5 * (low + high) for low, high in usable])
     widths = np.array([high - low for low, high in usable])
     std = max(float(np.mean(widths)) / math.sqrt(12.0), float(np.std(middles))) / math.sqrt(len(usable))

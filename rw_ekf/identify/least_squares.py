@@ -10,6 +10,7 @@ many-valleyed in T_s: several starts, the lowest loss wins.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,7 +80,15 @@ def _triangularise(matrix: Float64Array) -> Float64Array:
 class _Problem:
     """The loss, its linearisation and the damped step, for one log."""
 
-    def __init__(self, data: FilterInput, constants: FilterConstants, prior: Belief, used: NDArray[np.bool_]) -> None:
+    def __init__(
+        self,
+        data: FilterInput,
+        constants: FilterConstants,
+        prior: Belief,
+        used: NDArray[np.bool_],
+        advance: Callable[[], object],
+    ) -> None:
+        self.advance = advance
         self.data = data
         self.constants = constants
         self.used = used
@@ -104,6 +113,7 @@ class _Problem:
             self.data, self.runs, at.omega_0, FrictionParameters(*at.p), self.constants.omega_s, self.constants.law,
             with_jacobian=True,
         )  # fmt: skip
+        self.advance()
         parts = []
         stack = [np.column_stack((self.prior_root, self.prior_root @ (self.prior_mean - at.p)))]
         for run in self.runs:
@@ -164,26 +174,28 @@ def least_squares(
     prior: Belief,
     *,
     starts: list[FrictionParameters] | None = None,
+    advance: Callable[[], object] = lambda: None,
 ) -> LeastSquaresResult:
     """Fit the four parameters to a log; without `starts`, from the filter's estimate and three values of T_s.
 
     R is constants.speed_variance; the covariance is scaled by the residual actually left. Readings further than six
     robust standard deviations from the fit are left out once, if they are fewer than 1 % (spikes, not misfit).
-    Raises FilterError when the log has fewer than ten readings.
+    `advance` is called at every iteration. Raises FilterError when the log has fewer than ten readings.
     """
     used = np.isfinite(data.speed_rad_s)
     if int(used.sum()) < 10:
         raise FilterError(f"{int(used.sum())} speed readings are too few to fit four parameters; ten are the least.")
     if starts is None:
         starts = default_starts(data, constants, prior)
-    problem = _Problem(data, constants, prior, _inside_stretches(data, constants, used))
+    problem = _Problem(data, constants, prior, _inside_stretches(data, constants, used), advance)
     best, converged, iterations = _best_of(problem, starts)
     outliers = _outliers(problem, best)
     if outliers.size:
         keep = problem.used.copy()
         keep[outliers] = False
-        problem = _Problem(data, constants, prior, keep)
-        best, converged, iterations = _best_of(problem, [FrictionParameters(*best.p)])
+        problem = _Problem(data, constants, prior, keep, advance)
+        # Spikes may have drawn the first fit into another valley, so that the starts are tried again.
+        best, converged, iterations = _best_of(problem, [*starts, FrictionParameters(*best.p)])
     _, R, _ = problem.linearise(best)
     residual = (data.speed_rad_s - best.simulated)[problem.used]
     freedom = max(residual.size - 4 - len(problem.runs), 1)

@@ -25,6 +25,7 @@ Float64Array = NDArray[np.float64]
 _OPEN_GATE = 1.0e30
 _OUTLIER_NIS = 36.0
 _LOG_LIKELIHOOD_RATIO_95 = 1.92  # half the 95 % quantile of chi-square(1)
+_NO_NOISE_RATIO_95 = 1.35  # half the 90 % quantile: at the boundary zero only one side is left
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ def fit_noise(
     constants: FilterConstants,
     parameters: FrictionParameters,
     *,
-    max_samples: int = 200_000,
+    max_samples: int = 60_000,
+    advance: Callable[[], object] = lambda: None,
 ) -> NoiseFit:
     """Tune R and q on (at most the first max_samples of) a log whose parameters are known or fitted.
 
@@ -71,6 +73,7 @@ def fit_noise(
     mean, covariance = frozen(parameters)
 
     def negative(log_sigma: float, log_q: float) -> float:
+        advance()
         sigma = math.exp(log_sigma)
         q = math.exp(log_q)
         trial = base._replace(speed_variance=sigma * sigma, acceleration_noise=q * q, stuck_variance=(0.1 * sigma) ** 2)
@@ -94,10 +97,10 @@ def fit_noise(
     assert best is not None
     log_sigma, log_q = min(max(float(best.x[0]), low), high), max(float(best.x[1]), floor)
     lowest = float(best.fun)
-    at_boundary = negative(log_sigma, floor) - lowest < 1.0e-2
+    at_boundary = negative(log_sigma, floor) - lowest < _NO_NOISE_RATIO_95
     limit = _upper_limit(negative, log_sigma, floor if at_boundary else log_q, lowest)
-    sigma_std = math.exp(log_sigma) * _curvature_std(lambda v: negative(v, log_q), log_sigma, lowest)
-    q_std = None if at_boundary else math.exp(log_q) * _curvature_std(lambda v: negative(log_sigma, v), log_q, lowest)
+    sigma_std = math.exp(log_sigma) * _curvature_std(lambda v: negative(v, log_q), log_sigma, 0.02)
+    q_std = None if at_boundary else math.exp(log_q) * _curvature_std(lambda v: negative(log_sigma, v), log_q, 0.2)
     return NoiseFit(
         speed_noise_rad_s=math.exp(log_sigma),
         speed_noise_std=sigma_std,
@@ -138,10 +141,9 @@ def _leave_out_spikes(data: FilterInput, constants: FilterConstants, parameters:
     return FilterInput(data.time_s, speed, data.segment, data.pieces)
 
 
-def _curvature_std(negative: Callable[[float], float], at: float, lowest: float) -> float:
-    """Standard deviation of a logarithm from the second difference of the negative log-likelihood."""
-    h = 0.02
-    curvature = (negative(at + h) + negative(at - h) - 2.0 * lowest) / (h * h)
+def _curvature_std(negative: Callable[[float], float], at: float, h: float) -> float:
+    """Standard deviation of a logarithm from the second difference, over a step h, of the negative log-likelihood."""
+    curvature = (negative(at + h) + negative(at - h) - 2.0 * negative(at)) / (h * h)
     return 1.0 / math.sqrt(curvature) if curvature > 0.0 else math.inf
 
 

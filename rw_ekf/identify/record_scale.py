@@ -21,6 +21,7 @@ _MAX_ROWS = 200_000
 _STRIBECK_SHARE_OF_TOP_SPEED = 0.02
 _DEFAULT_STRIBECK_SPEED = 4.0 * RAD_S_PER_RPM
 _PRIOR_STD = (0.5, 2.0, 0.75)
+_TELLS_NOTHING = 1.0e3  # condition of current, speed and direction: at constant speed they are one and the same
 
 
 @dataclass(frozen=True)
@@ -108,9 +109,14 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
         return None
     A = np.column_stack([s[end] - s[begin] for s in sums]) * np.array([1.0, -1.0, -1.0])
     change = y[end] - y[begin]
+    if not np.any(change):
+        return None
     if not np.any(A[:, 0]):
         solution = np.concatenate(([CK13_STATISTICAL.motor_gain], np.linalg.lstsq(A[:, 1:], change, rcond=1e-9)[0]))
     else:
+        sizes = np.linalg.norm(A, axis=0)
+        if not sizes.all() or np.linalg.cond(A / sizes) > _TELLS_NOTHING:
+            return None
         solution = np.linalg.lstsq(A, change, rcond=1e-9)[0]
     k, b, c = (float(v) for v in solution)
     if not np.isfinite(solution).all() or k == 0.0:

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from rw_ekf.filter.current_schedule import CurrentSchedule, Pieces, pieces_of_log
 
+Float64Array = NDArray[np.float64]
 Row = tuple[float, float, float]  # time since the row before [s], current [A], delay [s]
 
 rows = st.lists(
@@ -24,18 +26,18 @@ rows = st.lists(
 )
 
 
-def columns(log: list[Row]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def columns(log: list[Row]) -> tuple[Float64Array, Float64Array, Float64Array]:
     step, current, delay = (np.array(v) for v in zip(*log, strict=True))
     return np.cumsum(step), current, delay
 
 
-def in_force(t: float, time_s: np.ndarray, current: np.ndarray, delay: np.ndarray) -> float:
+def in_force(t: float, time_s: Float64Array, current: Float64Array, delay: Float64Array) -> float:
     """The contract's rule as a sentence: the latest issued of those that act by now; before any, the first."""
     acting = np.flatnonzero(time_s + delay <= t)
     return float(current[acting[-1]]) if acting.size else float(current[0])
 
 
-def interval_of(pieces: Pieces, i: int) -> tuple[np.ndarray, np.ndarray]:
+def interval_of(pieces: Pieces, i: int) -> tuple[Float64Array, Float64Array]:
     part = slice(int(pieces.start[i]), int(pieces.start[i + 1]))
     return pieces.duration_s[part], pieces.current_A[part]
 

@@ -19,7 +19,7 @@ Float64Array = NDArray[np.float64]
 
 
 def rauch_tung_striebel(run: FilterRun, speed_variance: float) -> tuple[Float64Array, Float64Array]:
-    """Rauch, Tung and Striebel 1965 in matrices: x_s = x_f + C (x_s+ - x_p+), C = P_f F' P_p+^-1; scaled for inversion."""
+    """Rauch, Tung and Striebel 1965, scaled: x_s = x_f + C (x_s+ - x_p+), C = P_f F' P_p+^-1."""
     history = run.history
     assert history is not None
     scale = np.sqrt(np.max(np.diagonal(history.covariance, axis1=1, axis2=2), axis=0))

@@ -1,0 +1,73 @@
+"""The cache on disk: it must notice any change in the equations."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from rw_ekf.filter.compiled import compile_cached, make_jitable, source_digest
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of its own for modules, and for numba's files beside them."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    return tmp_path
+
+
+def load(folder: Path, name: str, source: str) -> ModuleType:
+    """Write a module and import it afresh."""
+    path = folder / f"{name}.py"
+    path.write_text(source, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_digest_follows_the_source_of_every_module(workplace: Path) -> None:
+    """One changed character in any of the modules gives another digest; the same text gives the same."""
+    a = load(workplace, "digest_a", "X = 1\n")
+    b = load(workplace, "digest_b", "Y = 1\n")
+    before = source_digest([a, b])
+    assert source_digest([a, b]) == before
+    other = load(workplace, "digest_c", "Y = 2\n")
+    assert source_digest([a, other]) != before
+    assert source_digest([a]) != before
+
+
+CALLER = "import {physics}\n\n\ndef law(x):\n    return {physics}.gain(x)\n"
+
+
+def compiled_law(folder: Path, physics_source: str) -> tuple[float, int]:
+    """Compile the caller over the physics, anew or from the cache: (its value at 2.0, hits of the cache)."""
+    physics = load(folder, "cached_physics", physics_source)
+    caller = load(folder, "cached_caller", CALLER.format(physics="cached_physics"))
+    make_jitable([physics.gain])
+    law = compile_cached(caller.law, [physics, caller])
+    return float(law(2.0)), sum(law.stats.cache_hits.values())  # type: ignore[attr-defined]
+
+
+def test_a_kernel_is_never_older_than_the_equations_in_it(workplace: Path) -> None:
+    """Unchanged sources are served from disk; a change in another module than the decorated one is compiled anew."""
+    triple = "def gain(x):\n    return 3.0 * x\n"
+    assert compiled_law(workplace, triple) == (6.0, 0)
+    assert compiled_law(workplace, triple) == (6.0, 1)
+    assert compiled_law(workplace, triple.replace("3.0", "5.0")) == (10.0, 0)
+
+
+def test_a_disk_without_room_costs_the_cache_and_not_the_run(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the compiled code cannot be written, it runs from memory: no exception, the right number."""
+
+    def no_room(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", no_room)
+    assert compiled_law(workplace, "def gain(x):\n    return 7.0 * x\n") == (14.0, 0)

@@ -1,0 +1,82 @@
+"""Noises by maximum likelihood, where the truth's are known."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.identify.noise import NoiseFit, fit_noise
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.truth import constants_for, fine_trajectory, run_of
+
+SEEDS = range(8)
+
+
+@lru_cache
+def fits(noise_rpm: float, process_rpm: float) -> list[NoiseFit]:
+    """Fits to runs of P1 whose speed also walks at random by process_rpm per sqrt(s); the first guess is wrong."""
+    found = []
+    for seed in SEEDS:
+        run = run_of("P1", seed, noise_rpm=noise_rpm)
+        kicks = np.random.default_rng(500 + seed).standard_normal(run.time_s.size)
+        speed = fine_trajectory(
+            run.parameters,
+            run.time_s,
+            run.current_A,
+            kicks_rad_s=process_rpm * RAD_S_PER_RPM * np.sqrt(0.1) * kicks,
+        )
+        reading = speed + (run.reading_rad_s - run.speed_rad_s)
+        data = FilterInput.of(run.time_s, reading, run.current_A)
+        found.append(fit_noise(data, constants_for(1.7 * noise_rpm), run.parameters))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise_rpm", [1.0, 5.0])
+def test_the_speed_noise_is_found(noise_rpm: float) -> None:
+    """From a first guess 70 % off, R comes out within 3 % in every run (one sigma is 1.3 %), whatever the guess."""
+    for fit in fits(noise_rpm, 0.0):
+        assert fit.speed_noise_rad_s / RAD_S_PER_RPM == pytest.approx(noise_rpm, rel=0.03)
+        assert fit.speed_noise_std == pytest.approx(0.013 * fit.speed_noise_rad_s, rel=0.3)
+
+
+@pytest.mark.slow
+def test_the_absence_of_process_noise_is_recognised() -> None:
+    """Where the truth has none, at most two fits in eight report any, and all say it is below 0.05 rpm per sqrt(s)."""
+    found = fits(1.0, 0.0)
+    assert sum(fit.acceleration_noise > 0.0 for fit in found) <= 2
+    assert all(fit.acceleration_noise_limit < 0.05 * RAD_S_PER_RPM for fit in found)
+    assert all((fit.acceleration_noise_std is None) == (fit.acceleration_noise == 0.0) for fit in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("process_rpm", [0.1, 0.3])
+def test_process_noise_is_found_within_its_own_error_bar(process_rpm: float) -> None:
+    """Eight estimates scatter about the truth as their own sigmas say."""
+    found = fits(1.0, process_rpm)
+    assert all(fit.acceleration_noise_std is not None for fit in found)
+    errors = np.array([fit.acceleration_noise / RAD_S_PER_RPM - process_rpm for fit in found])
+    spread = np.array([(fit.acceleration_noise_std or np.nan) / RAD_S_PER_RPM for fit in found])
+    assert np.max(np.abs(errors / spread)) < 3.5
+    assert 0.4 < float(np.sqrt(np.mean((errors / spread) ** 2))) < 1.7
+    assert np.all(np.abs(errors) < 0.6 * process_rpm)
+
+
+def test_spikes_do_not_pass_for_noise() -> None:
+    """Ten wild readings are left out beforehand: R stays within 4 %."""
+    run = run_of("P1", 3)
+    reading = run.reading_rad_s.copy()
+    reading[50::300] += 60.0
+    fit = fit_noise(FilterInput.of(run.time_s, reading, run.current_A), constants_for(), run.parameters)
+    assert fit.speed_noise_rad_s == pytest.approx(RAD_S_PER_RPM, rel=0.04)
+    assert fit.samples == run.time_s.size - 10
+
+
+def test_a_long_log_is_judged_by_its_head() -> None:
+    """max_samples bounds the work: only so many readings are weighed."""
+    run = run_of("P1", 3)
+    fit = fit_noise(run.data, constants_for(), run.parameters, max_samples=1000)
+    assert fit.samples == 1000
