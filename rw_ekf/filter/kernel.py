@@ -26,7 +26,7 @@ from rw_ekf.filter.decisions import (
     gating,
     timing,
 )
-from rw_ekf.filter.transition import divided_difference, factor_covariance, interval, transition
+from rw_ekf.filter.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
 from rw_ekf.model import friction as _friction
 from rw_ekf.model import propagation as _propagation
 
@@ -46,6 +46,7 @@ make_jitable(
         _propagation.slip,
         _propagation.flow,
         factor_covariance,
+        _rests_for_sure,
         divided_difference,
         interval,
         transition,

@@ -27,12 +27,13 @@ def interval(
     currents: Any,
     start: int,
     stop: int,
+    slopes: bool = True,
 ) -> tuple[float, float, float, float, float, float]:
     """Chain the flow over pieces start..stop: speed at the end, its derivatives by omega, k, b, c, s."""
     to_omega, to_k, to_b, to_c, to_s = 1.0, 0.0, 0.0, 0.0, 0.0
     for i in range(start, stop):
         current = currents[i]
-        omega, keep, of_drive, of_b, of_c, of_s = flow(omega, k * current, b, c, s, omega_s, law, durations[i])
+        omega, keep, of_drive, of_b, of_c, of_s = flow(omega, k * current, b, c, s, omega_s, law, durations[i], slopes)
         to_omega *= keep
         to_k = keep * to_k + current * of_drive
         to_b = keep * to_b + of_b
@@ -55,6 +56,26 @@ def factor_covariance(P: Any, L: Any) -> None:
             for m in range(j):
                 value -= L[i, m] * L[j, m]
             L[i, j] = value / root if root > 0.0 else 0.0
+
+
+def _rests_for_sure(x: Any, P: Any, durations: Any, currents: Any, start: int, stop: int) -> bool:
+    """Whether every point that a divided difference would try comes to rest within the interval and stays.
+
+    Then the difference is exactly zero, and need not be computed: a wheel at rest far below break-away costs nothing.
+    """
+    longest = 0.0
+    push = 0.0
+    for i in range(start, stop):
+        longest += durations[i]
+        push = max(push, abs(currents[i]))
+    if not (x[1] > 0.0 and x[2] >= 0.0):
+        return False
+    # No point lies further than sqrt(3) sigma in any one parameter: the least friction against the largest drive.
+    drive = push * (x[1] + _SPREAD * math.sqrt(P[1, 1]))
+    friction = min(x[3] - _SPREAD * math.sqrt(P[3, 3]), x[4] - _SPREAD * math.sqrt(P[4, 4]))
+    drag = (_SPREAD * math.sqrt(P[2, 2]) - x[2]) * (abs(x[0]) + _SPREAD * math.sqrt(P[0, 0]))
+    brake = friction - drive - max(drag, 0.0)
+    return bool(abs(x[0]) + _SPREAD * math.sqrt(P[0, 0]) < brake * longest)
 
 
 def divided_difference(
@@ -109,10 +130,10 @@ def divided_difference(
             L[6, j] = 0.0
             continue
         up = interval(
-            x[0] + d0, x[1] + d1, x[2] + d2, x[3] + d3, x[4] + d4, omega_s, law, durations, currents, start, stop
+            x[0] + d0, x[1] + d1, x[2] + d2, x[3] + d3, x[4] + d4, omega_s, law, durations, currents, start, stop, False
         )[0]
         down = interval(
-            x[0] - d0, x[1] - d1, x[2] - d2, x[3] - d3, x[4] - d4, omega_s, law, durations, currents, start, stop
+            x[0] - d0, x[1] - d1, x[2] - d2, x[3] - d3, x[4] - d4, omega_s, law, durations, currents, start, stop, False
         )[0]
         L[6, j] = (up - down) / (2.0 * _SPREAD)
         along += L[6, j] * L[5, j]
@@ -163,6 +184,10 @@ def transition(
     )
     nearest = min(abs(x[0]), abs(end)) if x[0] * end > 0.0 else 0.0
     if nearest > near_zero_speed:
+        return end, 0.0
+    if end == 0.0 and _rests_for_sure(x, P, durations, currents, start, stop):
+        for j in range(5):
+            row[j] = 0.0
         return end, 0.0
     spread = 0.0
     for i in range(5):

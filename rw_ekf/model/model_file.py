@@ -100,6 +100,10 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
     )
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _schema_finding(schema: object, where: Any) -> str:
     if isinstance(schema, str) and schema.startswith(SCHEMA_FAMILY):
         return (
@@ -128,7 +132,7 @@ class _Checker:
 
     def number(self, path: tuple[str, ...], *, positive: bool = False) -> float:
         value = self.get(path)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if not _is_number(value) or not math.isfinite(value):
             self.find(path, f"is {value!r}; a finite number is needed" if value is not None else "is missing")
             return 1.0
         if positive and value <= 0:
@@ -142,16 +146,18 @@ class _Checker:
         """A symmetric 4 x 4 with non-negative eigenvalues, or a finding."""
         import numpy as np
 
-        rows = self.data.get("covariance")
+        rows: Any = self.data.get("covariance")
         try:
-            matrix = np.array(rows, dtype=np.float64)
+            matrix = np.array([[v if _is_number(v) else math.nan for v in row] for row in rows], dtype=np.float64)
         except (TypeError, ValueError):
             matrix = np.zeros(0)
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
             self.find(("covariance",), "must be 4 rows of 4 finite numbers")
             return ()
-        scale = np.sqrt(np.abs(np.diag(matrix)))
-        scale[scale == 0.0] = 1.0
+        if not (np.diag(matrix) > 0.0).all():
+            self.find(("covariance",), "has a variance that is not above zero: nothing is known for certain")
+            return ()
+        scale = np.sqrt(np.diag(matrix))
         normal = matrix / np.outer(scale, scale)
         if not np.allclose(normal, normal.T, atol=1e-6) or np.linalg.eigvalsh(normal).min() < -1e-6:
             self.find(("covariance",), "is not symmetric with non-negative eigenvalues: no covariance is like that")

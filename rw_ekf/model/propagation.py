@@ -92,13 +92,22 @@ def _time_to_stop(v: float, rate: float, h: float, end: float, end_rate: float) 
 
 
 def slip(
-    v: float, push: float, b: float, c: float, s: float, omega_s: float, law: int, duration: float
+    v: float,
+    push: float,
+    b: float,
+    c: float,
+    s: float,
+    omega_s: float,
+    law: int,
+    duration: float,
+    slopes: bool = True,
 ) -> tuple[float, float, float, float, float, float, float]:
     """Move along one branch until the time is up or the wheel comes to rest.
 
     v [rad/s] >= 0 in the direction of motion; push [rad/s^2]; duration [s].
     Returns (v at the end, time left [s], then the sensitivities of v at the end, time held fixed, to: v at the start,
-    push, b, c, s). Between events these solve dS/dt = (df/dv) S + df/dp  (docs/model.md eq. 10).
+    push, b, c, s). Between events these solve dS/dt = (df/dv) S + df/dp  (docs/model.md eq. 10). Without `slopes` they
+    are not computed and mean nothing.
     """
     far = far_limit(law) * omega_s
     left = duration
@@ -141,6 +150,8 @@ def slip(
         stops = end <= 0.0
         if stops and v == 0.0:  # at rest under a push that exceeds s by a rounding error
             break
+        if stops and abs(push) <= s:  # it will stay where it stops: when it stopped, and how, no longer matters
+            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if stops:
             end_rate = push - b * end - c - (s - c) * stribeck(end / omega_s, law)
             tau = _time_to_stop(v, rate, h, end, end_rate)
@@ -150,18 +161,18 @@ def slip(
                 tau = min(max(tau - end / stop_rate, 0.0), h)
             h = tau
             end = 0.0
-        # Variational equation over the step by Simpson's rule on the trajectory just found.
-        g1 = stribeck(end / omega_s, law)
-        ah = -b - (s - c) / omega_s * stribeck_slope(half / omega_s, gh, law)
-        a1 = -b - (s - c) / omega_s * stribeck_slope(end / omega_s, g1, law)
-        keep = _exp_small(h / 6.0 * (a0 + 4.0 * ah + a1))
-        keep_half = 4.0 * _exp_small(h / 24.0 * (-a0 + 8.0 * ah + 5.0 * a1))
-        w = h / 6.0
-        to_v *= keep
-        to_push = keep * to_push + w * (keep + keep_half + 1.0)
-        to_b = keep * to_b - w * (keep * v + keep_half * half + end)
-        to_c = keep * to_c - w * (keep * (1.0 - g0) + keep_half * (1.0 - gh) + 1.0 - g1)
-        to_s = keep * to_s - w * (keep * g0 + keep_half * gh + g1)
+        if slopes:  # variational equation over the step by Simpson's rule on the trajectory just found
+            g1 = stribeck(end / omega_s, law)
+            ah = -b - (s - c) / omega_s * stribeck_slope(half / omega_s, gh, law)
+            a1 = -b - (s - c) / omega_s * stribeck_slope(end / omega_s, g1, law)
+            keep = _exp_small(h / 6.0 * (a0 + 4.0 * ah + a1))
+            keep_half = 4.0 * _exp_small(h / 24.0 * (-a0 + 8.0 * ah + 5.0 * a1))
+            w = h / 6.0
+            to_v *= keep
+            to_push = keep * to_push + w * (keep + keep_half + 1.0)
+            to_b = keep * to_b - w * (keep * v + keep_half * half + end)
+            to_c = keep * to_c - w * (keep * (1.0 - g0) + keep_half * (1.0 - gh) + 1.0 - g1)
+            to_s = keep * to_s - w * (keep * g0 + keep_half * gh + g1)
         v = end
         left -= h
         if stops:
@@ -170,7 +181,15 @@ def slip(
 
 
 def flow(
-    omega: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int, duration: float
+    omega: float,
+    drive: float,
+    b: float,
+    c: float,
+    s: float,
+    omega_s: float,
+    law: int,
+    duration: float,
+    slopes: bool = True,
 ) -> tuple[float, float, float, float, float, float]:
     """Speed after `duration` [s] under a constant drive [rad/s^2], and its sensitivities to omega, drive, b, c, s.
 
@@ -182,7 +201,9 @@ def flow(
     left = duration
     if omega != 0.0:
         sigma = math.copysign(1.0, omega)
-        v, left, to_omega, to_push, to_b, to_c, to_s = slip(sigma * omega, sigma * drive, b, c, s, omega_s, law, left)
+        v, left, to_omega, to_push, to_b, to_c, to_s = slip(
+            sigma * omega, sigma * drive, b, c, s, omega_s, law, left, slopes
+        )
         if v > 0.0:
             return sigma * v, to_omega, to_push, sigma * to_b, sigma * to_c, sigma * to_s
         if abs(drive) <= max(s, 0.0):
@@ -197,7 +218,7 @@ def flow(
     elif abs(drive) <= max(s, 0.0):
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     sigma = math.copysign(1.0, drive)
-    v, left, keep, of_push, of_b, of_c, of_s = slip(0.0, sigma * drive, b, c, s, omega_s, law, left)
+    v, left, keep, of_push, of_b, of_c, of_s = slip(0.0, sigma * drive, b, c, s, omega_s, law, left, slopes)
     return (
         sigma * v,
         keep * to_omega,
