@@ -85,7 +85,9 @@ class SerialWheel:
         except ValueError as error:
             raise DriverError(f"{self.source}: {error}. Set limits.current_A to what the wheel takes") from error
         exchange = self._line.request(register.id, data, reply_bytes=1)
-        delay_s = exchange.received_by_wheel_s - self._sample_at_s if self._sample_at_s is not None else 0.0
+        # Sent in host time, acts in wheel time.
+        after_s = exchange.received_by_wheel_s - self._sample_at_s if self._sample_at_s is not None else 0.0
+        delay_s = after_s * self.clock.rate
         sent_A = rounded_si(register.fields[0], current_A)
         if exchange.data is None:
             return IssuedCommand(sent_A, delay_s, acknowledged=False, reason="timeout")

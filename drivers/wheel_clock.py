@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+RATE_AFTER_S = 0.05
+
 
 class WheelClock:
     """Turns uptime readings into time that never wraps, and a number of segments that counts restarts."""
@@ -12,6 +14,8 @@ class WheelClock:
         self._host_s = 0.0
         self._wraps_s = 0.0
         self._restart_noted = False
+        self._began: tuple[float, float] | None = None  # wheel time and host time of the segment's first reading
+        self.rate = 1.0  # wheel seconds per host second; a simulated wheel may run fast
 
     def note_restart(self) -> None:
         """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once."""
@@ -32,6 +36,18 @@ class WheelClock:
             elif back or self._restart_noted:
                 self.segment += 1
                 self._wraps_s = 0.0
+                self._began = None
         self._restart_noted = False
         self._uptime_s, self._host_s = uptime_s, host_s
-        return uptime_s + self._wraps_s
+        time_s = uptime_s + self._wraps_s
+        self._measure_rate(time_s, host_s)
+        return time_s
+
+    def _measure_rate(self, time_s: float, host_s: float) -> None:
+        """Compare the clocks since the segment began; readings a millisecond coarse need some tens to say anything."""
+        if self._began is None:
+            self._began = (time_s, host_s)
+            return
+        passed_s = host_s - self._began[1]
+        if passed_s > RATE_AFTER_S:
+            self.rate = (time_s - self._began[0]) / passed_s
