@@ -1,0 +1,35 @@
+"""The picture of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.pictures import run_picture
+from rw_ekf.replay import replay_log
+from tests.truth import run_of
+
+
+def test_a_replayed_log_becomes_a_png_with_its_curves(tmp_path: Path) -> None:
+    """A PNG of full size is written whole, for a wheel and for a foreign plant, gaps and a rejected reading included."""
+    run = run_of("S3", 1)
+    speed = run.data.speed_rad_s.copy()
+    speed[100:110] = np.nan
+    speed[300] += 100.0
+    n = speed.size
+    log = WheelLog(
+        "s3.csv", run.data.time_s, speed, run.current_A, "current_command_A", np.zeros(n), np.zeros(n, np.int64)
+    )
+    replayed = replay_log(log, with_columns=True)
+    assert replayed.columns is not None
+    for name, wheel_units in (("wheel.png", True), ("plant.png", False)):
+        path = tmp_path / name
+        run_picture(path, log, replayed.columns, truth={"motor_gain": 15.205}, wheel_units=wheel_units)
+        content = path.read_bytes()
+        assert content.startswith(b"\x89PNG\r\n")
+        assert content.rstrip().endswith(b"IEND\xaeB`\x82")
+        width = int.from_bytes(content[16:20], "big")
+        assert width >= 1000
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["plant.png", "wheel.png"]
