@@ -13,7 +13,7 @@ from tests.truth import run_of
 
 
 def test_a_replayed_log_becomes_a_png_with_its_curves(tmp_path: Path) -> None:
-    """A PNG of full size is written whole, for a wheel and for a foreign plant, gaps and a rejected reading included."""
+    """A PNG is written whole, for a wheel and for a foreign plant, gaps and a rejected reading included."""
     run = run_of("S3", 1)
     speed = run.data.speed_rad_s.copy()
     speed[100:110] = np.nan
