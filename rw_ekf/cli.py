@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from rw_ekf import __version__
+from rw_ekf.console import abandon_output, open_missing_streams
 from rw_ekf.errors import ConfigError, RwEkfError
 
 VERBS = {
@@ -52,6 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Threads of a linear-algebra library make 5 x 5 matrices several times slower (docs/decisions/0005).
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    open_missing_streams()
     args = build_parser().parse_args(arguments)
     try:
         status = args.execute(args)
@@ -62,9 +64,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RwEkfError as error:
         return _fail(error, [str(error)])
     except BrokenPipeError:
-        # The reader of our output has gone (`| head`); leave without Python's complaint at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        abandon_output()  # its reader has gone (`| head`); leave without Python's complaint at exit
         return 1
+    except OSError as error:
+        abandon_output()
+        return _fail(RwEkfError(), [f"{error.filename or 'standard output'}: {error.strerror or error}"])
     except KeyboardInterrupt:
         sys.stderr.write("rw-ekf: interrupted\n")
         return 130

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,16 +15,28 @@ class _Quiet:
     """Standard error that may vanish with its terminal without taking the program along."""
 
     def write(self, text: str) -> int:
-        try:
-            return sys.stderr.write(text)
-        except (OSError, ValueError):
-            return len(text)
+        with contextlib.suppress(OSError, ValueError):
+            sys.stderr.write(text)
+        return len(text)
 
     def flush(self) -> None:
-        try:
+        with contextlib.suppress(OSError, ValueError):
             sys.stderr.flush()
-        except (OSError, ValueError):
-            return
+
+
+def open_missing_streams() -> None:
+    """Where the program was started with a standard stream closed, write to nowhere instead of failing."""
+    for name, number in (("stdout", 1), ("stderr", 2)):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, number)  # also so that no file of ours is opened under that number
+            setattr(sys, name, os.fdopen(number, "w", closefd=False))
+
+
+def abandon_output() -> None:
+    """Send standard output nowhere from now on: its reader, or its terminal, has gone."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def logger(log_format: str = "text") -> Any:

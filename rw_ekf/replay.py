@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _JUDGED_SAMPLES = 20_000  # of a long log, the first so many decide whether the residual is noise
 _FEW_SAMPLES = 20
+_WILD = 1.0e9  # no machine turns, or is driven, by such numbers: a value beyond it is damage, and would only overflow
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,15 @@ class Replayed:
 
 
 def input_of_log(log: WheelLog) -> FilterInput:
-    """Turn a log into what the filter reads."""
+    """Turn a log into what the filter reads. Raises LogError for a value that no machine can have."""
+    for name, values in (("speed", log.speed_rad_s), ("current", log.current_A)):
+        wild = np.abs(values) > _WILD
+        if wild.any():
+            row = int(np.argmax(wild))
+            raise LogError(
+                f"{log.name}: a {name} of {values[row]:.3g} at time_s {log.time_s[row]:g} is beyond any machine "
+                f"(above {_WILD:g}): mend or empty that cell"
+            )
     return FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.command_delay_s, log.segment)
 
 

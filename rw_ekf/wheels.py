@@ -25,32 +25,33 @@ def load_wire_map(protocol: str) -> WireMap:
     return wire_map_from_mapping(document.data, document.where)
 
 
-def limits_beyond_wire(configuration: Configuration, wire_map: WireMap) -> list[str]:
-    """Limits that the wire map cannot carry, a finding each: a command beyond them could never be sent or seen."""
-    found = []
+def beyond_wire(configuration: Configuration, wire_map: WireMap) -> list[tuple[tuple[str, ...], str]]:
+    """What the wire map cannot carry, as (keys, finding): a limit that could never be sent or seen, a missing value."""
+    found: list[tuple[tuple[str, ...], str]] = []
+    name = configuration.wheel.protocol
     low_A, high_A = wire_map.current_range_A
     limit_A = configuration.limits.current_A
     if limit_A > high_A or -limit_A < low_A:
-        found.append(
-            f"limits.current_A is {limit_A:g} A, but the wire map {configuration.wheel.protocol!r} carries commands "
-            f"from {low_A:g} to {high_A:g} A: lower the limit."
-        )
+        text = f"limits.current_A is {limit_A:g} A, but the wire map {name!r} carries commands"
+        found.append((("limits", "current_A"), f"{text} from {low_A:g} to {high_A:g} A: lower the limit."))
     low, high = (rpm_from_rad_s(v) for v in wire_map.speed_range_rad_s)
     limit_rpm = configuration.limits.speed_rpm
     if limit_rpm > high or -limit_rpm < low:
-        found.append(
-            f"limits.speed_rpm is {limit_rpm:g} rpm, but the wire map {configuration.wheel.protocol!r} carries speeds "
-            f"from {low:g} to {high:g} rpm: lower the limit."
-        )
+        text = f"limits.speed_rpm is {limit_rpm:g} rpm, but the wire map {name!r} carries speeds"
+        found.append((("limits", "speed_rpm"), f"{text} from {low:g} to {high:g} rpm: lower the limit."))
+    told = {field.name for register in wire_map.readable() for field in register.fields}
+    if configuration.command.profile == "none" and not told & {"current_command", "current"}:
+        text = f"command.profile is none, but the wire map {name!r} has no current_command or current in its telemetry"
+        found.append((("command", "profile"), f"{text}: without one of them nobody knows what drives the wheel."))
     return found
 
 
 def check_wire(configuration: Configuration) -> WireMap:
-    """Wire map of a configuration; raises ConfigError where it cannot carry the limits."""
+    """Wire map of a configuration; raises ConfigError where it cannot carry what the configuration asks for."""
     wire_map = load_wire_map(configuration.wheel.protocol)
-    found = limits_beyond_wire(configuration, wire_map)
+    found = beyond_wire(configuration, wire_map)
     if found:
-        raise ConfigError(found)
+        raise ConfigError([text for _, text in found])
     return wire_map
 
 

@@ -17,19 +17,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises ConfigError with every finding."""
-    from rw_ekf.errors import ConfigError
+    from rw_ekf.errors import BadInputError, ConfigError
     from rw_ekf.json_output import print_json
     from rw_ekf.settings.load import configuration_from, resolved_lines
     from rw_ekf.settings.yaml_loader import load_yaml
-    from rw_ekf.wheels import limits_beyond_wire, load_wire_map, plant_of
+    from rw_ekf.wheels import beyond_wire, load_wire_map, plant_of
 
     document = load_yaml(args.config)
     configuration = configuration_from(document)
     wire_map = load_wire_map(configuration.wheel.protocol)
-    found = [f"{document.where(('limits',))}: {text}" for text in limits_beyond_wire(configuration, wire_map)]
+    found = [f"{document.where(keys)}: {text}" for keys, text in beyond_wire(configuration, wire_map)]
     try:
         plant_of(configuration, [])
-    except (ConfigError, ValueError) as error:
+    except (BadInputError, ValueError) as error:
         found.append(f"{document.where(('simulation', 'effects'))}: {error}")
     if configuration.filter.model is not None:
         from pathlib import Path

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,10 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
+    import numpy as np
+
     from rw_ekf.console import progress
     from rw_ekf.documents import FIT_SCHEMA, physical
+    from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
     from rw_ekf.filter.setup import setup_of_record
+    from rw_ekf.identify.noise import fit_noise
     from rw_ekf.json_output import print_json
     from rw_ekf.replay import input_of_log
 
@@ -50,10 +55,13 @@ def execute(args: argparse.Namespace) -> int:
     prior_model = read_wheel_model(args.prior, configuration)
     (log,) = read_logs([args.log], args.columns)
     data = input_of_log(log)
+    readings = int(np.count_nonzero(np.isfinite(data.speed_rad_s)))
+    if readings < 10:
+        raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     setup = setup_of_record(data, configuration, prior_model)
-    with progress("fit", None):
-        belief, quality, warnings = _fit(args.method, data, log, setup)
-        noise = _noise(data, setup, belief.parameters) if args.noise else None
+    with progress("fit", None, " evaluations") as bar:
+        belief, quality, warnings = _fit(args.method, data, log, setup, bar.update)
+        noise = fit_noise(data, setup.constants, belief.parameters, advance=bar.update) if args.noise else None
     reports = report(belief, setup.prior)
     document: dict[str, Any] = {
         "schema": FIT_SCHEMA,
@@ -85,7 +93,9 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
-def _fit(method: str, data: FilterInput, log: WheelLog, setup: FilterSetup) -> tuple[Any, dict[str, Any], list[str]]:
+def _fit(
+    method: str, data: FilterInput, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
+) -> tuple[Any, dict[str, Any], list[str]]:
     """Belief, what is worth knowing of how it was reached, warnings."""
     import numpy as np
 
@@ -98,7 +108,7 @@ def _fit(method: str, data: FilterInput, log: WheelLog, setup: FilterSetup) -> t
         from rw_ekf.identify.deterministic import deterministic
 
         found = deterministic(
-            data, log.current_A, setup.stribeck_speed_rad_s, math.sqrt(setup.constants.speed_variance)
+            data, log.current_A, setup.stribeck_speed_rad_s, math.sqrt(setup.constants.speed_variance), setup.prior
         )
         covariance[range(1, 5), range(1, 5)] = np.square(found.std)
         quality = {
@@ -106,11 +116,19 @@ def _fit(method: str, data: FilterInput, log: WheelLog, setup: FilterSetup) -> t
             "driven_s": found.driven_s,
             "break_aways": found.break_aways,
         }
-        said = [] if found.break_aways else ["no start from rest in this log: static friction is only a guess"]
+        said = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
+        if found.driven_s == 0.0:
+            said.append("no stretch of this log is driven: the motor gain keeps its prior")
         return Belief(np.array([0.0, *found.parameters]), covariance), quality, said
+    from rw_ekf.errors import FilterError
     from rw_ekf.identify.least_squares import least_squares
 
-    result = least_squares(data, setup.constants, setup.prior)
+    result = least_squares(data, setup.constants, setup.prior, advance=advance)
+    if np.linalg.eigvalsh(0.5 * (result.covariance + result.covariance.T)).min() <= 0.0:
+        raise FilterError(
+            f"{log.name}: the fit leaves nothing that is a covariance: this log does not tell the parameters apart (is "
+            "its speed constant, or free of noise?). Take one with reversals, or the filter's word (`rw-ekf replay`)"
+        )
     covariance[1:, 1:] = result.covariance
     quality = {
         "residual_rms_rpm": rpm_from_rad_s(result.residual_rms_rad_s),
@@ -127,12 +145,6 @@ def _fit(method: str, data: FilterInput, log: WheelLog, setup: FilterSetup) -> t
             f"{result.residual_rms_rad_s / expected:.1f} times their noise: the model lacks something"
         )
     return Belief(np.array([0.0, *result.parameters]), covariance), quality, said
-
-
-def _noise(data: FilterInput, setup: FilterSetup, parameters: Any) -> NoiseFit:
-    from rw_ekf.identify.noise import fit_noise
-
-    return fit_noise(data, setup.constants, parameters)
 
 
 def _noise_document(noise: NoiseFit | None) -> dict[str, Any] | None:

@@ -55,20 +55,22 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.replay import replay_log
 
     started = time.perf_counter()
-    total = sum(len(log) for log in logs) if args.online else None
-    with progress("replay", total, " samples") as bar:
-        done = [
-            replay_log(
-                log,
-                configuration,
-                model,
-                with_columns=args.out is not None or args.picture is not None,
-                smooth=args.smooth,
-                online=args.online,
-                advance=bar.update,
+    done = []
+    with progress("replay", sum(len(log) for log in logs), " samples") as bar:
+        for log in logs:
+            done.append(
+                replay_log(
+                    log,
+                    configuration,
+                    model,
+                    with_columns=args.out is not None or args.picture is not None,
+                    smooth=args.smooth,
+                    online=args.online,
+                    advance=bar.update if args.online else lambda n: None,
+                )
             )
-            for log in logs
-        ]
+            if not args.online:
+                bar.update(len(log))
     filter_s = time.perf_counter() - started
     started = time.perf_counter()
     if args.out is not None:

@@ -45,24 +45,37 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def run_and_report(configuration: Configuration, args: argparse.Namespace) -> int:
-    """Run the daemon and print what it came to; exit status 1 if the link was lost to the end."""
-    from rw_ekf.commands.inputs import read_wheel_model
-    from rw_ekf.console import logger
-    from rw_ekf.loop.daemon import run_daemon
-    from rw_ekf.wheels import check_wire
+    """Run the daemon and print what it came to.
 
-    wire_map = check_wire(configuration)
-    model = read_wheel_model(None, configuration)
-    log = logger(args.log_format).bind(wheel=configuration.wheel.name)
-    outcome = run_daemon(configuration, wire_map, model, args.duration, log)
-    warnings = _warnings(outcome, configuration)
-    for text in warnings:
-        log.warning("finding", text=text)
-    _print(outcome, warnings, json=args.json)
-    return 1 if outcome.lost or outcome.statistics.samples == 0 else 0
+    Exit status 1 if the link was lost, or the wheel silent, to the end, or if the wheel did not confirm the last zero.
+    A signal ends the run in order from here on, and a second one does not disturb the report.
+    """
+    from rw_ekf.loop.stop_signal import StopSignal
+
+    with StopSignal() as stop:
+        from rw_ekf.commands.inputs import read_wheel_model
+        from rw_ekf.console import abandon_output, logger
+        from rw_ekf.loop.daemon import run_daemon
+        from rw_ekf.wheels import check_wire
+
+        wire_map = check_wire(configuration)
+        model = read_wheel_model(None, configuration)
+        log = logger(args.log_format).bind(wheel=configuration.wheel.name)
+        outcome = run_daemon(configuration, wire_map, model, args.duration, log, stop)
+        warnings = _warnings(outcome)
+        for text in warnings:
+            log.warning("finding", text=text)
+        try:
+            _print(outcome, warnings, json=args.json)
+        except OSError as error:  # the terminal, or who read us, has gone; the run is well, and its files are there
+            abandon_output()
+            log.warning("report_lost", reason=str(error))
+        stopped = outcome.stopped_by is not None
+        no_sample = outcome.statistics.samples == 0 and not stopped
+        return 1 if outcome.lost or no_sample or not outcome.zero_confirmed else 0
 
 
-def _warnings(outcome: RunOutcome, configuration: Configuration) -> list[str]:
+def _warnings(outcome: RunOutcome) -> list[str]:
     """Judge the log that was just written; a run's own numbers never fail because of this."""
     from rw_ekf.errors import RwEkfError
     from rw_ekf.logs.reader import read_log
@@ -70,13 +83,15 @@ def _warnings(outcome: RunOutcome, configuration: Configuration) -> list[str]:
 
     said = []
     if not outcome.zero_confirmed:
-        said.append("the wheel did not confirm zero current at the end")
+        said.append("the wheel did not confirm zero current at the end; `rw-ekf stop --config F` tries again")
+    if outcome.lost:
+        said.append("the link to the wheel was lost to the end of the run")
     if outcome.statistics.samples == 0:
         return [*said, "no sample came from the wheel"]
     try:
         data = input_of_log(read_log(outcome.files.log))
         said += judge_log(data, outcome.setup, outcome.belief).warnings()
-    except RwEkfError as error:
+    except (RwEkfError, ArithmeticError, ValueError) as error:
         said.append(f"the run's log could not be judged: {error}")
     return said
 

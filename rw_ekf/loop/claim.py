@@ -7,7 +7,6 @@ import fcntl
 import hashlib
 import os
 import signal
-import tempfile
 import time
 from pathlib import Path
 from types import TracebackType
@@ -15,12 +14,14 @@ from typing import Self
 
 from rw_ekf.errors import DriverError
 
+_DIRECTORIES = ("/run/lock", "/tmp")  # fixed: an environment variable may differ between `run` and `stop`
+
 
 def claim_path(port: str) -> Path:
     """Path of the claim for a port as the configuration names it; the same for `run` and `stop` of one user."""
     name = os.path.abspath(port) if "://" not in port else port
     digest = hashlib.sha256(name.encode()).hexdigest()[:16]
-    directory = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
+    directory = next((d for d in _DIRECTORIES if os.access(d, os.W_OK | os.X_OK)), _DIRECTORIES[-1])
     return Path(directory) / f"rw-ekf-{os.getuid()}-{digest}.lock"
 
 
@@ -34,7 +35,13 @@ class PortClaim:
 
     def __enter__(self) -> Self:
         """Claim the port. Raises DriverError if a running daemon has it."""
-        descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        except OSError as error:
+            raise DriverError(
+                f"{self.port}: its lock file {self.path} cannot be made ({error.strerror}): without it `rw-ekf stop` "
+                "could not find this run. Remove the file, or give its directory back its rights"
+            ) from None
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -63,8 +70,10 @@ def stop_holder(port: str, within_s: float = 5.0) -> int | None:
     Raises DriverError if it does not end in time.
     """
     path = claim_path(port)
-    pid = _read_pid(path)
-    if pid is None or not _is_held(path):
+    if not _is_held(path):
+        return None
+    pid = _pid_of_holder(path)
+    if pid is None:
         return None
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, signal.SIGTERM)
@@ -76,6 +85,16 @@ def stop_holder(port: str, within_s: float = 5.0) -> int | None:
             )
         time.sleep(0.02)
     return pid
+
+
+def _pid_of_holder(path: Path) -> int | None:
+    """Process number in a claim that is held; a daemon that just took it writes its own within an instant."""
+    for _ in range(50):
+        pid = _read_pid(path)
+        if pid is not None or not _is_held(path):
+            return pid
+        time.sleep(0.01)
+    return None
 
 
 def _read_pid(path: Path) -> int | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf import __version__
+from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.setup import FilterSetup, setup_of_configuration
@@ -43,9 +44,14 @@ class RunFiles:
 
     @classmethod
     def in_directory(cls, directory: Path, wheel: str, began: datetime) -> RunFiles:
-        """Name the files of a run; the directory is made if it is not there."""
-        directory.mkdir(parents=True, exist_ok=True)
-        safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)
+        """Name the files of a run; the directory is made if it is not there. Raises BadInputError if it cannot be."""
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInputError(
+                f"output.directory {directory} cannot be made ({error.strerror}): give another one"
+            ) from None
+        safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)[:60]
         stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
         number = 1
         while (directory / f"{stem}.csv").exists():
@@ -70,7 +76,7 @@ class RunOutcome:
     link: LinkCounters
     timing: LoopTiming
     stopped_by: str | None
-    lost: bool  # the link was down at the end
+    lost: bool  # the link was down, or the wheel silent, at the end
     zero_confirmed: bool
 
 
@@ -80,10 +86,11 @@ def run_daemon(
     model: WheelModel | None,
     duration_s: float | None,
     logger: Any,
+    stop: StopSignal,
 ) -> RunOutcome:
     """Attach, estimate, log, publish. Raises DriverError if the wheel cannot be reached at the start.
 
-    Zero current is sent on every way out; SIGINT, SIGTERM and SIGHUP end the run in order.
+    Zero current is sent on every way out; `stop` ends the run in order.
     """
     from rw_ekf.wheels import serial_opener
 
@@ -95,7 +102,6 @@ def run_daemon(
     lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
     statistics = StatisticsSink()
     with contextlib.ExitStack() as stack:
-        stop = stack.enter_context(StopSignal())
         stack.enter_context(PortClaim(configuration.wheel.port))
         live = LiveWheel(
             serial_opener(configuration, wire_map),
@@ -135,7 +141,7 @@ def run_daemon(
             live.link,
             live.timing,
             stop.requested,
-            live.lost,
+            live.lost or live.silent,
             confirmed,
         )
 

@@ -13,6 +13,7 @@ from rw_ekf.loop.stop_signal import StopSignal
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelDriver, WheelSample
 
 _REOPEN_EVERY_S = 0.5
+_LAST_TRY_S = 2.0
 _LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
 
 Request = Callable[[WheelSample], float]
@@ -49,9 +50,9 @@ class LoopTiming:
 class LiveWheel:
     """Reads the wheel at each tick and writes what the guard allows. One of these per `run`.
 
-    A tick without a reply is a sample without a speed: the current of the sample before holds. Where the current that was
-    in force cannot be known (nobody confirmed a command, and telemetry contradicts the log), a new segment begins, so
-    that the filter, and whoever replays the log, starts the speed afresh instead of believing a wrong current.
+    A tick without a reply is a sample without a speed: the current of the sample before holds. Where the current in
+    force cannot be known (nobody confirmed a command, and telemetry contradicts the log), a new segment begins, so that
+    the filter, and whoever replays the log, starts the speed afresh instead of believing a wrong current.
     """
 
     def __init__(
@@ -225,10 +226,16 @@ class LiveWheel:
         return True
 
     def _zero_over_new_line(self) -> bool:
-        try:
-            self.driver = self._open(self.driver)
-        except DriverError:
-            return False
+        """Last resort on the way out: a line that was pulled out may be back within a moment."""
+        end_s = time.monotonic() + _LAST_TRY_S
+        while True:
+            try:
+                self.driver = self._open(self.driver)
+                break
+            except DriverError:
+                if time.monotonic() >= end_s:
+                    return False
+                time.sleep(0.1)
         self.guard.driver = self.driver
         return self.guard.zero(1.0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -36,13 +37,20 @@ class LogSink:
         """Append one line to each file."""
         if result.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
             return  # a log's time only grows; the statistics count these
-        self._samples.write(sample, command)
-        self._estimates.write(result)
+        try:
+            self._samples.write(sample, command)
+            self._estimates.write(result)
+        except OSError as error:
+            raise RwEkfError(
+                f"{self._samples.path}: the log cannot be written on ({error.strerror}): make room, or give another "
+                "output.directory. The run ends; what is logged so far can be replayed."
+            ) from None
 
     def close(self) -> None:
-        """Close both files."""
-        self._samples.close()
-        self._estimates.close()
+        """Close both files; what a full disk did not take has been reported by the write that failed."""
+        for writer in (self._samples, self._estimates):
+            with contextlib.suppress(OSError):
+                writer.close()
 
 
 class StatisticsSink:
@@ -73,6 +81,7 @@ class StateFileSink:
         self._every_s = every_s
         self._due_s = 0.0
         self._latest: dict[str, Any] | None = None
+        self._is_due = False
         self._wake = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._serve, name="state-file", daemon=True)
@@ -80,10 +89,6 @@ class StateFileSink:
 
     def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
         """Hand the newest estimate over, if one is due."""
-        now = time.monotonic()
-        if now < self._due_s:
-            return
-        self._due_s = now + self._every_s
         document = {
             **self._about,
             "time_s": result.time_s,
@@ -93,12 +98,16 @@ class StateFileSink:
             "current_command_A": None if command is None else command.current_A,
             "temperature_degC": sample.temperature_degC,
         }
+        now = time.monotonic()
         with self._wake:
             self._latest = document
-            self._wake.notify()
+            if now >= self._due_s:
+                self._due_s = now + self._every_s
+                self._is_due = True
+                self._wake.notify()
 
     def close(self) -> None:
-        """Write what is still waiting and end the thread."""
+        """Write the last estimate and end the thread."""
         with self._wake:
             self._closing = True
             self._wake.notify()
@@ -109,9 +118,9 @@ class StateFileSink:
 
         while True:
             with self._wake:
-                while self._latest is None and not self._closing:
+                while not (self._is_due or self._closing):
                     self._wake.wait()
-                document, self._latest = self._latest, None
+                document, self._latest, self._is_due = self._latest, None, False
                 if document is None:
                     return
             try:

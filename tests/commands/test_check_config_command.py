@@ -1,0 +1,135 @@
+"""`rw-ekf check-config`: good files shown whole, bad ones refused with every finding and its place; `run` agrees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from rw_ekf.cli import main
+from rw_ekf.settings.resources import protocol_path
+from tests.loop.bench import ROOT, document_of, write_config
+
+Map = dict[str, Any]
+CONFIGURATIONS = [
+    path.name for path in sorted((ROOT / "config").glob("*.yaml")) if "\nlimits:" in path.read_text(encoding="utf-8")
+]
+
+
+def findings(capsys: pytest.CaptureFixture[str], config: Path) -> str:
+    """What check-config finds; `run` finds something too, and neither writes to standard output."""
+    assert main(["check-config", str(config)]) == 2
+    out, errors = capsys.readouterr()
+    assert out == ""
+    assert all(line.startswith("rw-ekf: error: ") for line in errors.splitlines())
+    assert main(["run", "--config", str(config)]) == 2
+    assert capsys.readouterr().out == ""
+    return errors
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_the_shipped_configurations_are_good(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each passes, as text that says what is a default, and as one JSON document."""
+    path = str(ROOT / "config" / name)
+    assert main(["check-config", path]) == 0
+    shown = capsys.readouterr().out
+    assert "# default: " in shown
+    assert yaml.safe_load(shown)["limits"]["current_A"] > 0.0
+    assert main(["check-config", path, "--json"]) == 0
+    document = document_of(capsys.readouterr().out)
+    assert document["schema"] == "rw_ekf.configuration/1"
+    assert set(document["configuration"]) >= {"wheel", "limits", "loop", "filter", "command", "output"}
+
+
+def test_all_findings_come_at_once_with_line_and_column(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unknown key, a repeated one and a wrong type in one file: three lines, each with file:line:column."""
+    config = tmp_path / "bad.yaml"
+    config.write_text(
+        "wheel: {port: /dev/ttyUSB0, colour: red}\nlimits: {current_A: much}\nloop: {rate_hz: 10, rate_hz: 20}\n",
+        encoding="utf-8",
+    )
+    errors = findings(capsys, config)
+    assert f"{config}:3:" in errors
+    config.write_text("wheel: {port: /dev/ttyUSB0, colour: red}\nlimits: {current_A: much}\n", encoding="utf-8")
+    errors = findings(capsys, config)
+    assert f"{config}:1:" in errors
+    assert f"{config}:2:" in errors
+    assert "colour" in errors
+    assert "current_A" in errors
+
+
+@pytest.mark.parametrize(("key", "value"), [("current_A", 5.0), ("speed_rpm", 20000)])
+def test_a_limit_that_the_wire_cannot_carry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], key: str, value: float
+) -> None:
+    """Beyond what i16 of 0.1 mA or 0.5 rpm holds: the limit's own place, and what the map carries."""
+    errors = findings(capsys, write_config(tmp_path, "/dev/ttyUSB0", limits={key: value}))
+    assert f"limits.{key}" in errors
+    assert "wheel.yaml:" in errors
+
+
+def duplicate_id(content: Map) -> None:
+    content["registers"].append({"id": 137, "name": "again", "access": "read", "fields": [{"name": "x", "type": "u8"}]})
+
+
+def without_register(*names: str) -> Callable[[Map], None]:
+    def change(content: Map) -> None:
+        content["registers"] = [r for r in content["registers"] if r["name"] not in names]
+
+    return change
+
+
+BAD_MAPS: dict[str, tuple[Callable[[Map], None], str]] = {
+    "two registers with one id": (duplicate_id, "137"),
+    "no speed": (without_register("speed", "cycle"), "speed"),
+    "no current command": (without_register("current_command"), "current_command"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_MAPS)
+def test_a_bad_wire_map_is_refused_before_a_port_is_opened(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """check-config and run both name the map's file and place; the port, which is not there, is never tried."""
+    change, expected = BAD_MAPS[name]
+    content = yaml.safe_load(protocol_path("sunspace-wheel").read_text(encoding="utf-8"))
+    change(content)
+    wire_map = tmp_path / "map.yaml"
+    wire_map.write_text(yaml.safe_dump(content), encoding="utf-8")
+    errors = findings(capsys, write_config(tmp_path, "/nowhere", wheel={"protocol": str(wire_map)}))
+    assert str(wire_map) in errors
+    assert expected in errors
+
+
+def test_a_good_map_of_one_s_own_passes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A copy of the shipped map under another path is as good."""
+    wire_map = tmp_path / "map.yaml"
+    wire_map.write_text(protocol_path("sunspace-wheel").read_text(encoding="utf-8"), encoding="utf-8")
+    assert main(["check-config", str(write_config(tmp_path, "/nowhere", wheel={"protocol": "map.yaml"}))]) == 0
+    assert str(wire_map) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("section", "content", "expected"),
+    [
+        ("filter", {"model": "missing.yaml"}, "missing.yaml"),
+        ("command", {"profile": "log"}, "command.log"),
+        ("command", {"amplitude_A": 0.9}, "amplitude_A"),
+        ("simulation", {"effects": ["no_such_effect:x=1"]}, "no_such_effect"),
+        ("loop", {"rate_hz": 1000.0}, "reply_timeout_ms"),
+        ("limits", {"silence_s": 0.01}, "silence_s"),
+    ],
+)
+def test_keys_that_contradict_each_other_or_the_disk(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], section: str, content: dict[str, Any], expected: str
+) -> None:
+    """A model that is not there, a log not named, a command beyond its limit, an unknown effect: named, status 2."""
+    config = write_config(tmp_path, "/nowhere", **{section: content})
+    assert main(["check-config", str(config)]) == 2
+    out, errors = capsys.readouterr()
+    assert out == ""
+    assert expected in errors
+    assert "wheel.yaml:" in errors

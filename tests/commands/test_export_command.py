@@ -1,0 +1,40 @@
+"""`rw-ekf export`: a log in another format is the same log."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rw_ekf.cli import main
+from rw_ekf.logs.reader import read_log
+from tests.commands.logs import CARRIAGE_MAP, carriage_log, profile_log
+from tests.loop.bench import document_of
+
+
+@pytest.mark.parametrize("chain", list(itertools.permutations([".csv", ".parquet", ".mat"], 2)))
+def test_a_log_survives_two_conversions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], chain: tuple[str, str]
+) -> None:
+    """Through any two formats every number comes back to the last bit."""
+    first = profile_log(tmp_path / "first.csv", samples=500)
+    paths = [str(first)]
+    for number, suffix in enumerate(chain):
+        paths.append(str(tmp_path / f"copy{number}{suffix}"))
+        assert main(["export", paths[-2], paths[-1], "--json"]) == 0
+        document = document_of(capsys.readouterr().out)
+        assert (document["schema"], document["samples"], document["out"]) == ("rw_ekf.export/1", 500, paths[-1])
+    one, two = read_log(first), read_log(paths[-1])
+    for name in ("time_s", "speed_rad_s", "current_A", "segment", "command_delay_s"):
+        assert np.array_equal(getattr(one, name), getattr(two, name)), name
+    assert two.drive == "current_command_A"
+
+
+def test_a_foreign_log_is_exported_under_the_contract_s_names(tmp_path: Path) -> None:
+    """After export no column map is needed any more."""
+    log, columns, out = carriage_log(tmp_path / "c.csv"), tmp_path / "map.yaml", tmp_path / "c.parquet"
+    columns.write_text(CARRIAGE_MAP, encoding="utf-8")
+    assert main(["export", str(log), str(out), "--columns", str(columns)]) == 0
+    assert np.array_equal(read_log(out).current_A, read_log(log, columns).current_A)

@@ -1,0 +1,90 @@
+"""The command line answers at once: help, stop and check-config import nothing heavy; every verb shows an example."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rw_ekf.cli import VERBS, main
+from tests.loop.bench import ROOT, rw_ekf, served_wheel, write_config
+
+HEAVY = ("numpy", "numba", "scipy", "filterpy", "pyarrow", "matplotlib")
+PROBE = """
+import sys
+from rw_ekf.cli import main
+try:
+    status = main(sys.argv[1:])
+except SystemExit as left:
+    status = left.code
+print(",".join(name for name in {heavy!r} if name in sys.modules), file=sys.stderr)
+sys.exit(status)
+"""
+
+
+def heavy_imports(*arguments: str) -> tuple[int, str]:
+    """Exit status of a command, and which heavy modules it had imported at its end."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE.format(heavy=HEAVY), *arguments],
+        capture_output=True, text=True, cwd=ROOT, check=False,
+    )  # fmt: skip
+    return done.returncode, done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help_with_an_example_and_json(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """`VERB --help` exits 0, shows `rw-ekf VERB` as an example, and names --json."""
+    with pytest.raises(SystemExit) as left:
+        main([verb, "--help"])
+    assert left.value.code == 0
+    text = capsys.readouterr().out
+    assert f"rw-ekf {verb}" in text[text.index("example:") :]
+    assert "--json" in text
+
+
+@pytest.mark.parametrize("arguments", [(), ("nonsense",), ("replay",), ("run",), ("stop", "--nonsense")])
+def test_wrong_usage_exits_2_with_a_sentence(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    """No verb, an unknown one, a missing argument, an unknown option: status 2, usage on standard error."""
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    assert left.value.code == 2
+    out, errors = capsys.readouterr()
+    assert out == ""
+    assert "usage: rw-ekf" in errors
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "soon"])
+def test_a_duration_must_be_a_positive_number(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """run --duration takes finite seconds above zero and nothing else."""
+    with pytest.raises(SystemExit) as left:
+        main(["run", "--config", "x.yaml", "--duration", text])
+    assert left.value.code == 2
+    assert "--duration" in capsys.readouterr().err
+
+
+def test_help_and_check_config_import_nothing_heavy(tmp_path: Path) -> None:
+    """Neither the help of all and of each verb, nor a check, loads numpy or anything like it."""
+    config = write_config(tmp_path, "/dev/ttyUSB0")
+    for arguments in (("--help",), ("run", "--help"), ("replay", "--help"), ("check-config", str(config))):
+        assert heavy_imports(*arguments) == (0, ""), arguments
+
+
+def test_stop_imports_nothing_heavy_and_is_quick(tmp_path: Path) -> None:
+    """`stop` on a wheel: no heavy module, less than 0.3 s of processor."""
+    with served_wheel(tmp_path) as bench:
+        assert heavy_imports("stop", "--config", str(bench.config())) == (0, "")
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        assert rw_ekf("stop", "--config", str(bench.config())).returncode == 0
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
+
+
+def test_help_is_quick() -> None:
+    """`run --help` takes less than 0.3 s of processor."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert rw_ekf("run", "--help").returncode == 0
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
