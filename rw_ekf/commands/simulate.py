@@ -10,6 +10,7 @@ HELP = "serve a simulated wheel on a pseudo-terminal"
 EXAMPLE = """example:
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect offset_torque:torque_rad_s2=0.03 --seed 7
   rw-ekf simulate --effects"""
+MAX_SPEED_RPM = 1.0e5
 
 
 class _ListEffects(argparse.Action):
@@ -54,6 +55,8 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError(f"--speed-factor {args.speed_factor:g}: give a number above 0, up to 1000")
     if args.seed < 0:
         raise BadInputError(f"--seed {args.seed}: a seed is not negative")
+    if not abs(args.initial_speed_rpm) <= MAX_SPEED_RPM:
+        raise BadInputError(f"--initial-speed-rpm {args.initial_speed_rpm:g}: give at most {MAX_SPEED_RPM:g} rpm")
     configuration = read_configuration(args.config)
     plant = plant_of(configuration, [text for group in args.effect for text in group])
     noise = PlantNoise()

@@ -158,3 +158,16 @@ def test_a_full_disk_ends_the_run_with_zero_and_one_sentence(bench: Bench) -> No
     assert "cannot be written on" in errors
     assert any(abs(value) > 0.01 for value in bench.recorder.writes_A())
     assert bench.registers.command_A == 0.0
+
+
+@pytest.mark.slow
+def test_a_link_lost_to_the_end_exits_1_with_the_document(bench: Bench) -> None:
+    """Unplugged in mid-run and never back: status 1, the whole document with a warning, no traceback."""
+    with program("run", "--config", str(bench.config()), "--duration", "1.5", "--json") as daemon:
+        wait_for(driven(bench))
+        bench.unplug()
+        out, errors = daemon.communicate(timeout=20)
+    assert daemon.returncode == 1
+    assert any("lost to the end" in text for text in run_document(out)["logs"][0]["warnings"])
+    assert "Traceback" not in errors
+    assert "rw-ekf stop" in errors

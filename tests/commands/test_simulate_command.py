@@ -1,0 +1,55 @@
+"""`rw-ekf simulate`: says where the wheel is and what is true of it, serves a run, refuses what cannot be served."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+from rw_ekf.cli import main
+from tests.commands.documents import run_document
+from tests.loop.bench import program, rw_ekf, write_config
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--initial-speed-rpm", "nan"),
+        ("--initial-speed-rpm", "inf"),
+        ("--speed-factor", "nan"),
+        ("--speed-factor", "0"),
+        ("--seed", "-1"),
+        ("--effect", "no_such_effect:x=1"),
+        ("--effect", "quadratic_drag:x=1"),
+    ],
+)
+def test_what_cannot_be_served_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str]
+) -> None:
+    """Numbers that are none, unknown effects: status 2, one sentence, and no link is left behind."""
+    assert main(["simulate", "--link", str(tmp_path / "wheel"), *options]) == 2
+    out, errors = capsys.readouterr()
+    assert out == ""
+    assert errors.startswith("rw-ekf: error: ")
+    assert errors.count("\n") == 1
+    assert not (tmp_path / "wheel").is_symlink()
+
+
+@pytest.mark.slow
+def test_a_run_of_twenty_seconds_on_a_wheel_ten_times_as_fast_takes_two(tmp_path: Path) -> None:
+    """--duration counts seconds of samples; the truth is told with --json; a signal ends the simulator."""
+    link = str(tmp_path / "wheel")
+    with program("simulate", "--link", link, "--speed-factor", "10", "--seed", "3", "--json") as simulator:
+        assert simulator.stdout is not None
+        lines = list(iter(simulator.stdout.readline, "}\n"))
+        truth = json.loads("".join([*lines, "}"]))
+        done = rw_ekf("run", "--config", str(write_config(tmp_path, link)), "--duration", "20", "--json")
+        simulator.send_signal(signal.SIGTERM)
+        assert simulator.wait(5) == 0
+    assert truth["schema"] == "rw_ekf.simulation/1"
+    assert truth["truth"]["motor_gain"] == 15.205
+    assert done.returncode == 0
+    assert run_document(done.stdout)["logs"][0]["duration_s"] == pytest.approx(20.0, abs=1.5)
+    assert not Path(link).is_symlink()
