@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from drivers.line_errors import silent_error
 from drivers.registers import decode_register, encode_register, rounded_si
 from drivers.serial_link import Exchange, SerialLink
 from drivers.wheel_clock import WheelClock
-from drivers.wire_layout import Register
+from drivers.wire_layout import Field, Register
 from drivers.wire_map import STATUS_OK, WireMap
 from rw_ekf.errors import DriverError
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
@@ -80,6 +81,7 @@ class SerialWheel:
         wheel may or may not have taken it). Raises DriverError for a current the wire cannot carry or a lost line.
         """
         register = self._map.current_command
+        current_A = _toward_zero(register.fields[0], current_A)
         try:
             data = encode_register(register, {"current_command": current_A})
         except ValueError as error:
@@ -209,6 +211,18 @@ def _registers_beside(main: Register, wire_map: WireMap) -> tuple[Register, ...]
         and register.name not in known
         and register.field(register.name)
     )
+
+
+def _toward_zero(field: Field, current_A: float) -> float:
+    """The current itself, or one count less where rounding on the wire would carry it beyond: a limit is a limit."""
+    if not math.isfinite(current_A):
+        return current_A
+    try:
+        sent_A = rounded_si(field, current_A)
+    except ValueError:
+        return current_A
+    count_A = abs(field.si_per_count)
+    return sent_A - math.copysign(count_A, sent_A) if abs(sent_A) - abs(current_A) > 1e-6 * count_A else current_A
 
 
 def _whole(value: float | None) -> int | None:

@@ -14,12 +14,17 @@ class WheelClock:
         self._host_s = 0.0
         self._wraps_s = 0.0
         self._restart_noted = False
+        self._flag_expected = False  # a restart was seen by uptime; the flag that says the same is still to come
         self._began: tuple[float, float] | None = None  # wheel time and host time of the segment's first reading
         self.rate = 1.0  # wheel seconds per host second; a simulated wheel may run fast
 
     def note_restart(self) -> None:
-        """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once."""
-        self._restart_noted = self._uptime_s is not None
+        """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once.
+
+        Not where the uptime has told of that restart already.
+        """
+        self._restart_noted = self._uptime_s is not None and not self._flag_expected
+        self._flag_expected = False
 
     def time_s(self, uptime_s: float, host_s: float, span_s: float | None) -> float:
         """Wheel time [s] of an uptime reading [s] taken at `host_s` [s] of the host's clock.
@@ -34,6 +39,7 @@ class WheelClock:
             if wrapped and span_s is not None and not self._restart_noted:
                 self._wraps_s += span_s
             elif back or self._restart_noted:
+                self._flag_expected = back and not self._restart_noted
                 self.segment += 1
                 self._wraps_s = 0.0
                 self._began = None

@@ -14,6 +14,7 @@ from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelDriver,
 
 _REOPEN_EVERY_S = 0.5
 _LAST_TRY_S = 2.0
+_REOPEN_SILENT_S = 5.0  # a port that stays open but says nothing is opened anew, so often
 _LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
 
 Request = Callable[[WheelSample], float]
@@ -88,6 +89,7 @@ class LiveWheel:
         self._breaks = 0
         self._zeroed_after_s: float | None = None  # in silence: the zero was confirmed, so long after the tick
         self._retry_at = 0.0
+        self._reopened_s = 0.0
         self._changed_for: str | None = None
         if writes:
             self.guard.zero()
@@ -185,6 +187,10 @@ class LiveWheel:
                 doing = "writing zero, retrying" if self._writes else "waiting"
                 self._note("silence", seconds=round(quiet_s, 2), doing=doing)
             self.silent = True
+            if min(quiet_s - self._limits.silence_s, time.monotonic() - self._reopened_s) > _REOPEN_SILENT_S:
+                self._reopened_s = time.monotonic()
+                self._lose(DriverError("the port is open but the wheel says nothing; opening it anew"))
+                return None
             known = self._zeroed_after_s is not None
             if not self._writes or not self.guard.zero(within_s=0.0) or known:
                 return None

@@ -414,3 +414,16 @@ def test_golden_write_and_its_reply(wire_map: WireMap) -> None:
     assert request.hex(" ") == "1f 7f 07 03 e8 03 " + request[-4:].hex(" ")
     assert decode(reply.content).frames == (Frame(7, 3, b"\x00"),)
     assert server.plant.current_A == pytest.approx(0.1)
+
+
+def test_rounding_on_the_wire_never_carries_a_current_beyond_what_was_asked() -> None:
+    """A current between two counts goes out as the smaller one; one on a count goes out as it is."""
+    from drivers.serial_wheel import _toward_zero
+    from drivers.wire_layout import Field
+
+    field = Field("current_command", "i16", scale=0.1, unit="mA")
+    assert _toward_zero(field, 0.60006) == pytest.approx(0.6000)
+    assert _toward_zero(field, -0.60006) == pytest.approx(-0.6000)
+    assert _toward_zero(field, 0.60004) == 0.60004  # rounds down by itself
+    assert _toward_zero(field, 0.6) == 0.6
+    assert _toward_zero(field, 0.0) == 0.0

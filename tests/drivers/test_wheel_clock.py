@@ -24,3 +24,19 @@ def test_a_restart_begins_the_comparison_of_clocks_anew() -> None:
         clock.time_s(uptime_s, host_s, None)
     assert clock.segment == 1
     assert clock.rate == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("flag_first", [True, False])
+def test_a_restart_told_twice_is_one_segment(flag_first: bool) -> None:
+    """Uptime running backward and the status flag speak of one restart, in either order; the next one counts anew."""
+    clock = WheelClock()
+    clock.time_s(100.0, 0.0, None)
+    if flag_first:
+        clock.note_restart()
+    clock.time_s(0.2, 1.0, None)
+    if not flag_first:
+        clock.note_restart()
+    clock.time_s(0.3, 1.1, None)
+    assert clock.segment == 1
+    clock.time_s(0.1, 2.0, None)
+    assert clock.segment == 2
