@@ -14,10 +14,10 @@ from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
-from rw_ekf.filter.setup import FilterSetup, setup_of_record
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.noise import frozen, without_drift
 from rw_ekf.records import IssuedCommand, WheelSample
+from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:

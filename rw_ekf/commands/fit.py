@@ -13,9 +13,9 @@ from rw_ekf.commands.inputs import add_log_options, read_configuration, read_log
 
 if TYPE_CHECKING:
     from rw_ekf.filter.log_filter import FilterInput
-    from rw_ekf.filter.setup import FilterSetup
     from rw_ekf.identify.noise import NoiseFit
     from rw_ekf.logs.wheel_log import WheelLog
+    from rw_ekf.starting_point import FilterSetup
 
 HELP = "fit the parameters to a whole log by least squares, or by dedicated experiments"
 EXAMPLE = """example:
@@ -46,10 +46,10 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.documents import FIT_SCHEMA, physical
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
-    from rw_ekf.filter.setup import setup_of_record
     from rw_ekf.identify.noise import fit_noise
     from rw_ekf.json_output import print_json
     from rw_ekf.replay import input_of_log
+    from rw_ekf.starting_point import setup_of_record
 
     configuration = read_configuration(args.config)
     prior_model = read_wheel_model(args.prior, configuration)

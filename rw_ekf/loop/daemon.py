@@ -13,7 +13,6 @@ from rw_ekf import __version__
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.filter.setup import FilterSetup, setup_of_configuration
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, utc_text, write_metadata
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
@@ -26,6 +25,7 @@ from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, 
 from rw_ekf.loop.stop_signal import StopSignal
 from rw_ekf.model.model_file import WheelModel
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
+from rw_ekf.starting_point import FilterSetup, setup_of_configuration
 from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
