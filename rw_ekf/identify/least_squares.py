@@ -149,7 +149,7 @@ class _Problem:
         damping = 1.0e-3
         for iteration in range(1, _MAX_ITERATIONS + 1):
             parts, R, z = self.linearise(point)
-            sigma = np.sqrt(np.diag(np.linalg.inv(R.T @ R)))
+            sigma = np.sqrt(np.diag(_covariance(self.prior_root, R)))
             while True:
                 dp, trial = self.step(point, parts, R, z, damping)
                 # Where the model is wrong the loss is many times the readings' number; "small" is judged against that.
@@ -200,7 +200,7 @@ def least_squares(
     residual = (data.speed_rad_s - best.simulated)[problem.used]
     freedom = max(residual.size - 4 - len(problem.runs), 1)
     variance = float(residual @ residual) / freedom
-    covariance = _covariance(problem, best, R, variance / constants.speed_variance)
+    covariance = _covariance(problem.prior_root, R, variance / constants.speed_variance)
     return LeastSquaresResult(
         parameters=FrictionParameters(*(float(v) for v in best.p)),
         covariance=covariance,
@@ -243,8 +243,16 @@ def _outliers(problem: _Problem, at: _Point) -> NDArray[np.intp]:
     return found if found.size <= _OUTLIER_SHARE * problem.used.sum() else found[:0]
 
 
-def _covariance(problem: _Problem, at: _Point, R: Float64Array, variance_factor: float) -> Float64Array:
-    """(R'R)^-1 with the data's share scaled by the variance factor; the a priori's share is not data."""
-    prior_information = problem.prior_root.T @ problem.prior_root
-    information = (R.T @ R - prior_information) / max(variance_factor, 1.0e-12) + prior_information
-    return np.linalg.inv(0.5 * (information + information.T))
+def _covariance(prior_root: Float64Array, R: Float64Array, variance_factor: float = 1.0) -> Float64Array:
+    """(R'R)^-1 with the data's share scaled by the variance factor; the a priori's share is not data.
+
+    Reckoned in units of the a priori, where its share is the identity: whatever the data lack, the result is a
+    covariance, and none wider than the a priori.
+    """
+    to_natural = np.linalg.inv(prior_root)
+    seen = R @ to_natural
+    data = seen.T @ seen - np.eye(4)
+    values, vectors = np.linalg.eigh(0.5 * (data + data.T))
+    spread = 1.0 / (1.0 + np.maximum(values, 0.0) / max(variance_factor, 1.0e-12))
+    root = to_natural @ vectors * np.sqrt(spread)
+    return np.asarray(root @ root.T, dtype=np.float64)
