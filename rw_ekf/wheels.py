@@ -43,6 +43,12 @@ def beyond_wire(configuration: Configuration, wire_map: WireMap) -> list[tuple[t
     if configuration.command.profile == "none" and not told & {"current_command", "current"}:
         text = f"command.profile is none, but the wire map {name!r} has no current_command or current in its telemetry"
         found.append((("command", "profile"), f"{text}: without one of them nobody knows what drives the wheel."))
+    temperatures = [f for register in wire_map.readable() for f in register.fields if f.name == "temperature"]
+    hottest = max((field.si_range[1] for field in temperatures), default=None)
+    limit_degC = configuration.limits.temperature_degC
+    if hottest is not None and limit_degC > hottest:
+        text = f"limits.temperature_degC is {limit_degC:g} degC, but the wire map {name!r} carries temperatures"
+        found.append((("limits", "temperature_degC"), f"{text} up to {hottest:g} degC: lower the limit."))
     return found
 
 

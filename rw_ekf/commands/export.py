@@ -20,12 +20,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises LogError or BadInputError."""
-    from rw_ekf.commands.inputs import read_logs
+    from rw_ekf.commands.inputs import read_logs, refuse_to_overwrite
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.export import export_log
     from rw_ekf.logs.tables import check_suffix
 
     check_suffix(args.out)
+    refuse_to_overwrite([args.out], [args.log, args.columns])
     (log,) = read_logs([args.log], args.columns)
     export_log(log, args.out)
     for text in log.warnings:

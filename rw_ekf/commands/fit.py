@@ -9,7 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.commands.inputs import add_log_options, read_configuration, read_logs, read_wheel_model
+from rw_ekf.commands.inputs import (
+    add_log_options,
+    read_configuration,
+    read_logs,
+    read_wheel_model,
+    refuse_to_overwrite,
+)
 
 if TYPE_CHECKING:
     from rw_ekf.filter.log_filter import FilterInput
@@ -51,6 +57,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.replay import input_of_log
     from rw_ekf.starting_point import setup_of_record
 
+    refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)
     prior_model = read_wheel_model(args.prior, configuration)
     (log,) = read_logs([args.log], args.columns)
@@ -142,7 +149,8 @@ def _fit(
     if result.residual_rms_rad_s > 1.5 * expected:
         said.append(
             f"the free run misses the readings by {rpm_from_rad_s(result.residual_rms_rad_s):.3g} rpm rms, "
-            f"{result.residual_rms_rad_s / expected:.1f} times their noise: the model lacks something"
+            f"{result.residual_rms_rad_s / expected:.1f} times their noise: the model lacks "
+            "something, and the sigmas are too small"
         )
     return Belief(np.array([0.0, *result.parameters]), covariance), quality, said
 

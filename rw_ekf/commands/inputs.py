@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,3 +62,18 @@ def _shipped_or_own(name: str) -> str:
         return str(config_resource(name))
     except ConfigError as error:
         raise ConfigError(f"{name}: no such file, and {error}") from None
+
+
+def refuse_to_overwrite(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:
+    """Raise BadInputError where an output is the same file as an input: a log from hardware cannot be had again."""
+    from rw_ekf.errors import BadInputError
+
+    read = [Path(name) for name in inputs if name is not None]
+    for name in outputs:
+        if name is None or not Path(name).exists():
+            continue
+        for path in read:
+            if path.exists() and path.samefile(name):
+                raise BadInputError(
+                    f"{name}: is also read by this command and would be lost: name another file to write"
+                )

@@ -7,7 +7,13 @@ import sys
 import time
 from typing import Any
 
-from rw_ekf.commands.inputs import add_log_options, read_configuration, read_logs, read_wheel_model
+from rw_ekf.commands.inputs import (
+    add_log_options,
+    read_configuration,
+    read_logs,
+    read_wheel_model,
+    refuse_to_overwrite,
+)
 
 HELP = "filter logged runs"
 EXAMPLE = """example:
@@ -35,6 +41,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.documents import REPLAY_SCHEMA, entry_text, log_entry
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
+    from rw_ekf.units import rpm_from_rad_s
 
     if args.smooth and args.out is None:
         raise BadInputError("--smooth adds columns to --out: name a file with --out FILE")
@@ -46,6 +53,7 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.logs.tables import check_suffix
 
         check_suffix(args.out)
+    refuse_to_overwrite([args.out, args.picture], [*args.logs, args.columns, args.config, args.model])
     configuration = read_configuration(args.config)
     model = read_wheel_model(args.model, configuration)
     started = time.perf_counter()
@@ -94,6 +102,10 @@ def execute(args: argparse.Namespace) -> int:
     else:
         for entry, item in zip(entries, done, strict=True):
             sys.stdout.write(entry_text(entry, item.belief, item.setup.prior) + "\n")
+            if configuration is None:
+                noise = rpm_from_rad_s(item.setup.noise.speed_noise_rad_s)
+                source = "the record" if model is None else "the model"
+                sys.stdout.write(f"  speed noise {noise:.3g} rpm taken from {source}; --config gives the run's own\n")
     return 0
 
 

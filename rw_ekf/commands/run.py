@@ -86,6 +86,10 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         said.append("the wheel did not confirm zero current at the end; `rw-ekf stop --config F` tries again")
     if outcome.lost:
         said.append("the link to the wheel was lost to the end of the run")
+    if outcome.link.reconnects > 0 and not outcome.lost:
+        said.append(
+            f"the link was lost and taken up again {outcome.link.reconnects} times; the log has a gap each time"
+        )
     if outcome.statistics.samples == 0:
         return [*said, "no sample came from the wheel"]
     try:

@@ -9,6 +9,7 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 
 _LEARNED = 0.5  # posterior sigma below this share of the prior's: the data spoke
+_KNOWN_BEFORE = 0.1  # a prior this sharp is knowledge, whatever the run says
 _KNOWN = 0.5  # and below this share of the value itself: a number worth printing
 
 
@@ -29,6 +30,8 @@ class ParameterReport:
 
     def text(self) -> str:
         """`15.21 +- 0.02 rad/s^2/A`, or that this run does not tell."""
+        if not self.identifiable and self.prior_std <= _KNOWN_BEFORE * abs(self.value):
+            return f"{rounded(self.value, self.std)} {self.unit}, known before; this run adds little"
         if not self.identifiable:
             return f"not identifiable from this run (sigma {self.std:.2g} {self.unit}, {self.prior_std:.2g} before it)"
         return f"{rounded(self.value, self.std)} {self.unit}"

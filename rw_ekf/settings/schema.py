@@ -95,7 +95,9 @@ class FilterSection(Section):
         0.9999, gt=0.5, lt=1, description="share of healthy readings that pass the outlier gate [-]"
     )
     max_gap_s: float = Field(2.0, gt=0, le=1e6, description="after a longer gap the speed is seeded anew [s]")
-    model: str | None = Field(None, min_length=1, description="model YAML as `diagnose` writes it; null: base model")
+    model: str | None = Field(
+        None, min_length=1, description="model YAML, as a run or `fit --out` writes it; null: none"
+    )
     prior: PriorSection | None = Field(None, description="priors of the four parameters; null: the built-in ones")
 
 
