@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -100,8 +100,7 @@ def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consiste
     That value is the least-squares one, started from the filter's: where the filter went wrong early in a short log and
     only the fit is right, the model is not to blame.
     """
-    n = min(data.time_s.size, _JUDGED_SAMPLES)
-    head = replace(data, time_s=data.time_s[:n], speed_rad_s=data.speed_rad_s[:n], segment=data.segment[:n])
+    head = data.head(_JUDGED_SAMPLES)
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
         return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters

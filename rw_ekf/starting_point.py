@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rw_ekf import __version__
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief, NoiseModel, filter_constants, with_prior_table
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput, filter_log
@@ -15,6 +17,7 @@ from rw_ekf.model.state import PARAMETER_NAMES, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
+    from rw_ekf.identify.noise import NoiseFit
     from rw_ekf.settings.schema import Configuration
 
 DEFAULT_INERTIA_KG_M2 = 1.5e-3
@@ -34,8 +37,13 @@ class FilterSetup:
     notes: tuple[str, ...] = ()
 
 
-def setup_of_configuration(configuration: Configuration, model: WheelModel | None) -> FilterSetup:
-    """Start as a configuration says; a model (its `filter.model`, or --model) gives prior and Stribeck law."""
+def setup_of_configuration(
+    configuration: Configuration, model: WheelModel | None, period_s: float = 0.0
+) -> FilterSetup:
+    """Start as a configuration says; a model (its `filter.model`, or --model) gives prior and Stribeck law.
+
+    period_s: of the record, where there is one; a gap is never shorter than five of the longer period.
+    """
     section = configuration.filter
     noise = NoiseModel(
         rad_s_from_rpm(section.speed_noise_rpm),
@@ -61,7 +69,7 @@ def setup_of_configuration(configuration: Configuration, model: WheelModel | Non
         law,
         gate_probability=section.gate_probability,
         max_gap_s=section.max_gap_s,
-        nominal_period_s=1.0 / configuration.loop.rate_hz,
+        nominal_period_s=max(1.0 / configuration.loop.rate_hz, period_s),
     )
     return FilterSetup(constants, noise, prior, omega_s, law, configuration.wheel.inertia_kg_m2)
 
@@ -70,10 +78,9 @@ def setup_of_record(
     data: FilterInput, configuration: Configuration | None = None, model: WheelModel | None = None
 ) -> FilterSetup:
     """Start for a log: from the configuration if there is one, else from the model, else from the record itself."""
-    period = _period_s(data)
+    period = data.period_s
     if configuration is not None:
-        setup = setup_of_configuration(configuration, model)
-        return _with_period(setup, period)
+        return setup_of_configuration(configuration, model, period)
     from rw_ekf.identify.record_scale import measure
 
     scale = measure(data)
@@ -110,6 +117,22 @@ def belief_of_model(model: WheelModel) -> Belief:
     return Belief(np.array([0.0, *model.parameters]), covariance)
 
 
+def model_of(
+    belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoiseFit | None = None
+) -> WheelModel:
+    """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
+    return WheelModel(
+        belief.parameters,
+        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:, 1:]),
+        setup.stribeck_speed_rad_s,
+        setup.stribeck_law,
+        setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
+        setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
+        setup.inertia_kg_m2,
+        {**source, "rw_ekf": __version__},
+    )
+
+
 def _foreign_noise(
     data: FilterInput, noise: NoiseModel, prior: Belief, omega_s: float, period: float
 ) -> tuple[NoiseModel, str]:
@@ -130,21 +153,3 @@ def _foreign_noise(
         "`--config` settles them otherwise."
     )
     return tuned, said
-
-
-def _period_s(data: FilterInput) -> float:
-    step = np.diff(data.time_s[:100_000])[np.diff(data.segment[:100_000]) == 0]
-    return float(np.median(step)) if step.size else 0.1
-
-
-def _with_period(setup: FilterSetup, period_s: float) -> FilterSetup:
-    constants = setup.constants._replace(max_gap_s=max(setup.constants.max_gap_s, 5.0 * period_s))
-    return FilterSetup(
-        constants,
-        setup.noise,
-        setup.prior,
-        setup.stribeck_speed_rad_s,
-        setup.stribeck_law,
-        setup.inertia_kg_m2,
-        setup.notes,
-    )

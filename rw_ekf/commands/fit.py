@@ -54,8 +54,9 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.filter.identifiability import report
     from rw_ekf.identify.noise import fit_noise
     from rw_ekf.json_output import print_json
+    from rw_ekf.logs.atomic import write_text
     from rw_ekf.replay import input_of_log
-    from rw_ekf.starting_point import setup_of_record
+    from rw_ekf.starting_point import model_of, setup_of_record
 
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)
@@ -92,7 +93,8 @@ def execute(args: argparse.Namespace) -> int:
         "warnings": [*log.warnings, *setup.notes, *warnings],
     }
     if args.out is not None:
-        _write_model(args.out, args, belief, setup, noise, log)
+        source = {"method": args.method, "log": Path(log.name).name, "samples": len(log)}
+        write_text(Path(args.out), model_of(belief, setup, source, noise).to_text())
     if args.json:
         print_json(document)
     else:
@@ -169,26 +171,6 @@ def _noise_document(noise: NoiseFit | None) -> dict[str, Any] | None:
         "acceleration_noise_limit_rpm_per_sqrt_s": rpm_from_rad_s(noise.acceleration_noise_limit),
         "log_likelihood": noise.log_likelihood,
     }
-
-
-def _write_model(
-    path: str, args: argparse.Namespace, belief: Any, setup: FilterSetup, noise: NoiseFit | None, log: WheelLog
-) -> None:
-    from rw_ekf import __version__
-    from rw_ekf.logs.atomic import write_text
-    from rw_ekf.model.model_file import WheelModel
-
-    model = WheelModel(
-        belief.parameters,
-        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:, 1:]),
-        setup.stribeck_speed_rad_s,
-        setup.stribeck_law,
-        setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
-        setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
-        setup.inertia_kg_m2,
-        {"method": args.method, "log": Path(log.name).name, "samples": len(log), "rw_ekf": __version__},
-    )
-    write_text(Path(path), model.to_text())
 
 
 def _print(document: dict[str, Any], reports: list[Any], noise: NoiseFit | None) -> None:

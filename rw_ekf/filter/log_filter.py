@@ -16,6 +16,8 @@ from rw_ekf.model.state import STATE_SIZE
 
 Float64Array = NDArray[np.float64]
 
+_PERIOD_SAMPLES = 100_000
+
 
 @dataclass(frozen=True)
 class FilterInput:
@@ -39,6 +41,18 @@ class FilterInput:
         delay = np.zeros(time_s.size) if command_delay_s is None else command_delay_s
         part = np.zeros(time_s.size, np.int64) if segment is None else segment
         return cls(time_s, speed_rad_s, part, pieces_of_log(time_s, current_A, delay, part))
+
+    @property
+    def period_s(self) -> float:
+        """Median step within segments, of the first 100,000 samples [s]; 0.1 where there is no step."""
+        step_s = np.diff(self.time_s[:_PERIOD_SAMPLES])[np.diff(self.segment[:_PERIOD_SAMPLES]) == 0]
+        return float(np.median(step_s)) if step_s.size else 0.1
+
+    def head(self, n: int) -> FilterInput:
+        """The first n samples, or all where there are fewer."""
+        if self.time_s.size <= n:
+            return self
+        return FilterInput(self.time_s[:n], self.speed_rad_s[:n], self.segment[:n], self.pieces)
 
 
 @dataclass(frozen=True)

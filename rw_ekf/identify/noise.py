@@ -68,7 +68,7 @@ def fit_noise(
     """
     from scipy.optimize import minimize
 
-    data = _leave_out_spikes(_head(data, max_samples), constants, parameters)
+    data = _leave_out_spikes(data.head(max_samples), constants, parameters)
     base = without_drift(constants)._replace(gate=_OPEN_GATE)
     mean, covariance = frozen(parameters)
 
@@ -116,15 +116,7 @@ def _model_error(data: FilterInput, constants: FilterConstants, parameters: Fric
     """Acceleration noise that one-step errors would ask for if readings had none [rad/s per sqrt(s)]."""
     mean, covariance = frozen(parameters)
     run = filter_log(data, constants, mean, covariance)
-    step = np.diff(data.time_s)[np.diff(data.segment) == 0]
-    period = float(np.median(step)) if step.size else 1.0
-    return float(np.sqrt(np.nanmean(run.innovation_rad_s**2) / max(period, 1.0e-9)))
-
-
-def _head(data: FilterInput, n: int) -> FilterInput:
-    if data.time_s.size <= n:
-        return data
-    return FilterInput(data.time_s[:n], data.speed_rad_s[:n], data.segment[:n], data.pieces)
+    return float(np.sqrt(np.nanmean(run.innovation_rad_s**2) / max(data.period_s, 1.0e-9)))
 
 
 def _leave_out_spikes(data: FilterInput, constants: FilterConstants, parameters: FrictionParameters) -> FilterInput:

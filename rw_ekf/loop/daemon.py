@@ -25,7 +25,7 @@ from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, 
 from rw_ekf.loop.stop_signal import StopSignal
 from rw_ekf.model.model_file import WheelModel
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
-from rw_ekf.starting_point import FilterSetup, setup_of_configuration
+from rw_ekf.starting_point import FilterSetup, model_of, setup_of_configuration
 from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
@@ -131,7 +131,8 @@ def run_daemon(
                     do="the wheel may still carry its last current: run `rw-ekf stop --config F`, or cut its power",
                 )
         belief = Belief(estimator.mean, estimator.covariance)
-        _write_model(files.model, belief, setup, files.log.name)
+        model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
+        write_text(files.model, model_now.to_text())
         logger.info("ended", by=stop.requested or "duration", samples=statistics.statistics.samples)
         return RunOutcome(
             files,
@@ -197,17 +198,3 @@ def _following(samples: Iterator[WheelSample]) -> tuple[Iterator[WheelSample], I
         return latest[0]
 
     return walk(), issue
-
-
-def _write_model(path: Path, belief: Belief, setup: FilterSetup, log: str) -> None:
-    model = WheelModel(
-        belief.parameters,
-        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:, 1:]),
-        setup.stribeck_speed_rad_s,
-        setup.stribeck_law,
-        setup.noise.speed_noise_rad_s,
-        setup.noise.acceleration_noise,
-        setup.inertia_kg_m2,
-        {"method": "filter", "log": log, "rw_ekf": __version__},
-    )
-    write_text(path, model.to_text())
