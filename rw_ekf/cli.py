@@ -18,6 +18,7 @@ VERBS = {
     "excite": "excite",
     "replay": "replay",
     "fit": "fit",
+    "diagnose": "diagnose",
     "check-config": "check_config",
     "export": "export",
     "stop": "stop",

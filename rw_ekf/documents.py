@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.filter.identifiability import report
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES
+from rw_ekf.filter.identifiability import report, rounded
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
+    from rw_ekf.effects.table import Column, EffectSet
     from rw_ekf.filter.belief import Belief
+    from rw_ekf.starting_point import FilterSetup
 
 REPLAY_SCHEMA = "rw_ekf.replay/1"
 FIT_SCHEMA = "rw_ekf.fit/1"
@@ -30,26 +33,46 @@ def log_entry(
     log: str,
     statistics: RunStatistics,
     belief: Belief,
-    prior: Belief,
-    inertia_kg_m2: float | None,
+    setup: FilterSetup,
     warnings: Sequence[str],
 ) -> dict[str, Any]:
     """Return one element of `logs` of a replay document (contract, section 5)."""
+    core = belief.core
     return {
         "log": log,
         "samples": statistics.samples,
         "duration_s": statistics.duration_s,
         "missing": statistics.missing,
         "rejected": statistics.rejected,
-        "state": dict(zip(STATE_NAMES, (float(v) for v in belief.mean), strict=True)),
-        "std": dict(zip(STATE_NAMES, (float(v) for v in belief.std), strict=True)),
-        "covariance": [[float(v) for v in row] for row in belief.covariance],
-        "identifiable": {item.name: item.identifiable for item in report(belief, prior)},
-        "effects": {},
-        "physical": physical(belief.parameters, inertia_kg_m2),
+        "state": dict(zip(STATE_NAMES, (float(v) for v in core.mean), strict=True)),
+        "std": dict(zip(STATE_NAMES, (float(v) for v in core.std), strict=True)),
+        "covariance": [[float(v) for v in row] for row in core.covariance],
+        "identifiable": {item.name: item.identifiable for item in report(core, setup.prior.core)},
+        "effects": effects_document(setup.effects, belief),
+        "physical": physical(belief.parameters, setup.inertia_kg_m2),
         "innovation": statistics.innovation_document(),
         "warnings": list(warnings),
     }
+
+
+def effects_document(effects: EffectSet, belief: Belief) -> dict[str, Any]:
+    """The effects' coefficients: {id: {"value", "std", "unit"}}; of a periodic one the largest amplitude."""
+    known = STATE_SIZE + len(effects.state_columns)
+    now = effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known])
+    found: dict[str, Any] = {}
+    done: list[Column] = []
+    for column in now.columns:
+        if any(column.same_line(other) for other in done):
+            continue
+        done.append(column)
+        value, std = column.value, column.std
+        if column.effect.quadrature:
+            pair = [c for c in now.columns if c.same_line(column)]
+            value = math.hypot(*(c.value for c in pair))
+            std = math.sqrt(sum((c.value * c.std) ** 2 for c in pair)) / value if value > 0.0 else column.std
+        if column.id not in found or abs(value) > abs(found[column.id]["value"]):
+            found[column.id] = {"value": value, "std": std, "unit": column.effect.coefficient.unit}
+    return found
 
 
 def entry_text(entry: Mapping[str, Any], belief: Belief, prior: Belief) -> str:
@@ -59,7 +82,10 @@ def entry_text(entry: Mapping[str, Any], belief: Belief, prior: Belief) -> str:
         f" ({entry['missing']} missing, {entry['rejected']} rejected)"
     ]
     width = max(len(name) for name in PARAMETER_NAMES)
-    lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief, prior)]
+    lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief.core, prior.core)]
+    lines += [
+        f"  {name}: {rounded(item['value'], item['std'])} {item['unit']}" for name, item in entry["effects"].items()
+    ]
     speed = rpm_from_rad_s(entry["state"]["speed_rad_s"])
     lines.append(
         f"  {'speed':<{width}}  {speed:.2f} +- {rpm_from_rad_s(entry['std']['speed_rad_s']):.2f} rpm at the end"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.errors import LogError
+from rw_ekf.errors import BadInputError, LogError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
@@ -22,7 +22,7 @@ from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
-    from rw_ekf.model.model_file import WheelModel
+    from rw_ekf.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
 
 _JUDGED_SAMPLES = 20_000  # of a long log, the first so many decide whether the residual is noise
@@ -53,7 +53,15 @@ def input_of_log(log: WheelLog) -> FilterInput:
                 f"{log.name}: a {name} of {values[row]:.3g} at time_s {log.time_s[row]:g} is beyond any machine "
                 f"(above {_WILD:g}): mend or empty that cell"
             )
-    return FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.command_delay_s, log.segment)
+    return FilterInput.of(
+        log.time_s,
+        log.speed_rad_s,
+        log.current_A,
+        log.command_delay_s,
+        log.segment,
+        log.channels.get("temperature_degC"),
+        log.channels.get("angle_rad"),
+    )
 
 
 def replay_log(
@@ -75,6 +83,10 @@ def replay_log(
     if not np.isfinite(data.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
     setup = setup_of_record(data, configuration, model)
+    if smooth and setup.effects.table().hidden:
+        raise BadInputError(
+            f"--smooth cannot look back through the hidden state of {', '.join(setup.effects.ids)}: leave it out"
+        )
     if online:
         run = _online(log, setup, advance)
     else:
@@ -83,6 +95,8 @@ def replay_log(
             setup.constants,
             setup.prior.mean,
             setup.prior.covariance,
+            setup.effects,
+            setup.effect_drift,
             keep_states=with_columns,
             keep_history=smooth,
         )
@@ -104,6 +118,10 @@ def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consiste
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
         return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters
+    if setup.effects.columns:  # what least squares cannot fit: judged where the filter ended
+        mean, covariance = frozen(found, belief.mean)
+        run = filter_log(head, without_drift(setup.constants), mean, covariance, setup.effects)
+        return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     starts = [found, found._replace(static=found.coulomb), found._replace(static=1.35 * found.coulomb)]
     best = least_squares(head, setup.constants, setup.prior, starts=starts).parameters
     mean, covariance = frozen(best)
@@ -156,9 +174,9 @@ def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object])
     from rw_ekf.loop.sinks import ArraySink
     from rw_ekf.wheels import replay_wheel
 
-    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance)
+    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
     driver = replay_wheel(rows_of_log(log), log.name)
-    sink = ArraySink(len(log), advance)
+    sink = ArraySink(len(log), advance, len(setup.state_names))
     run_loop(samples_of_record(driver), estimator, command_of_record(driver), [sink])
     driver.close()
     return sink.as_run(estimator.mean, estimator.covariance)
@@ -166,11 +184,9 @@ def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object])
 
 def _columns(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth: bool) -> dict[str, Any]:
     """One row per sample, as the contract's `--out` wants them."""
-    from rw_ekf.model.state import STATE_NAMES
-
     columns: dict[str, Any] = {"time_s": log.time_s}
-    columns |= {name: run.states[:, i] for i, name in enumerate(STATE_NAMES)}
-    columns |= {f"std_{name}": run.stds[:, i] for i, name in enumerate(STATE_NAMES)}
+    columns |= {name: run.states[:, i] for i, name in enumerate(setup.state_names)}
+    columns |= {f"std_{name}": run.stds[:, i] for i, name in enumerate(setup.state_names)}
     columns["innovation_rad_s"] = run.innovation_rad_s
     columns["innovation_std_rad_s"] = np.sqrt(run.innovation_variance)
     columns["nis"] = run.nis
@@ -180,8 +196,8 @@ def _columns(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth: bool)
         from rw_ekf.filter.smoother import smooth_log
 
         means, stds = smooth_log(run)
-        columns |= {f"smoothed_{name}": means[:, i] for i, name in enumerate(STATE_NAMES)}
-        columns |= {f"std_smoothed_{name}": stds[:, i] for i, name in enumerate(STATE_NAMES)}
+        columns |= {f"smoothed_{name}": means[:, i] for i, name in enumerate(setup.state_names)}
+        columns |= {f"std_smoothed_{name}": stds[:, i] for i, name in enumerate(setup.state_names)}
     return columns
 
 

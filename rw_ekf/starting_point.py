@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rw_ekf import __version__
-from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief, NoiseModel, filter_constants, with_prior_table
+from rw_ekf.effects.table import NO_EFFECTS, Column, EffectSet
+from rw_ekf.filter.belief import (
+    DEFAULT_PRIOR,
+    SECONDS_PER_HOUR,
+    Belief,
+    NoiseModel,
+    filter_constants,
+    with_prior_table,
+)
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput, filter_log
-from rw_ekf.model.model_file import WheelModel
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_SIZE
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
+from rw_ekf.model_file import WheelModel
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -35,6 +45,18 @@ class FilterSetup:
     stribeck_law: str
     inertia_kg_m2: float | None  # None: not known, nothing is turned into torques
     notes: tuple[str, ...] = ()
+    effects: EffectSet = NO_EFFECTS
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states that are shown: speed, four parameters, effects' coefficients."""
+        return (*STATE_NAMES, *self.effects.state_names)
+
+    @property
+    def effect_drift(self) -> NDArray[np.float64]:
+        """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander."""
+        per_second = self.noise.parameter_drift**2 / SECONDS_PER_HOUR
+        return np.array([max(abs(c.value), c.std) ** 2 * per_second for c in self.effects.state_columns])
 
 
 def setup_of_configuration(
@@ -71,7 +93,15 @@ def setup_of_configuration(
         max_gap_s=section.max_gap_s,
         nominal_period_s=max(1.0 / configuration.loop.rate_hz, period_s),
     )
-    return FilterSetup(constants, noise, prior, omega_s, law, configuration.wheel.inertia_kg_m2)
+    return FilterSetup(
+        constants,
+        noise,
+        prior,
+        omega_s,
+        law,
+        configuration.wheel.inertia_kg_m2,
+        effects=NO_EFFECTS if model is None else model.effects,
+    )
 
 
 def setup_of_record(
@@ -98,6 +128,7 @@ def setup_of_record(
             model.stribeck_speed_rad_s,
             model.stribeck_law,
             model.inertia_kg_m2,
+            effects=model.effects,
         )
     noise = scale.noise
     notes: list[str] = []
@@ -110,26 +141,59 @@ def setup_of_record(
 
 
 def belief_of_model(model: WheelModel) -> Belief:
-    """Belief over the state from a model file; the speed is left to the first reading."""
-    covariance = np.zeros((STATE_SIZE, STATE_SIZE))
+    """Belief over the state from a model file; the speed and hidden states are left to the first reading."""
+    size = model.effects.table().size
+    known = 1 + len(model.covariance)
+    mean = np.zeros(size)
+    mean[1:known] = (*model.parameters, *model.effects.values)
+    covariance = np.zeros((size, size))
     covariance[0, 0] = 1.0
-    covariance[1:, 1:] = np.array(model.covariance)
-    return Belief(np.array([0.0, *model.parameters]), covariance)
+    covariance[1:known, 1:known] = np.array(model.covariance)
+    return Belief(mean, covariance)
+
+
+def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
+    """What of a model holds for a run that begins now, and what had to be said about the rest.
+
+    A spike or a drift belongs to the record it was found in. A periodic torque goes on, but its phase is not known any
+    more: its two quadratures start from zero, as uncertain as the amplitude is large.
+    """
+    kept, notes = [], []
+    covariance = np.array(model.covariance)
+    known = len(model.parameters)
+    places = list(range(known))
+    for place, column in enumerate(model.effects.state_columns, start=known):
+        if column.effect.of_one_record:
+            notes.append(f"{column.id} belongs to the record it was found in and is not carried into this run")
+            continue
+        places.append(place)
+        if column.effect.quadrature:
+            size = math.hypot(*(c.value for c in model.effects.state_columns if c.same_line(column)))
+            column = Column(column.effect, 0.0, size, column.shape)  # noqa: PLW2901
+            covariance[place, :] = covariance[:, place] = 0.0
+            covariance[place, place] = size**2
+        kept.append(column)
+    kept += [column for column in model.effects.columns if not column.in_state]
+    rows = covariance[np.ix_(places, places)]
+    table = tuple(tuple(float(v) for v in row) for row in rows)
+    return replace(model, covariance=table, effects=EffectSet(tuple(kept))), notes
 
 
 def model_of(
     belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoiseFit | None = None
 ) -> WheelModel:
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
+    known = STATE_SIZE + len(setup.effects.state_columns)
     return WheelModel(
         belief.parameters,
-        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:, 1:]),
+        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:known, 1:known]),
         setup.stribeck_speed_rad_s,
         setup.stribeck_law,
         setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
         setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
         setup.inertia_kg_m2,
         {**source, "rw_ekf": __version__},
+        setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
-    from rw_ekf.model.model_file import WheelModel
+    from rw_ekf.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
 
 
@@ -37,7 +37,7 @@ def read_wheel_model(path: str | None, configuration: Configuration | None = Non
     named = path or (configuration.filter.model if configuration is not None else None)
     if named is None:
         return None
-    from rw_ekf.model.model_file import read_model
+    from rw_ekf.model_file import read_model
 
     return read_model(Path(named))
 

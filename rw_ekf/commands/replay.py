@@ -90,12 +90,7 @@ def execute(args: argparse.Namespace) -> int:
         wheel_units = item.setup.inertia_kg_m2 is not None
         run_picture(args.picture, item.log, item.columns or {}, wheel_units=wheel_units)
     write_s = time.perf_counter() - started
-    entries = [
-        log_entry(
-            item.log.name, item.statistics, item.belief, item.setup.prior, item.setup.inertia_kg_m2, item.warnings
-        )
-        for item in done
-    ]
+    entries = [log_entry(item.log.name, item.statistics, item.belief, item.setup, item.warnings) for item in done]
     if args.json:
         seconds = {"read": read_s, "filter": filter_s, "write": write_s}
         print_json({"schema": REPLAY_SCHEMA, "logs": entries, "seconds": seconds})

@@ -108,8 +108,7 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
         str(outcome.files.log),
         outcome.statistics,
         outcome.belief,
-        outcome.setup.prior,
-        outcome.setup.inertia_kg_m2,
+        outcome.setup,
         warnings,
     )
     if not json:

@@ -27,20 +27,28 @@ _EXCESS_STD_IN_COULOMB = 0.5
 
 @dataclass(frozen=True)
 class Belief:
-    """Gaussian over the state: mean (5,), covariance (5, 5), in the order of StateIndex."""
+    """Gaussian over the state: mean (n,), covariance (n, n), in the order of StateIndex, then effects' coefficients.
+
+    n is 5 without effects; hidden states come last.
+    """
 
     mean: Float64Array
     covariance: Float64Array
 
     @property
     def std(self) -> Float64Array:
-        """Standard deviations, (5,)."""
+        """Standard deviations, (n,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def parameters(self) -> FrictionParameters:
         """The four parameters of the mean."""
-        return FrictionParameters(*(float(v) for v in self.mean[1:]))
+        return FrictionParameters(*(float(v) for v in self.mean[1:STATE_SIZE]))
+
+    @property
+    def core(self) -> Belief:
+        """Speed and the four parameters alone."""
+        return Belief(self.mean[:STATE_SIZE], self.covariance[:STATE_SIZE, :STATE_SIZE])
 
 
 @dataclass(frozen=True)

@@ -73,12 +73,25 @@ def _pieces_of_segment(
     return Pieces(np.minimum(start, edges.size - 1) if n else start, np.diff(edges), current)
 
 
+def begins_of_pieces(time_s: NDArray[np.float64], pieces: Pieces) -> NDArray[np.float64]:
+    """Time at which each piece begins [s], (m,), for the log (time_s (n,)) they were made of."""
+    elapsed = np.concatenate(([0.0], np.cumsum(pieces.duration_s)))[:-1]
+    owner = np.searchsorted(pieces.start, np.arange(pieces.duration_s.size), side="right") - 1
+    begin: NDArray[np.float64] = time_s[owner]
+    return begin + elapsed - elapsed[np.minimum(pieces.start[owner], max(elapsed.size - 1, 0))]
+
+
 class CurrentSchedule:
     """The same rule online: commands go in as they are issued, pieces come out for each interval."""
 
     def __init__(self) -> None:
         self._in_force: float | None = None
         self._pending: deque[tuple[float, float]] = deque()  # (takes force at [s], current [A]), in order of time
+
+    @property
+    def in_force_A(self) -> float:
+        """The current in force now [A]; 0 before any is known."""
+        return 0.0 if self._in_force is None else self._in_force
 
     def restart(self) -> None:
         """Forget everything: a new segment, whose clock says nothing about the old one's."""
@@ -99,7 +112,7 @@ class CurrentSchedule:
         durations: list[float] = []
         currents: list[float] = []
         at = from_s
-        current = self._in_force if self._in_force is not None else 0.0
+        current = self.in_force_A
         while self._pending and self._pending[0][0] < to_s:
             acts, following = self._pending.popleft()
             if acts > at:

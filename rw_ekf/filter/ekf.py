@@ -8,40 +8,51 @@ sample y and S would be the previous one's, so that they are never read from the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
+from rw_ekf.effects.table import NO_EFFECTS, EffectSet
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.effect_transition import effect_transition, seed_hidden
+from rw_ekf.filter.surroundings import Surroundings
 from rw_ekf.filter.transition import transition
 from rw_ekf.model.state import STATE_SIZE, StateIndex
 
 Float64Array = NDArray[np.float64]
 
-_H = np.zeros((1, STATE_SIZE))  # the speed is measured: (1, 0, 0, 0, 0); [F12] (9) prints omega in place of 1
-_H[0, StateIndex.SPEED] = 1.0
-
 
 class WheelEkf(ExtendedKalmanFilter):
-    """Five states, one measured speed. x (5,), P (5, 5), R (1, 1) [rad^2/s^2]."""
+    """Five states, or more with effects; one measured speed. x (n,), P (n, n), R (1, 1) [rad^2/s^2]."""
 
-    def __init__(self, constants: FilterConstants, mean: Float64Array, covariance: Float64Array) -> None:
+    def __init__(
+        self,
+        constants: FilterConstants,
+        mean: Float64Array,
+        covariance: Float64Array,
+        effects: EffectSet = NO_EFFECTS,
+        drift: Float64Array | None = None,
+    ) -> None:
         """Start from a belief; raises FilterError unless it is finite, symmetric and of the right shape."""
-        super().__init__(dim_x=STATE_SIZE, dim_z=1)
-        if np.shape(mean) != (STATE_SIZE,) or np.shape(covariance) != (STATE_SIZE, STATE_SIZE):
+        self.table = effects.table(drift)
+        n = self.table.size
+        super().__init__(dim_x=n, dim_z=1)
+        if np.shape(mean) != (n,) or np.shape(covariance) != (n, n):
             raise FilterError(
-                f"a belief has mean (5,) and covariance (5, 5); got {np.shape(mean)}, {np.shape(covariance)}"
+                f"a belief has mean ({n},) and covariance ({n}, {n}); got {np.shape(mean)}, {np.shape(covariance)}"
             )
         self.constants = constants
         self.x = np.array(mean, dtype=np.float64)
         self.P = np.array(covariance, dtype=np.float64)
         self.R = np.array([[constants.speed_variance]])
-        self.Q = np.zeros((STATE_SIZE, STATE_SIZE))
-        self.F = np.eye(STATE_SIZE)
-        self._factor = np.zeros((STATE_SIZE + 2, STATE_SIZE))
+        self.Q = np.zeros((n, n))
+        self.F = np.eye(n)
+        # The speed is measured: (1, 0, 0, 0, 0); [F12] (9) prints omega in place of 1.
+        self._H = np.zeros((1, n))
+        self._H[0, StateIndex.SPEED] = 1.0
+        self._factor = np.zeros((STATE_SIZE + 2 if n == STATE_SIZE else 3 * n + 6, n))
         self._curvature = 0.0
         self.check()
 
@@ -52,10 +63,16 @@ class WheelEkf(ExtendedKalmanFilter):
         if (np.diag(self.P) < 0.0).any() or not np.allclose(self.P, self.P.T, rtol=1e-9, atol=1e-300):
             raise FilterError(f"the filter's covariance is no longer one: diag P = {np.diag(self.P)}")
 
-    def predict_x(self, u: tuple[Sequence[float], Sequence[float]]) -> None:
-        """Propagate x and set the first row of F (filterpy calls this from `predict`); u: (durations, currents)."""
-        durations, currents = u
+    def predict_x(self, u: Surroundings) -> None:
+        """Propagate x and set the rows of F that are not identity (filterpy calls this from `predict`)."""
         c = self.constants
+        if self.table.size > STATE_SIZE:
+            self._curvature = effect_transition(
+                self.x, self.P, self.table, c.omega_s, c.law, c.near_zero_speed, u.from_s, u.to_s,
+                u.temperature_degC, u.angle_rad, u.begins_s, u.durations_s, u.currents_A,
+                0, u.start, len(u.durations_s), self.F, self._factor,
+            )  # fmt: skip
+            return
         row = np.zeros(STATE_SIZE)
         speed, self._curvature = transition(
             self.x,
@@ -63,44 +80,46 @@ class WheelEkf(ExtendedKalmanFilter):
             c.omega_s,
             c.law,
             c.near_zero_speed,
-            durations,
-            currents,
-            0,
-            len(durations),
+            u.durations_s,
+            u.currents_A,
+            u.start,
+            len(u.durations_s),
             row,
             self._factor,
         )
         self.x[StateIndex.SPEED] = speed
         self.F[StateIndex.SPEED] = row
 
-    def predict_over(self, dt: float, durations: Sequence[float], currents: Sequence[float]) -> None:
-        """Predict over dt [s] under pieces of current (durations [s], currents [A]); process noise grows with dt."""
+    def predict_over(self, dt: float, surroundings: Surroundings) -> None:
+        """Predict over dt [s] under pieces of current; process noise grows with dt."""
         c = self.constants
         # The speed's share depends on the predicted speed itself, so that it is added after filterpy's F P F' + Q.
-        self.Q[range(1, 5), range(1, 5)] = (
-            c.motor_gain_drift * dt,
-            c.viscous_drift * dt,
-            c.coulomb_drift * dt,
-            c.static_drift * dt,
-        )
-        self.predict(u=(durations, currents))
+        np.fill_diagonal(self.Q, (0.0, *self._parameter_noise(dt)))
+        self.predict(u=surroundings)
         noise = c.acceleration_noise * dt + self._curvature
         if self.x[StateIndex.SPEED] == 0.0:
             noise += c.stuck_variance
         self.P[0, 0] += noise
 
+    def _parameter_noise(self, dt: float) -> tuple[float, ...]:
+        """Variance that each state but the speed gains in dt [s]."""
+        c = self.constants
+        rates = (c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift, *self.table.drift)
+        return (*(rate * dt for rate in rates), *(0.0,) * self.table.hidden)
+
     def grow_parameters(self, dt: float) -> None:
         """Let the parameters wander for dt [s] without touching the speed."""
-        c = self.constants
-        for i, rate in enumerate((c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift), start=1):
-            self.P[i, i] += rate * dt
+        for i, variance in enumerate(self._parameter_noise(dt), start=1):
+            self.P[i, i] += variance
 
-    def seed_speed(self, speed_rad_s: float) -> None:
-        """Start the speed afresh from a reading; the parameters and their covariance stay."""
+    def seed_speed(self, speed_rad_s: float, current_A: float = 0.0) -> None:
+        """Start the speed, and hidden states, afresh from a reading; the parameters and their covariance stay."""
         self.x[StateIndex.SPEED] = speed_rad_s
         self.P[StateIndex.SPEED, :] = 0.0
         self.P[:, StateIndex.SPEED] = 0.0
         self.P[StateIndex.SPEED, StateIndex.SPEED] = self.constants.speed_variance
+        if self.table.hidden:
+            seed_hidden(self.x, self.P, self.table, current_A, self.constants.omega_s)
 
     def compare(self, speed_rad_s: float) -> tuple[float, float]:
         """Innovation [rad/s] and its variance [rad^2/s^2] for a reading, before any update."""
@@ -110,7 +129,7 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def update_speed(self, speed_rad_s: float) -> None:
         """Update by a reading, in Joseph's form (filterpy's `update`)."""
-        self.update(np.array([speed_rad_s]), HJacobian=lambda _: _H, Hx=lambda x: x[:1])
+        self.update(np.array([speed_rad_s]), HJacobian=lambda _: self._H, Hx=lambda x: x[:1])
         # Joseph's form keeps P positive; symmetry to the last bit is ours to keep.
         self.P = 0.5 * (self.P + self.P.T)
 

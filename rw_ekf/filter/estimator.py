@@ -11,11 +11,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.effects.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.errors import FilterError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.current_schedule import CurrentSchedule
 from rw_ekf.filter.ekf import WheelEkf
+from rw_ekf.filter.surroundings import Gatherer
 from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelSample
 
 _OUTCOMES = {
@@ -30,13 +31,25 @@ _OUTCOMES = {
 
 
 class Estimator:
-    """The extended Kalman filter over speed and four friction parameters, sample by sample."""
+    """The extended Kalman filter over speed, four friction parameters and the coefficients of effects."""
 
-    def __init__(self, constants: FilterConstants, mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
-        """Start from a belief: mean (5,), covariance (5, 5); the speed is taken from the first reading."""
+    def __init__(
+        self,
+        constants: FilterConstants,
+        mean: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        effects: EffectSet = NO_EFFECTS,
+        drift: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Start from a belief: mean (n,), covariance (n, n); n is 5 without effects, and grows with each.
+
+        The speed is taken from the first reading. drift: variance rates of the effects' coefficients [unit^2/s].
+        """
+        if effects.reading_variance > 0.0:
+            constants = constants._replace(speed_variance=constants.speed_variance + effects.reading_variance)
         self.constants = constants
-        self.ekf = WheelEkf(constants, mean, covariance)
-        self._schedule = CurrentSchedule()
+        self.ekf = WheelEkf(constants, mean, covariance, effects, drift)
+        self._gatherer = Gatherer(remembers=self.ekf.table.delay_at != ABSENT)
         self._last: WheelSample | None = None
         self._seeded = False
         self._ever_seeded = False
@@ -44,12 +57,12 @@ class Estimator:
 
     @property
     def mean(self) -> NDArray[np.float64]:
-        """Present state, (5,), a copy."""
+        """Present state, (n,), a copy."""
         return np.array(self.ekf.x)
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """Present covariance, (5, 5), a copy."""
+        """Present covariance, (n, n), a copy."""
         return np.array(self.ekf.P)
 
     def command_issued(self, command: IssuedCommand) -> None:
@@ -60,7 +73,7 @@ class Estimator:
         if not (math.isfinite(command.current_A) and math.isfinite(command.delay_s)):
             raise FilterError(f"a current of {command.current_A} A, {command.delay_s} s late, reached the filter")
         if self._last is not None:
-            self._schedule.issue(self._last.time_s, command.current_A, command.delay_s)
+            self._gatherer.schedule.issue(self._last.time_s, command.current_A, command.delay_s)
 
     def step(self, sample: WheelSample) -> StepResult:
         """Bring the belief to the sample's time and weigh its speed. Raises FilterError on a belief that broke."""
@@ -71,34 +84,38 @@ class Estimator:
         what = decisions.timing(dt, self._seeded, new_segment, has_speed, self.constants.max_gap_s)
         if what in (decisions.REPEATED, decisions.BACKWARD):
             return self._result(sample, what, None)
-        self._predict(sample, dt, new_segment)
+        before = float(self.ekf.x[0])
+        continuous = self._predict(sample, dt, new_segment=new_segment)
         if has_speed and not self._seeded:
             what = decisions.RESEEDED if self._ever_seeded else decisions.FIRST
             self._seed(sample)
         predicted = float(self.ekf.x[0])
+        self._gatherer.note(sample, 0.5 * (before + predicted) if continuous else 0.0, dt)
         self._last = sample
         innovation = None
         if what == decisions.UPDATED:
             what, innovation = self._weigh(sample)
         return self._result(sample, what, innovation, predicted)
 
-    def _predict(self, sample: WheelSample, dt: float, new_segment: bool) -> None:
+    def _predict(self, sample: WheelSample, dt: float, *, new_segment: bool) -> bool:
+        """Bring the belief to the sample's time; False where the speed has to start afresh."""
         if self._last is None:
-            return
+            return False
         if new_segment:
-            self._schedule.restart()
+            self._gatherer.restart()
             self._seeded = False
-            return
-        durations, currents = self._schedule.pieces(self._last.time_s, sample.time_s)
+            return False
+        surroundings = self._gatherer.interval(self._last.time_s, sample.time_s)
         if self._seeded and dt <= self.constants.max_gap_s:
-            self.ekf.predict_over(dt, durations, currents)
-        else:
-            self.ekf.grow_parameters(dt)
-            self._seeded = False
+            self.ekf.predict_over(dt, surroundings)
+            return True
+        self.ekf.grow_parameters(dt)
+        self._seeded = False
+        return False
 
     def _seed(self, sample: WheelSample) -> None:
         assert sample.speed_rad_s is not None
-        self.ekf.seed_speed(sample.speed_rad_s)
+        self.ekf.seed_speed(sample.speed_rad_s, self._gatherer.schedule.in_force_A)
         self._seeded = self._ever_seeded = True
         self._gated_in_a_row = 0
 
@@ -124,6 +141,7 @@ class Estimator:
         self, sample: WheelSample, what: int, innovation: Innovation | None, predicted: float = math.nan
     ) -> StepResult:
         self.ekf.check()
-        mean = tuple(float(v) for v in self.ekf.x)
-        std = tuple(float(v) for v in self.ekf.std)
+        shown = self.ekf.table.size - self.ekf.table.hidden  # a hidden state is nobody's business
+        mean = tuple(float(v) for v in self.ekf.x[:shown])
+        std = tuple(float(v) for v in self.ekf.std[:shown])
         return StepResult(sample.time_s, _OUTCOMES[what], mean, std, innovation, predicted)

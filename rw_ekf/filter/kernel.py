@@ -13,7 +13,11 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.effects import dispatch as _dispatch
+from rw_ekf.effects import propagation as _effect_propagation
+from rw_ekf.effects.table import EffectTable
 from rw_ekf.filter import decisions as _decisions
+from rw_ekf.filter import effect_transition as _effect_transition
 from rw_ekf.filter import transition as _transition
 from rw_ekf.filter.compiled import compile_cached, make_jitable
 from rw_ekf.filter.constants import FilterConstants
@@ -26,6 +30,7 @@ from rw_ekf.filter.decisions import (
     gating,
     timing,
 )
+from rw_ekf.filter.effect_transition import effect_transition, predict_covariance_full, seed_hidden
 from rw_ekf.filter.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
 from rw_ekf.model import friction as _friction
 from rw_ekf.model import propagation as _propagation
@@ -52,8 +57,28 @@ make_jitable(
         transition,
         timing,
         gating,
+        *_dispatch.JITABLE,
+        _dispatch.contribution,
+        _dispatch.contribution_slope,
+        _dispatch.lagged,
+        _dispatch.memory_flow,
+        _effect_propagation._gather,
+        _effect_propagation._chain,
+        _effect_propagation.effect_interval,
+        _effect_transition.turn_root,
+        _effect_transition.solve_slopes,
+        _effect_transition._differences,
+        effect_transition,
+        predict_covariance_full,
+        seed_hidden,
     ]
 )
+
+# Everything that is compiled into a pass: its cache is stale when one of them changes.
+COMPILED_MODULES = [
+    _friction, _propagation, _transition, _decisions, _dispatch, _effect_propagation, _effect_transition,
+    *_dispatch.MODULES, sys.modules[__name__],
+]  # fmt: skip
 
 
 def _seed_speed(x: Float64Array, P: Float64Array, speed: float, variance: float) -> None:
@@ -120,12 +145,16 @@ make_jitable([_seed_speed, _predict_covariance, _update_joseph, _record])
 
 def _filter_pass(
     constants: FilterConstants,
+    table: EffectTable,
     time_s: Float64Array,
     speed_rad_s: Float64Array,
     segment: NDArray[np.int64],
     piece_start: NDArray[np.int64],
     piece_duration_s: Float64Array,
     piece_current_A: Float64Array,
+    piece_begin_s: Float64Array,
+    temperature_degC: Float64Array,
+    angle_rad: Float64Array,
     x: Float64Array,
     P: Float64Array,
     innovation: Float64Array,
@@ -138,7 +167,10 @@ def _filter_pass(
     covariance_history: Float64Array,
     noise_history: Float64Array,
 ) -> None:
-    """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written."""
+    """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written.
+
+    Without effects (a state of five) piece_begin_s, temperature_degC and angle_rad are not read.
+    """
     n_samples = time_s.size
     n = x.size
     R = constants.speed_variance
@@ -148,6 +180,13 @@ def _filter_pass(
     row = np.zeros(n)
     L = np.zeros((n + 2, n))
     work = np.zeros(n)
+    with_effects = n > 5
+    F = np.eye(n)
+    product = np.zeros((n, n))
+    scratch = np.zeros((3 * n + 6 if with_effects else 0, n))
+    first_piece = 0  # of the segment
+    temperature, angle = 20.0, 0.0  # until known: effects of temperature are relative to 20 degC
+    before = 0.0
     seeded = ever_seeded = False
     gated_in_a_row = 0
     last = 0  # the sample the state belongs to
@@ -166,7 +205,24 @@ def _filter_pass(
             noise[2] = constants.viscous_drift * elapsed
             noise[3] = constants.coulomb_drift * elapsed
             noise[4] = constants.static_drift * elapsed
-            if continuous:
+            if with_effects:
+                for j in range(table.drift.size):
+                    noise[5 + j] = table.drift[j] * elapsed
+                if i == 0 or new_segment:
+                    first_piece = piece_start[i]
+            if continuous and with_effects:
+                before = x[0]
+                curvature = effect_transition(
+                    x, P, table, constants.omega_s, constants.law, constants.near_zero_speed, time_s[last], time_s[i],
+                    temperature, angle, piece_begin_s, piece_duration_s, piece_current_A,
+                    first_piece, piece_start[last], piece_duration_s.size, F, scratch,
+                )  # fmt: skip
+                row[:] = F[0]
+                angle += 0.5 * (before + x[0]) * dt
+                noise[0] = constants.acceleration_noise * dt + curvature
+                if x[0] == 0.0:
+                    noise[0] += constants.stuck_variance
+            elif continuous:
                 x[0], curvature = transition(
                     x, P, constants.omega_s, constants.law, constants.near_zero_speed,
                     piece_duration_s, piece_current_A, piece_start[last], piece_start[i], row, L
@@ -179,10 +235,17 @@ def _filter_pass(
                 row[0] = 0.0 if has_speed else 1.0
                 noise[0] = R if has_speed else 0.0
                 seeded = False
-            _predict_covariance(P, row, noise, work)
+            if continuous and table.hidden > 0:
+                predict_covariance_full(P, F, noise, product)
+            else:
+                _predict_covariance(P, row, noise, work)
             if not continuous and has_speed:
                 what = RESEEDED if ever_seeded else FIRST
                 _seed_speed(x, P, speed, R)
+                if table.hidden > 0:
+                    seed_hidden(
+                        x, P, table, piece_current_A[min(piece_start[i], piece_current_A.size - 1)], constants.omega_s
+                    )
                 seeded = ever_seeded = True
                 gated_in_a_row = 0
             if keep_all:
@@ -206,6 +269,11 @@ def _filter_pass(
                 else:
                     gated_in_a_row += 1
             last = i
+            if with_effects:
+                if not math.isnan(temperature_degC[i]):
+                    temperature = temperature_degC[i]
+                if not math.isnan(angle_rad[i]):
+                    angle = angle_rad[i]
         elif keep_all:  # skipped: for a smoother the state just stays
             row[:] = 0.0
             row[0] = 1.0
@@ -218,4 +286,4 @@ def _filter_pass(
                 std_history[i, j] = math.sqrt(P[j, j])
 
 
-filter_pass = compile_cached(_filter_pass, [_friction, _propagation, _transition, _decisions, sys.modules[__name__]])
+filter_pass = compile_cached(_filter_pass, COMPILED_MODULES)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.effects.table import NO_EFFECTS, EffectSet
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.current_schedule import Pieces, pieces_of_log
+from rw_ekf.filter.current_schedule import Pieces, begins_of_pieces, pieces_of_log
 from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.kernel import filter_pass
 from rw_ekf.model.state import STATE_SIZE
@@ -27,6 +28,8 @@ class FilterInput:
     speed_rad_s: Float64Array
     segment: NDArray[np.int64]
     pieces: Pieces
+    temperature_degC: Float64Array | None = None  # NaN where it was not read
+    angle_rad: Float64Array | None = None
 
     @classmethod
     def of(
@@ -36,11 +39,14 @@ class FilterInput:
         current_A: Float64Array,
         command_delay_s: Float64Array | None = None,
         segment: NDArray[np.int64] | None = None,
+        temperature_degC: Float64Array | None = None,
+        angle_rad: Float64Array | None = None,
     ) -> FilterInput:
-        """Build from columns; delay and segment default to zero."""
+        """Build from columns; delay and segment default to zero; temperature and angle only effects read."""
         delay = np.zeros(time_s.size) if command_delay_s is None else command_delay_s
         part = np.zeros(time_s.size, np.int64) if segment is None else segment
-        return cls(time_s, speed_rad_s, part, pieces_of_log(time_s, current_A, delay, part))
+        pieces = pieces_of_log(time_s, current_A, delay, part)
+        return cls(time_s, speed_rad_s, part, pieces, temperature_degC, angle_rad)
 
     @property
     def period_s(self) -> float:
@@ -52,30 +58,50 @@ class FilterInput:
         """The first n samples, or all where there are fewer."""
         if self.time_s.size <= n:
             return self
-        return FilterInput(self.time_s[:n], self.speed_rad_s[:n], self.segment[:n], self.pieces)
+        return FilterInput(
+            self.time_s[:n],
+            self.speed_rad_s[:n],
+            self.segment[:n],
+            self.pieces,
+            None if self.temperature_degC is None else self.temperature_degC[:n],
+            None if self.angle_rad is None else self.angle_rad[:n],
+        )
+
+    def with_speed(self, speed_rad_s: Float64Array) -> FilterInput:
+        """The same log with other readings (n,); NaN is a missing one."""
+        return replace(self, speed_rad_s=speed_rad_s)
+
+    def surroundings(self) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """What effects read besides: begins of the pieces [s], temperature (n,) and angle (n,), NaN where not known."""
+        unknown = np.full(self.time_s.size, np.nan)
+        return (
+            begins_of_pieces(self.time_s, self.pieces),
+            unknown if self.temperature_degC is None else self.temperature_degC,
+            unknown if self.angle_rad is None else self.angle_rad,
+        )
 
 
 @dataclass(frozen=True)
 class History:
     """Everything a smoother needs, (n, ...) arrays: predictions, transition rows, process noise."""
 
-    predicted: Float64Array  # (n, 5) before the update
-    covariance: Float64Array  # (n, 5, 5) before the update
-    row: Float64Array  # (n, 5) first row of F of the step that led to sample i
-    noise: Float64Array  # (n, 5) diagonal of Q of that step
+    predicted: Float64Array  # (n, m) before the update
+    covariance: Float64Array  # (n, m, m) before the update
+    row: Float64Array  # (n, m) first row of F of the step that led to sample i
+    noise: Float64Array  # (n, m) diagonal of Q of that step
 
 
 @dataclass(frozen=True)
 class FilterRun:
     """What the pass leaves: the final belief, the innovations, and histories where they were asked for."""
 
-    mean: Float64Array  # (5,)
-    covariance: Float64Array  # (5, 5)
+    mean: Float64Array  # (m,) for m states
+    covariance: Float64Array  # (m, m)
     innovation_rad_s: Float64Array  # (n,) NaN where there was none
     innovation_variance: Float64Array  # (n,)
     outcome: NDArray[np.int8]  # (n,) codes of rw_ekf.filter.decisions
-    states: Float64Array  # (n, 5) or (0, 5)
-    stds: Float64Array  # (n, 5) or (0, 5)
+    states: Float64Array  # (n, m) or (0, m)
+    stds: Float64Array  # (n, m) or (0, m)
     history: History | None
 
     @property
@@ -95,13 +121,16 @@ def filter_log(
     constants: FilterConstants,
     mean: Float64Array,
     covariance: Float64Array,
+    effects: EffectSet = NO_EFFECTS,
+    drift: Float64Array | None = None,
     *,
     keep_states: bool = False,
     keep_history: bool = False,
 ) -> FilterRun:
-    """Run the filter over `data` from the belief (mean (5,), covariance (5, 5)); neither is changed.
+    """Run the filter over `data` from the belief (mean (n,), covariance (n, n)); neither is changed.
 
-    The speed of `mean` is replaced by the first reading. Raises FilterError when the input or the result is not finite.
+    n is 5, and with `effects` their coefficients and hidden states more; drift: the coefficients' variance rates. The
+    speed of `mean` is replaced by the first reading. Raises FilterError when the input or the result is not finite.
     """
     n = data.time_s.size
     if not np.isfinite(data.pieces.current_A).all() or np.isinf(data.speed_rad_s).any():
@@ -110,7 +139,14 @@ def filter_log(
         )
     x = np.array(mean, dtype=np.float64)
     P = np.array(covariance, dtype=np.float64)
-    size = STATE_SIZE
+    table = effects.table(drift)
+    size = table.size
+    if x.shape != (size,) or P.shape != (size, size):
+        raise FilterError(f"the model has {size} states, the belief {x.shape} and {P.shape}")
+    nothing = np.zeros(0)
+    begins, temperature, angle = data.surroundings() if size > STATE_SIZE else (nothing, nothing, nothing)
+    if effects.reading_variance > 0.0:
+        constants = constants._replace(speed_variance=constants.speed_variance + effects.reading_variance)
     innovation = np.empty(n)
     variance = np.empty(n)
     outcome = np.empty(n, np.int8)
@@ -122,12 +158,16 @@ def filter_log(
     )
     filter_pass(
         constants,
+        table,
         data.time_s,
         data.speed_rad_s,
         data.segment,
         data.pieces.start,
         data.pieces.duration_s,
         data.pieces.current_A,
+        begins,
+        temperature,
+        angle,
         x,
         P,
         innovation,

@@ -41,11 +41,16 @@ class NoiseFit:
     samples: int
 
 
-def frozen(parameters: FrictionParameters) -> tuple[Float64Array, Float64Array]:
-    """A belief that is certain of its parameters: mean (5,), covariance (5, 5) of zeros but for the speed."""
-    covariance = np.zeros((STATE_SIZE, STATE_SIZE))
+def frozen(parameters: FrictionParameters, whole: Float64Array | None = None) -> tuple[Float64Array, Float64Array]:
+    """A belief that is certain of its parameters: mean (n,), covariance (n, n) of zeros but for the speed.
+
+    whole (n,): a state whose coefficients of effects are kept; n is 5 without it.
+    """
+    mean = np.zeros(STATE_SIZE) if whole is None else np.array(whole, dtype=np.float64)
+    mean[:STATE_SIZE] = (0.0, *parameters)
+    covariance = np.zeros((mean.size, mean.size))
     covariance[0, 0] = 1.0
-    return np.array([0.0, *parameters]), covariance
+    return mean, covariance
 
 
 def without_drift(constants: FilterConstants) -> FilterConstants:
@@ -130,7 +135,7 @@ def _leave_out_spikes(data: FilterInput, constants: FilterConstants, parameters:
         return data
     speed = data.speed_rad_s.copy()
     speed[spikes] = np.nan
-    return FilterInput(data.time_s, speed, data.segment, data.pieces)
+    return data.with_speed(speed)
 
 
 def _curvature_std(negative: Callable[[float], float], at: float, h: float) -> float:

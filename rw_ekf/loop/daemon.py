@@ -23,9 +23,9 @@ from rw_ekf.loop.loop import Issue, Sink, run_loop
 from rw_ekf.loop.safety import SafetyLimits
 from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, TerminalSink
 from rw_ekf.loop.stop_signal import StopSignal
-from rw_ekf.model.model_file import WheelModel
+from rw_ekf.model_file import WheelModel
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
-from rw_ekf.starting_point import FilterSetup, model_of, setup_of_configuration
+from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
 from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
@@ -95,8 +95,12 @@ def run_daemon(
     from rw_ekf.wheels import serial_opener
 
     began = datetime.now(UTC)
+    if model is not None:
+        model, notes = carried_over(model)
+        for text in notes:
+            logger.info("effect_not_carried_over", text=text)
     setup = setup_of_configuration(configuration, model)
-    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance)
+    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
     writes = configuration.command.profile != "none"
     request, profile_s = request_of(configuration.command) if writes else (None, None)
     lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
@@ -114,7 +118,7 @@ def run_daemon(
         confirmed = False
         try:
             files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
-            sinks = _sinks(stack, files, configuration, statistics)
+            sinks = _sinks(stack, files, configuration, statistics, setup.state_names)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
             samples = _with_metadata(live, live.samples(lasts_s), files, configuration)
             if request is None:
@@ -148,14 +152,18 @@ def run_daemon(
 
 
 def _sinks(
-    stack: contextlib.ExitStack, files: RunFiles, configuration: Configuration, statistics: StatisticsSink
+    stack: contextlib.ExitStack,
+    files: RunFiles,
+    configuration: Configuration,
+    statistics: StatisticsSink,
+    names: tuple[str, ...],
 ) -> list[Sink]:
-    log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates))
+    log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates, names))
     about = {"schema": "rw_ekf.state/1", "wheel": configuration.wheel.name, "log": files.log.name}
     sinks: list[Sink] = [
         log,
         statistics,
-        StateFileSink(files.state, about),
+        StateFileSink(files.state, about, names=names),
         SyncSink([files.log, files.estimates]),
         TerminalSink(),
     ]

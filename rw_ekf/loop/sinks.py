@@ -75,8 +75,11 @@ class StateFileSink:
     Writing, fsync and rename run in a thread of their own: a slow disk must not make a tick late.
     """
 
-    def __init__(self, path: Path, about: dict[str, Any], every_s: float = 1.0) -> None:
+    def __init__(
+        self, path: Path, about: dict[str, Any], every_s: float = 1.0, names: tuple[str, ...] = STATE_NAMES
+    ) -> None:
         self.path = path
+        self._names = names
         self._about = about
         self._every_s = every_s
         self._due_s = 0.0
@@ -93,8 +96,8 @@ class StateFileSink:
             **self._about,
             "time_s": result.time_s,
             "outcome": result.outcome.value,
-            "state": dict(zip(STATE_NAMES, result.mean, strict=True)),
-            "std": dict(zip(STATE_NAMES, result.std, strict=True)),
+            "state": dict(zip(self._names, result.mean, strict=True)),
+            "std": dict(zip(self._names, result.std, strict=True)),
             "current_command_A": None if command is None else command.current_A,
             "temperature_degC": sample.temperature_degC,
         }
@@ -143,7 +146,7 @@ class TerminalSink:
         if not self._shown or now < self._due_s:
             return
         self._due_s = now + self._every_s
-        speed, *parameters = (f"{m:.4g}±{s:.2g}" for m, s in zip(result.mean[1:], result.std[1:], strict=True))
+        speed, *parameters = (f"{m:.4g}±{s:.2g}" for m, s in zip(result.mean[1:5], result.std[1:5], strict=True))
         current = "  -  " if command is None else f"{1e3 * command.current_A:+7.1f} mA"
         line = (
             f"\r{result.time_s:9.1f} s {rpm_from_rad_s(result.mean[0]):+9.2f} rpm {current}  "
@@ -167,12 +170,11 @@ class TerminalSink:
 class ArraySink:
     """Collects a replay through the loop into the arrays that the compiled pass would have filled."""
 
-    def __init__(self, n: int, advance: Callable[[int], object] = lambda n: None) -> None:
+    def __init__(self, n: int, advance: Callable[[int], object] = lambda n: None, size: int = len(STATE_NAMES)) -> None:
         import numpy as np
 
         from rw_ekf.filter import decisions
 
-        size = len(STATE_NAMES)
         self._codes = {outcome: getattr(decisions, outcome.name) for outcome in Outcome}
         self._row = 0
         self._advance = advance

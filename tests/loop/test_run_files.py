@@ -16,7 +16,7 @@ from rw_ekf.logs.metadata import read_metadata
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import LOG_COLUMNS
 from rw_ekf.loop.daemon import RunFiles
-from rw_ekf.model.model_file import read_model
+from rw_ekf.model_file import read_model
 from rw_ekf.replay import replay_log
 from rw_ekf.settings.load import load_configuration
 from tests.commands.documents import replay_document

@@ -1,6 +1,7 @@
 """A model on disk: parameters with their covariance, noises, Stribeck law, effects (YAML, schema rw_ekf.model/1).
 
-`fit --out` and every `run` write one; `replay --model`, `fit --prior` and `filter.model` of a configuration read one.
+`fit --out`, `diagnose` and every `run` write one; `replay --model`, `fit --prior`, `diagnose --model` and
+`filter.model` of a configuration read one.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.effect import Shape
+from rw_ekf.effects.table import NO_EFFECTS, Column, EffectSet, columns_of
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
@@ -21,7 +25,10 @@ SCHEMA = SCHEMA_FAMILY + "1"
 
 @dataclass(frozen=True)
 class WheelModel:
-    """What is known of one wheel. Covariance is 4 x 4 in state order; noises None where the source knew none."""
+    """What is known of one wheel; noises None where the source knew none.
+
+    Covariance is over the four parameters in state order, then the coefficients of the effects in order of use.
+    """
 
     parameters: FrictionParameters
     covariance: tuple[tuple[float, ...], ...]
@@ -31,6 +38,7 @@ class WheelModel:
     acceleration_noise: float | None = None  # rad/s per sqrt(s)
     inertia_kg_m2: float | None = None
     source: Mapping[str, Any] = field(default_factory=dict)  # method, log, samples: for people
+    effects: EffectSet = NO_EFFECTS
 
     def to_text(self) -> str:
         """YAML text; floats are written so that they read back exactly."""
@@ -50,10 +58,23 @@ class WheelModel:
                 "speed_rad_s": self.speed_noise_rad_s,
                 "acceleration_rad_s_per_sqrt_s": self.acceleration_noise,
             },
-            "effects": [],
+            "effects": [_effect_document(column) for column in self.effects.columns],
         }
         text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
         return text
+
+
+def _effect_document(column: Column) -> dict[str, Any]:
+    coefficient = column.effect.coefficient
+    return {
+        "effect": column.id,
+        "coefficient": {
+            "name": coefficient.name, "value": float(column.value), "std": float(column.std), "unit": coefficient.unit
+        },
+        "constants": {
+            constant.name: float(column.shape[i]) for i, constant in enumerate(column.effect.constants)
+        },
+    }  # fmt: skip
 
 
 def read_model(path: Path) -> WheelModel:
@@ -73,7 +94,8 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         raise ConfigError(_schema_finding(schema, where))
     checker = _Checker(data, where)
     parameters = [checker.number(("parameters", name, "value")) for name in PARAMETER_NAMES]
-    covariance = checker.covariance()
+    effects = checker.effects()
+    covariance = checker.covariance(len(PARAMETER_NAMES) + len(effects.state_columns))
     law = checker.get(("stribeck", "law"))
     if law not in LAW_CODES:
         checker.find(("stribeck", "law"), f"is {law!r}; it must be one of {', '.join(LAW_CODES)}")
@@ -83,9 +105,6 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         "acceleration_noise": checker.optional(("noise", "acceleration_rad_s_per_sqrt_s")),
         "inertia_kg_m2": checker.optional(("inertia_kg_m2",), positive=True),
     }
-    effects = data.get("effects") or []
-    if effects:
-        checker.find(("effects",), "lists effects, which this version of rw_ekf cannot run; upgrade, or empty the list")
     for key in data:
         if key not in {"schema", "source", "stribeck", "inertia_kg_m2", "parameters", "covariance", "noise", "effects"}:
             checker.find((key,), "is not a key of a model file")
@@ -96,6 +115,7 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         covariance,
         stribeck_law=str(law),
         source=data.get("source") or {},
+        effects=effects,
         **model,  # type: ignore[arg-type]
     )
 
@@ -124,13 +144,16 @@ class _Checker:
     def find(self, path: tuple[str | int, ...], what: str) -> None:
         self.findings.append(f"{self.where(path)}: {'.'.join(str(p) for p in path)} {what}")
 
-    def get(self, path: tuple[str, ...]) -> Any:
+    def get(self, path: tuple[str | int, ...]) -> Any:
         value: Any = self.data
         for key in path:
-            value = value.get(key) if isinstance(value, Mapping) else None
+            if isinstance(value, Mapping):
+                value = value.get(key)
+            else:
+                value = value[key] if isinstance(key, int) and isinstance(value, list) else None
         return value
 
-    def number(self, path: tuple[str, ...], *, positive: bool = False) -> float:
+    def number(self, path: tuple[str | int, ...], *, positive: bool = False) -> float:
         value = self.get(path)
         if not _is_number(value) or not math.isfinite(value):
             self.find(path, f"is {value!r}; a finite number is needed" if value is not None else "is missing")
@@ -142,8 +165,36 @@ class _Checker:
     def optional(self, path: tuple[str, ...], *, positive: bool = False) -> float | None:
         return None if self.get(path) is None else self.number(path, positive=positive)
 
-    def covariance(self) -> tuple[tuple[float, ...], ...]:
-        """A symmetric 4 x 4 with non-negative eigenvalues, or a finding."""
+    def effects(self) -> EffectSet:
+        """The effects, each known to the catalogue, with all its constants, or findings."""
+        entries = self.data.get("effects") or []
+        if not isinstance(entries, list):
+            self.find(("effects",), "must be a list of effects")
+            return NO_EFFECTS
+        return EffectSet(tuple(c for i in range(len(entries)) if (c := self._effect(("effects", i))) is not None))
+
+    def _effect(self, path: tuple[str | int, ...]) -> Column | None:
+        name = self.get((*path, "effect"))
+        if name not in CATALOGUE:
+            self.find(path, f"names the effect {name!r}; the catalogue has: {', '.join(CATALOGUE)}")
+            return None
+        effect = CATALOGUE[name]
+        value = self.number((*path, "coefficient", "value"))
+        std = self.number((*path, "coefficient", "std"))
+        unit = self.get((*path, "coefficient", "unit"))
+        if unit != effect.coefficient.unit:
+            self.find(
+                (*path, "coefficient"), f"has the unit {unit!r}; the one of {name} is {effect.coefficient.unit!r}"
+            )
+        if not effect.coefficient.lower <= value <= effect.coefficient.upper:
+            low, high = effect.coefficient.lower, effect.coefficient.upper
+            self.find((*path, "coefficient", "value"), f"is {value:g}; {name} allows {low:g} to {high:g}")
+        numbers = [self.number((*path, "constants", constant.name)) for constant in effect.constants]
+        shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
+        return columns_of(name, value, std, shape)
+
+    def covariance(self, size: int) -> tuple[tuple[float, ...], ...]:
+        """A symmetric matrix (size, size) with non-negative eigenvalues, or a finding."""
         import numpy as np
 
         rows: Any = self.data.get("covariance")
@@ -151,8 +202,10 @@ class _Checker:
             matrix = np.array([[v if _is_number(v) else math.nan for v in row] for row in rows], dtype=np.float64)
         except (TypeError, ValueError):
             matrix = np.zeros(0)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            self.find(("covariance",), "must be 4 rows of 4 finite numbers")
+        if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+            self.find(
+                ("covariance",), f"must be {size} rows of {size} finite numbers: four parameters, then the effects"
+            )
             return ()
         if not (np.diag(matrix) > 0.0).all():
             self.find(("covariance",), "has a variance that is not above zero: nothing is known for certain")

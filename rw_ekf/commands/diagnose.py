@@ -1,0 +1,75 @@
+"""`rw-ekf diagnose`: from a residual to the effect that the model lacks."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from rw_ekf.commands.inputs import (
+    add_log_options,
+    read_configuration,
+    read_logs,
+    read_wheel_model,
+    refuse_to_overwrite,
+)
+
+HELP = "find what the model lacks in a log, add it, and prove it"
+EXAMPLE = """example:
+  rw-ekf diagnose runs/2026-11-21.csv --out diagnosis
+  rw-ekf diagnose carriage.csv --columns columns-emps.yaml --split halves --json"""
+
+_STEPS = 12  # that a diagnosis usually announces
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("log", metavar="LOG", help="CSV, Parquet or MATLAB file")
+    add_log_options(parser)
+    parser.add_argument(
+        "--model", metavar="F", help="model YAML to diagnose, effects included; default: the four parameters"
+    )
+    parser.add_argument(
+        "--split",
+        choices=("blocks", "halves"),
+        default="blocks",
+        help="what is held out: every other block (default), or the second half",
+    )
+    parser.add_argument("--out", metavar="DIR", help="report.html, pictures, diagnosis.json and augmented-model.yaml")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises RwEkfError."""
+    from rw_ekf.console import progress
+    from rw_ekf.json_output import print_json
+
+    directory = None if args.out is None else Path(args.out)
+    if directory is not None:
+        names = ("report.html", "diagnosis.json", "augmented-model.yaml")
+        inputs = [args.log, args.columns, args.config]  # the model may be replaced by a better one
+        refuse_to_overwrite([str(directory / name) for name in names], inputs)
+    configuration = read_configuration(args.config)
+    model = read_wheel_model(args.model, configuration)
+    (log,) = read_logs([args.log], args.columns)
+
+    from rw_ekf.diagnosis.diagnose import diagnose_log
+    from rw_ekf.diagnosis.report import write_report
+    from rw_ekf.diagnosis.text import diagnosis_text
+
+    with progress("diagnose", _STEPS) as bar:
+
+        def advance(text: str) -> None:
+            bar.set_description(text)
+            bar.total = max(bar.total, bar.n + 2)
+            bar.update(1)
+
+        found = diagnose_log(log, configuration, model, split=args.split, advance=advance)
+        inertia = found.inertia_kg_m2
+        if directory is not None:
+            advance("drawing the report")
+            write_report(directory, found, inertia_kg_m2=inertia, wheel_units=inertia is not None)
+    if args.json:
+        print_json(found.document)
+    else:
+        sys.stdout.write(diagnosis_text(found.document, directory=directory, wheel_units=inertia is not None) + "\n")
+    return 0

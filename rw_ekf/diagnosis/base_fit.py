@@ -1,0 +1,69 @@
+"""The base model fitted to the part that is searched: least squares, then the likelihood along a reference."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.frame import Fit, Noise, Prior, fit_model
+from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.one_step import Record, Reference
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.identify.least_squares import least_squares
+from rw_ekf.model.friction import LAW_CODES
+from rw_ekf.model.state import FrictionParameters
+from rw_ekf.starting_point import FilterSetup
+
+Float64Array = NDArray[np.float64]
+
+_OUTLIER_STDS = 6.0
+_OUTLIER_SHARE = 0.01
+_LEAST_SQUARES_SAMPLES = 20_000
+
+
+def part_of(data: FilterInput, current_A: Float64Array, delay_s: Float64Array, part: NDArray[np.bool_]) -> FilterInput:
+    """The samples of a part alone, a segment for each of its blocks."""
+    jumps = np.flatnonzero(part)
+    block = np.cumsum(np.diff(jumps, prepend=jumps[:1]) > 1)
+    segment = data.segment[part] * (int(block.max(initial=0)) + 1) + block
+    return FilterInput.of(data.time_s[part], data.speed_rad_s[part], current_A[part], delay_s[part], segment)
+
+
+def start_parameters(part: FilterInput, setup: FilterSetup) -> FrictionParameters:
+    """Least squares over the part, from several starts: the likelihood has one valley from here."""
+    head = part.head(_LEAST_SQUARES_SAMPLES)
+    return least_squares(head, setup.constants, setup.prior.core).parameters
+
+
+def prior_of(setup: FilterSetup) -> Prior:
+    """The setup's prior over the four parameters."""
+    return Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
+
+
+def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:
+    """The model to begin with: the setup's effects, if a model file gave some, and its Stribeck curve."""
+    return Model(parameters, setup.stribeck_speed_rad_s, LAW_CODES[setup.stribeck_law], setup.effects)
+
+
+def fit_base(record: Record, model: Model, prior: Prior, noise_rad_s: float) -> Fit:
+    """Fit, leave out the readings that no noise explains, and fit again."""
+    speed = record.data.speed_rad_s
+    index = np.arange(speed.size)
+    good = np.isfinite(speed)
+    reference = Reference.of_speed(np.interp(index, index[good], speed[good]), np.full(speed.size, noise_rad_s))
+    omit = np.zeros(speed.size, dtype=bool)
+    noise = Noise(noise_rad_s**2, 1.0e-2)
+    fit = fit_model(record, model, prior, reference, noise, omit)
+    spikes = outliers(fit)
+    if spikes.any() and spikes.sum() <= _OUTLIER_SHARE * speed.size:
+        return fit_model(record, fit.model, prior, fit.reference, fit.noise, spikes)
+    return fit
+
+
+def outliers(fit: Fit) -> NDArray[np.bool_]:
+    """Readings beyond six standard deviations of what the model predicts, (n,)."""
+    none = np.zeros((fit.frame.chain.reading.size, 0))
+    r, _, _ = fit.frame.whitened(fit.noise.ratio, fit.noise.variance, none)
+    found = np.zeros(fit.frame.chain.reading.size, dtype=bool)
+    found[fit.frame.innovation_at] = np.abs(r) > _OUTLIER_STDS
+    return found

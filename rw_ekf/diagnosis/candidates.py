@@ -1,0 +1,288 @@
+"""Every effect of the catalogue tried on a frame: its columns, and what it would add to the likelihood.
+
+A linear effect's column is its analytic slope along the reference; one with a memory, a delay or a threshold is tried
+at a few sizes, its column the difference that this size makes. Nothing is refitted here: a candidate's gain is that of
+a linear regression, joint with the corrections of everything already in the model, at each of a few ratios of noises
+(docs/diagnosis.md, "Evidence").
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.frame import LEAST_RATIO, Frame, Prior
+from rw_ekf.diagnosis.model import Model, columns_of_candidate
+from rw_ekf.diagnosis.one_step import predict
+from rw_ekf.diagnosis.whitening import adjoint
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts, StaticEffect, StribeckEffect
+from rw_ekf.effects.table import Column, EffectSet
+
+Float64Array = NDArray[np.float64]
+
+_CHUNK = 128
+_RATIOS_BELOW = 6
+_SCREENED = 24
+_NEIGHBOURS = 41
+_GROUP_RANK = 0.02  # of a unit column: less is what the model's own parameters do
+_SEEN = 1.0e-4  # a column that the model's own explain to this share of its length says nothing
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One place to look for one effect, with its columns on a frame (n, 1 or 2), for coefficients of `unit` each."""
+
+    effect: type[Effect]
+    candidate: Candidate
+    columns: Float64Array
+    unit: float
+
+    def starts(self, coefficients: Float64Array) -> list[list[Column]]:
+        """The effect as fits should start: at the regression's coefficients (1 or 2,), or where it was tried."""
+        made = columns_of_candidate(self.effect, self.candidate)
+        found = [replace(c, value=float(v) * self.unit) for c, v in zip(made, coefficients, strict=True)]
+        if self.effect.linear:
+            return [found]
+        return [made] if issubclass(self.effect, StribeckEffect) else [found, made]
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a hypothesis would add: 2 (L_with - L_without), each at its own best noises, and the coefficients found."""
+
+    hypothesis: Hypothesis
+    statistic: float
+    coefficients: Float64Array
+    std: Float64Array
+
+    @property
+    def id(self) -> str:
+        """The effect's id."""
+        return self.hypothesis.effect.id
+
+    @property
+    def size(self) -> float:
+        """The coefficient in its unit; the amplitude of two quadratures."""
+        return float(np.linalg.norm(self.coefficients)) * self.hypothesis.unit
+
+
+def testable(facts: RecordFacts) -> dict[str, str | None]:
+    """Why each effect cannot be tested on this log; None for those that can."""
+    return {name: effect.untestable(facts) for name, effect in CATALOGUE.items()}
+
+
+def hypotheses(
+    frame: Frame,
+    places: list[tuple[type[Effect], Candidate]],
+) -> Iterator[list[Hypothesis]]:
+    """Columns of every place where an effect is sought, in chunks that share a pass."""
+    static: list[tuple[type[Effect], Candidate]] = []
+    for effect, candidate in places:
+        if issubclass(effect, StaticEffect) and effect.linear:
+            static.append((effect, candidate))
+            continue
+        found = _secant(frame, effect, candidate)
+        if found is not None:
+            yield [found]
+    for first in range(0, len(static), _CHUNK):
+        yield _analytic(frame, static[first : first + _CHUNK])
+
+
+def _analytic(frame: Frame, places: list[tuple[type[Effect], Candidate]]) -> list[Hypothesis]:
+    """Slopes of all places at once. Effects without written slopes are left out of the model meanwhile."""
+    model = frame.model
+    kept = [c for c in model.columns if issubclass(c.effect, StaticEffect)]
+    tried = [columns_of_candidate(effect, candidate) for effect, candidate in places]
+    flat = [replace(column, value=0.0) for columns in tried for column in columns]
+    effects = EffectSet((*kept, *flat))
+    coefficients = np.array([*model.parameters, *effects.values])
+    rows = predict(
+        frame.record,
+        coefficients,
+        effects,
+        model.omega_s,
+        model.law,
+        frame.reference,
+        with_rows=True,
+        with_slopes=False,
+    ).rows
+    found, at = [], 1 + coefficients.size - len(flat)
+    for (effect, candidate), columns in zip(places, tried, strict=True):
+        found.append(Hypothesis(effect, candidate, np.ascontiguousarray(rows[:, at : at + len(columns)]), 1.0))
+        at += len(columns)
+    return found
+
+
+def _secant(frame: Frame, effect: type[Effect], candidate: Candidate) -> Hypothesis | None:
+    """The difference that an effect of this size makes; None where the model already has one like it."""
+    model = frame.model
+    if any(column.effect is effect for column in model.columns):
+        return None
+    model_with = model.with_effect(columns_of_candidate(effect, candidate))
+    try:
+        ends = predict(
+            frame.record, model_with.coefficients, model_with.effects, model.omega_s, model.law, frame.reference,
+            with_slopes=False,
+        ).end  # fmt: skip
+    except ZeroDivisionError:
+        return None
+    change = np.where(frame.record.follows, ends - frame.chain.defect - frame.reference.speed, 0.0)
+    if not np.isfinite(change).all() or not change.any():
+        return None
+    return Hypothesis(effect, candidate, change[:, None], candidate.amplitude)
+
+
+class Scorer:
+    """Scores hypotheses on a frame, at a few ratios of noises from the model's own downwards."""
+
+    def __init__(self, frame: Frame, prior: Prior | None, variance: float, ratio: float) -> None:
+        self.frame = frame
+        self.variance = variance
+        self.ratios = _ratios(ratio)
+        self.bases: list[Float64Array] = []
+        self.residuals: list[Float64Array] = []
+        self.rss: list[float] = []
+        self.logs: list[float] = []
+        for value in self.ratios:
+            r, A, logs = frame.whitened(value, variance, frame.columns, frame.memory_columns)
+            self.places = frame.innovation_at
+            Q = _basis(A, prior, frame.model)
+            left = r - Q @ (Q.T @ r)
+            self.bases.append(Q)
+            self.residuals.append(left)
+            self.rss.append(float(left @ left))
+            self.logs.append(logs)
+        self.count = self.residuals[0].size
+        self.without = max(self._value(i, 0.0) for i in range(len(self.ratios)))
+
+    def _value(self, i: int, gain: float) -> float:
+        left = max(self.rss[i] - gain, 1.0e-9)
+        return -0.5 * (self.count * math.log(left / self.count) + self.logs[i])
+
+    def score(self, group: list[Hypothesis]) -> list[Score]:
+        """Scores of hypotheses that came in one chunk."""
+        columns = np.concatenate([h.columns for h in group], axis=1)
+        edges = np.cumsum([0, *(h.columns.shape[1] for h in group)])
+        best: list[Score | None] = [None] * len(group)
+        for i, ratio in enumerate(self.ratios):
+            _, A, _ = self.frame.whitened(ratio, self.variance, columns)
+            Q = self.bases[i]
+            lengths = np.einsum("ij,ij->j", A, A)
+            G = A - Q @ (Q.T @ A)
+            products = G.T @ self.residuals[i]
+            for g, hypothesis in enumerate(group):
+                part = slice(edges[g], edges[g + 1])
+                gram = G[:, part].T @ G[:, part]
+                if np.any(np.diag(gram) <= _SEEN**2 * lengths[part]) or np.linalg.cond(gram) > 1.0e10:
+                    continue
+                inverse = np.linalg.inv(gram)
+                solution = inverse @ products[part]
+                if not _allowed(hypothesis, solution):
+                    continue
+                gain = float(products[part] @ solution)
+                statistic = 2.0 * (self._value(i, gain) - self.without)
+                before = best[g]
+                if before is None or statistic > before.statistic:
+                    scale = max(self.rss[i] - gain, 1.0e-9) / self.count
+                    best[g] = Score(hypothesis, statistic, solution, np.sqrt(scale * np.diag(inverse)))
+        return [score for score in best if score is not None]
+
+    def score_group(self, columns: Float64Array) -> tuple[float, int]:
+        """Statistic and degrees of freedom of many columns (n, m) taken together, those without content left out."""
+        best, freedom = 0.0, 0
+        for i, ratio in enumerate(self.ratios):
+            _, A, _ = self.frame.whitened(ratio, self.variance, columns)
+            Q = self.bases[i]
+            lengths = np.linalg.norm(A, axis=0)
+            scaled = A[:, lengths > 0.0] / lengths[lengths > 0.0]
+            G = scaled - Q @ (Q.T @ scaled)
+            U, sizes, _ = np.linalg.svd(G, full_matrices=False)
+            kept = U[:, sizes > _GROUP_RANK]
+            gain = float(np.sum((kept.T @ self.residuals[i]) ** 2))
+            statistic = 2.0 * (self._value(i, gain) - self.without)
+            if statistic > best:
+                best, freedom = statistic, kept.shape[1]
+        return best, freedom
+
+    def best_of_each(
+        self, facts: RecordFacts, effects: list[type[Effect]], advance: Callable[[], object]
+    ) -> dict[str, Score]:
+        """The best place of each effect, by id."""
+        best: dict[str, Score] = {}
+        places = []
+        for effect in effects:
+            if not issubclass(effect, ReadingEffect):
+                found = effect.candidates(facts)
+                places += [(effect, c) for c in (self._screened(found) if effect.clocked else found)]
+        for group in hypotheses(self.frame, places):
+            advance()
+            for score in self.score(group):
+                if score.id not in best or score.statistic > best[score.id].statistic:
+                    best[score.id] = score
+        return best
+
+    def _screened(self, candidates: list[Candidate]) -> list[Candidate]:
+        """The frequencies worth an exact score: those of most power in the adjoint of what is left (eq. 9).
+
+        The power's denominator changes slowly with frequency, so that comparing neighbours needs none.
+        """
+        if len(candidates) <= _SCREENED:
+            return candidates
+        frame = self.frame
+        chain = frame.chain
+        middle = frame.record.data.time_s - 0.5 * chain.step_s
+        frequency = np.array([candidate.shape[0] for candidate in candidates])
+        chosen: set[int] = set()
+        for i in (0, len(self.ratios) - 1):
+            full = np.zeros(chain.reading.size)
+            full[self.places] = self.residuals[i]
+            back = np.zeros(chain.reading.size)
+            adjoint(chain, self.ratios[i] * self.variance / frame.record.data.period_s, self.variance, full, back)
+            moving = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
+            used = moving != 0.0
+            power = np.zeros(frequency.size)
+            for first in range(0, frequency.size, 64):
+                turn = np.exp(-2j * math.pi * np.outer(frequency[first : first + 64], middle[used]))
+                power[first : first + 64] = np.abs(turn @ moving[used]) ** 2
+            power *= frequency**2 + frequency[0] ** 2  # a torque moves the speed by one over its frequency
+            level = np.convolve(power, np.ones(_NEIGHBOURS), "same")
+            chosen |= {int(j) for j in np.argsort(power / level)[-_SCREENED // 2 :]}
+            chosen |= {int(j) for j in np.argsort(power)[-_SCREENED // 2 :]}
+        return [candidates[j] for j in sorted(chosen)]
+
+
+def _allowed(hypothesis: Hypothesis, solution: Float64Array) -> bool:
+    """Whether the coefficient's sign is one that the effect can have."""
+    limits = hypothesis.effect.coefficient
+    if hypothesis.effect.quadrature:
+        return True
+    if issubclass(hypothesis.effect, StribeckEffect):  # how far towards the tried speed
+        return bool(solution[0] > 0.0)
+    return bool(limits.lower <= solution[0] * hypothesis.unit <= limits.upper)
+
+
+def _ratios(ratio: float) -> list[float]:
+    """The model's own ratio, one above, and several below down to hardly any process noise."""
+    low = math.log(LEAST_RATIO)
+    top = max(math.log(ratio), low)
+    steps = np.linspace(low, top, _RATIOS_BELOW + 1) if top > low + 1.0 else np.array([low, top])
+    return [math.exp(v) for v in sorted({*steps.tolist(), top + 1.0})]
+
+
+def _basis(A: Float64Array, prior: Prior | None, model: Model) -> Float64Array:
+    """Orthonormal columns (n, p) of the span of A, a priori counted as rows that are then cut off."""
+    weights = np.linalg.norm(A, axis=0)
+    weights[weights == 0.0] = 1.0
+    scaled = A / weights
+    if prior is None:
+        U, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+        return np.asarray(U[:, sizes > 1.0e-8 * sizes[0]])
+    pull = np.zeros((4, A.shape[1]))
+    pull[:, :4] = prior.root
+    U, sizes, _ = np.linalg.svd(np.vstack((scaled, pull / weights)), full_matrices=False)
+    return np.asarray(U[:-4, sizes > 1.0e-8 * sizes[0]])

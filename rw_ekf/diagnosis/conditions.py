@@ -1,0 +1,71 @@
+"""What surrounds the speed in a log: temperature and angle without gaps, and the facts that the catalogue asks for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.split import reversals
+from rw_ekf.effects.effect import REFERENCE_DEGC, RecordFacts
+from rw_ekf.filter.log_filter import FilterInput
+
+Float64Array = NDArray[np.float64]
+
+_LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
+_TURN_PER_SAMPLE = 2.0  # rad: an angle is integrated where the wheel is slow enough for some of the record
+_SLOW_SHARE = 0.02
+
+
+def filled(values: Float64Array | None, n: int, otherwise: float) -> tuple[Float64Array, bool]:
+    """A channel with its gaps filled by the value before, and whether it was logged at all."""
+    if values is None or np.isfinite(values).mean() < _LEAST_LOGGED:
+        return np.full(n, otherwise), False
+    good = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(good, np.arange(n), 0))
+    out = values[last]
+    out[~np.isfinite(out)] = values[good][0]
+    return out, True
+
+
+def integrated_angle(data: FilterInput, reference: Float64Array) -> Float64Array:
+    """Angle turned since the start of each segment [rad], (n,), from a smoothed speed."""
+    dt = np.diff(data.time_s)
+    same = np.diff(data.segment) == 0
+    turned = np.where(same, 0.5 * (reference[1:] + reference[:-1]) * dt, 0.0)
+    return np.concatenate(([0.0], np.cumsum(turned)))
+
+
+def facts_of(
+    data: FilterInput,
+    model: Model,
+    speed_noise_rad_s: float,
+    temperature_degC: Float64Array,
+    part: NDArray[np.bool_],
+    channels: frozenset[str],
+) -> RecordFacts:
+    """Facts of the part (n,) that is searched; channels: those that are logged."""
+    speed = data.speed_rad_s[part]
+    speed = speed[np.isfinite(speed)]
+    period = data.period_s
+    top = float(np.quantile(np.abs(speed), 0.999)) if speed.size else 0.0
+    slow = np.mean(np.abs(speed) * period < _TURN_PER_SAMPLE) if speed.size else 0.0
+    warmth = temperature_degC[part]
+    return RecordFacts(
+        first_s=float(data.time_s[0]),
+        last_s=float(data.time_s[-1]),
+        period_s=period,
+        top_speed_rad_s=top,
+        top_current_A=float(np.max(np.abs(data.pieces.current_A))) if data.pieces.current_A.size else 0.0,
+        friction=model.parameters,
+        stribeck_speed_rad_s=model.omega_s,
+        stribeck_law=model.law,
+        speed_noise_rad_s=speed_noise_rad_s,
+        reversals=reversals(data.speed_rad_s[part], speed_noise_rad_s),
+        temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
+        angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
+        channels=channels,
+    )
+
+
+__all__ = ["REFERENCE_DEGC", "facts_of", "filled", "integrated_angle"]

@@ -1,0 +1,230 @@
+"""One-step predictions along a reference trajectory: what a model says of every interval, and how it depends on things.
+
+The reference is the smoothed speed, close to the truth whatever the model lacks: each interval is predicted from it on
+its own, so that a wrong model shows as a defect where it is wrong and nowhere else (docs/diagnosis.md eq. 1-2).
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.effects.propagation import effect_interval
+from rw_ekf.effects.table import ABSENT, EffectSet, EffectTable
+from rw_ekf.filter.compiled import compile_cached
+from rw_ekf.filter.kernel import COMPILED_MODULES
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.model.state import STATE_SIZE
+
+Float64Array = NDArray[np.float64]
+
+_SPREAD = math.sqrt(3.0)
+
+
+def _one_step_pass(
+    x: Float64Array,
+    table: EffectTable,
+    omega_s: float,
+    law: int,
+    near_zero_speed: float,
+    time_s: Float64Array,
+    follows: NDArray[np.bool_],
+    first_piece: NDArray[np.int64],
+    reference: Float64Array,
+    spread: Float64Array,
+    memory: Float64Array,
+    memory_spread: Float64Array,
+    piece_start: NDArray[np.int64],
+    begins: Float64Array,
+    durations: Float64Array,
+    currents: Float64Array,
+    temperature: Float64Array,
+    angle: Float64Array,
+    end: Float64Array,
+    memory_end: Float64Array,
+    slopes: Float64Array,
+    bend: Float64Array,
+    rows: Float64Array,
+) -> None:
+    """Predict sample i + 1 from the reference at i wherever follows[i + 1].
+
+    end[i + 1] [rad/s], memory_end[i + 1] [rad/s^2] for a friction with a memory, whose reference is `memory`, carried
+    on from the interval before where it is NaN. slopes[i + 1] (4,): of speed by speed and memory, of memory by both,
+    statistical near zero over the spreads; an empty array where they are not wanted. bend[i + 1]: the curvature
+    neglected there [rad/s]; rows (n, m) or (0, m): analytic slopes by the state, for a table that has them.
+    """
+    n = table.size
+    state = x.copy()
+    ended = np.zeros(n)
+    row = np.zeros(n)
+    up = np.zeros(n)
+    down = np.zeros(n)
+    point = np.zeros(n)
+    analytic = rows.shape[0] > 0
+    sloped = slopes.shape[0] > 0
+    at = table.memory_state_at
+    differentiable = table.hidden == 0 and table.delay_at < 0 and table.stribeck_at < 0
+    count = durations.size
+    for i in range(time_s.size - 1):
+        if not follows[i + 1]:
+            continue
+        state[0] = reference[i]
+        if not follows[i]:
+            if table.lag_state_at >= 0:
+                state[table.lag_state_at] = currents[max(piece_start[i] - 1, first_piece[i])]
+            if at >= 0:
+                state[at] = math.copysign(x[3], reference[i]) if abs(reference[i]) > omega_s else 0.0
+        if at >= 0 and not math.isnan(memory[i]):
+            state[at] = memory[i]
+        near = abs(reference[i]) < near_zero_speed or reference[i] * reference[i + 1] <= 0.0
+        written = differentiable and (analytic or not near)
+        effect_interval(
+            state, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
+            begins, durations, currents, first_piece[i], piece_start[i], count, written, row, ended,
+        )  # fmt: skip
+        end[i + 1] = ended[0]
+        if written:
+            if sloped:
+                slopes[i + 1, 0] = row[0]
+            if analytic:
+                rows[i + 1, :] = row
+        if sloped and (near or not differentiable):
+            for way in range(2 if at >= 0 else 1):
+                h = _SPREAD * (spread[i] if way == 0 else memory_spread[i])
+                moved = 0 if way == 0 else at
+                point[:] = state
+                point[moved] = state[moved] + h
+                effect_interval(
+                    point, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
+                    begins, durations, currents, first_piece[i], piece_start[i], count, False, row, up,
+                )  # fmt: skip
+                point[moved] = state[moved] - h
+                effect_interval(
+                    point, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
+                    begins, durations, currents, first_piece[i], piece_start[i], count, False, row, down,
+                )  # fmt: skip
+                slopes[i + 1, way] = (up[0] - down[0]) / (2.0 * h)
+                if at >= 0:
+                    slopes[i + 1, 2 + way] = (up[at] - down[at]) / (2.0 * h)
+                if near and way == 0:
+                    bend[i + 1] = (up[0] + down[0] - 2.0 * ended[0]) / math.sqrt(12.0)
+        for j in range(n - table.hidden, n):
+            state[j] = ended[j]
+        if at >= 0:
+            memory_end[i + 1] = ended[at]
+
+
+one_step_pass = compile_cached(_one_step_pass, [*COMPILED_MODULES, sys.modules[__name__]])
+
+
+@dataclass(frozen=True)
+class Record:
+    """A log made ready: conditions filled in, intervals marked. Arrays (n,)."""
+
+    data: FilterInput
+    follows: NDArray[np.bool_]  # sample i is reached from i - 1 by one interval, within the part that is looked at
+    temperature_degC: Float64Array
+    angle_rad: Float64Array
+    begins_s: Float64Array  # of the pieces
+    first_piece: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        data: FilterInput,
+        part: NDArray[np.bool_],
+        max_gap_s: float,
+        temperature: Float64Array,
+        angle: Float64Array,
+    ) -> Record:
+        """Mark what belongs to `part` (n,); temperature [degC] and angle [rad] (n,) without gaps."""
+        from rw_ekf.filter.current_schedule import begins_of_pieces
+
+        dt = np.diff(data.time_s, prepend=np.nan)
+        same = np.diff(data.segment, prepend=-1) == 0
+        follows = same & (dt > 0.0) & (dt <= max_gap_s) & part & np.roll(part, 1)
+        follows[:1] = False
+        opens = np.diff(data.segment, prepend=data.segment[:1] - 1) != 0
+        first_piece = data.pieces.start[np.maximum.accumulate(np.where(opens, np.arange(opens.size), 0))]
+        return cls(data, follows, temperature, angle, begins_of_pieces(data.time_s, data.pieces), first_piece)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The trajectory that everything is linearised along: smoothed speed and, with a memory, friction; arrays (n,)."""
+
+    speed: Float64Array
+    spread: Float64Array  # standard deviation [rad/s]
+    memory: Float64Array  # friction with a memory [rad/s^2]; NaN where it is not known yet
+    memory_spread: Float64Array
+
+    @classmethod
+    def of_speed(cls, speed: Float64Array, spread: Float64Array) -> Reference:
+        """Of a speed alone."""
+        return cls(speed, spread, np.full(speed.size, np.nan), np.full(speed.size, np.nan))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One-step predictions of every interval, (n,) at the sample it leads to; 0 where none does."""
+
+    end: Float64Array
+    memory_end: Float64Array
+    slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row, or (0, 4)
+    bend: Float64Array
+    rows: Float64Array  # (n, m) slopes by the state, or (0, m)
+
+
+def state_vector(parameters: Float64Array, effects: EffectSet) -> Float64Array:
+    """State (m,) with the speed and hidden states zero: four parameters, then coefficients."""
+    table = effects.table()
+    x = np.zeros(table.size)
+    x[1 : 1 + parameters.size] = parameters
+    return x
+
+
+def predict(
+    record: Record,
+    parameters: Float64Array,
+    effects: EffectSet,
+    omega_s: float,
+    law: int,
+    reference: Reference,
+    *,
+    with_rows: bool = False,
+    with_slopes: bool = True,
+) -> Prediction:
+    """One-step predictions for parameters (4 + coefficients,) along a reference."""
+    table = effects.table()
+    n = reference.speed.size
+    out = Prediction(
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros((n if with_slopes else 0, 4)),
+        np.zeros(n),
+        np.zeros((n if with_rows else 0, table.size)),
+    )
+    near = 6.0 * omega_s
+    if table.stribeck_at != ABSENT:
+        near = max(near, 6.0 * float(parameters[table.stribeck_at - 1]))
+    memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(parameters[2]), reference.memory_spread)
+    one_step_pass(
+        state_vector(parameters, effects), table, omega_s, law, near, record.data.time_s, record.follows,
+        record.first_piece, reference.speed, reference.spread, reference.memory, memory_spread,
+        record.data.pieces.start, record.begins_s, record.data.pieces.duration_s, record.data.pieces.current_A,
+        record.temperature_degC, record.angle_rad, out.end, out.memory_end, out.slopes, out.bend, out.rows,
+    )  # fmt: skip
+    return out
+
+
+def is_differentiable(effects: EffectSet) -> bool:
+    """Whether the slopes of this model are written out (no hidden state, delay or Stribeck shape)."""
+    table = effects.table()
+    return table.hidden == 0 and table.delay_at == ABSENT and table.stribeck_at == ABSENT
+
+
+assert STATE_SIZE == 5  # rows and states here begin with omega, k, b, c, s

@@ -1,0 +1,46 @@
+"""What a diagnosis leaves: the document of the contract, and the arrays its pictures are drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rw_ekf.logs.wheel_log import WheelLog
+    from rw_ekf.model_file import WheelModel
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ModelTrace:
+    """One model, its parameters frozen at what the fit part gave, run over the whole record; arrays (n,).
+
+    NaN where a number does not exist (a missing speed, the first sample of a stretch).
+    """
+
+    one_step_error_rad_s: Float64Array  # reading minus the filter's prediction
+    free_run_rad_s: Float64Array  # each stretch of the split simulated from its first speed
+    residual_acceleration_rad_s2: (
+        Float64Array  # what the smoothed speed asks for beyond the model; a wheel's torque / J
+    )
+    normalised_innovation: Float64Array  # one-step error over its standard deviation
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The outcome of `diagnose` for one log."""
+
+    log: WheelLog
+    document: dict[str, Any]  # rw_ekf.diagnosis/1, section 6 of the contract
+    heldout: NDArray[np.bool_]  # (n,) samples that played no role in finding the effect
+    before: ModelTrace | None  # None: the base model itself could not be judged
+    after: ModelTrace | None  # None: nothing was added
+    temperature_degC: Float64Array | None  # (n,) as the search used it
+    angle_rad: Float64Array | None  # (n,) logged, or integrated where that is meaningful
+    angle_is_logged: bool
+    model: WheelModel | None  # what augmented-model.yaml holds
+    inertia_kg_m2: float | None = None  # None: not known, or a plant that is no wheel

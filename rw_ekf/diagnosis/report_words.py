@@ -1,0 +1,202 @@
+"""What report and terminal say alike: names of verdicts and figures, units, numbers without false digits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from rw_ekf.filter.identifiability import rounded
+from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm
+
+Standing = Literal["added", "related", "rejected", "untestable"]
+
+VERDICTS = {
+    "adequate": "Model adequate",
+    "effect": "Effect named",
+    "unexplained": "Unexplained",
+    "insufficient_excitation": "Cannot be judged",
+}
+MISSING = "–"
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of a report: a wheel's rpm and mNm, or plain SI for a plant that is no wheel."""
+
+    wheel: bool
+    inertia_kg_m2: float | None
+
+    @property
+    def speed(self) -> str:
+        """Unit of speeds; a plant that is no wheel may as well move along a line."""
+        return "rpm" if self.wheel else "SI"
+
+    @property
+    def speed_scale(self) -> float:
+        """Rad/s (or SI) of one such unit."""
+        return RAD_S_PER_RPM if self.wheel else 1.0
+
+    @property
+    def current(self) -> str:
+        """Unit of the drive."""
+        return "mA" if self.wheel else "SI"
+
+    @property
+    def current_scale(self) -> float:
+        """Ampere (or SI) of one such unit."""
+        return 1.0e-3 if self.wheel else 1.0
+
+    @property
+    def residual(self) -> str:
+        """Unit of the residual: a torque where the inertia is known."""
+        if self.inertia_kg_m2 is not None:
+            return "mNm"
+        return "rad/s²" if self.wheel else "SI"
+
+    @property
+    def residual_scale(self) -> float:
+        """Rad/s^2 of one such unit."""
+        return 1.0 if self.inertia_kg_m2 is None else 1.0e-3 / self.inertia_kg_m2
+
+
+@dataclass(frozen=True)
+class FigurePair:
+    """One figure of merit on the held-out part, before and after; None where it does not exist."""
+
+    key: str
+    label: str
+    note: str
+    unit: str
+    before: float | None
+    after: float | None
+
+    @property
+    def change_percent(self) -> float | None:
+        """By how much it changed; None where that says nothing (NIS is best at 1, not at 0)."""
+        if self.key == "nis_mean" or self.before is None or self.after is None or self.before <= 0.0:
+            return None
+        return 100.0 * (self.after / self.before - 1.0)
+
+
+_FIGURES = (
+    ("free_run_rms_rpm", "Free run", "each held-out stretch simulated from its first speed"),
+    ("horizon_20s_rms_rpm", "20 s ahead", "prediction from the filtered speed"),
+    ("horizon_1s_rms_rpm", "1 s ahead", "prediction from the filtered speed"),
+    ("one_step_rms_rpm", "One step", "the filter's innovation"),
+    ("torque_rms_mNm", "Residual torque", "what the smoothed speed asks for beyond the model"),
+    ("nis_mean", "NIS", "normalised innovation squared; 1 is ideal"),
+)
+
+
+def figure_pairs(document: Mapping[str, Any], units: Units) -> list[FigurePair]:
+    """The figures of merit that the document has at all, the most telling first."""
+    before, after = document.get("before") or {}, document.get("after") or {}
+    pairs = []
+    for key, label, note in _FIGURES:
+        values = [_number(metrics.get(key)) for metrics in (before, after)]
+        unit = "mNm" if key.endswith("_mNm") else ""
+        if key.endswith("_rpm"):
+            unit = units.speed
+            if not units.wheel:
+                values = [None if value is None else rad_s_from_rpm(value) for value in values]
+        if values != [None, None]:
+            pairs.append(FigurePair(key, label, note, unit, *values))
+    return pairs
+
+
+def verdict_of(document: Mapping[str, Any]) -> tuple[str, str, str]:
+    """(kind, its name for people, statement)."""
+    verdict = document.get("verdict") or {}
+    kind = str(verdict.get("kind", "unexplained"))
+    name = VERDICTS.get(kind, kind)
+    if kind == "effect" and len(verdict.get("effects") or ()) > 1:
+        name = f"{len(verdict['effects'])} effects named"
+    return kind, name, str(verdict.get("statement") or "")
+
+
+def standing_of(candidate: Mapping[str, Any]) -> Standing:
+    """What the decision's words come down to."""
+    decision = str(candidate.get("decision") or "")
+    if decision.startswith(("added", "in the model", "already")):
+        return "added"
+    if decision.startswith("not testable"):
+        return "untestable"
+    if decision.startswith(("explained by", "indistinguishable")):
+        return "related"
+    return "rejected"
+
+
+def ranked(candidates: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Those that were tested: what was added first, then by falling statistic."""
+
+    def rank(candidate: Mapping[str, Any]) -> tuple[bool, float]:
+        statistic = _number(candidate.get("statistic"))
+        return standing_of(candidate) != "added", math.inf if statistic is None else -statistic
+
+    return sorted((c for c in candidates if standing_of(c) != "untestable"), key=rank)
+
+
+def untestable_reasons(candidates: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
+    """Reason -> effects that could not be tested for it."""
+    reasons: dict[str, list[str]] = {}
+    for candidate in candidates:
+        if standing_of(candidate) == "untestable":
+            reason = str(candidate["decision"]).removeprefix("not testable").lstrip(": ") or "no reason given"
+            reasons.setdefault(reason, []).append(str(candidate["effect"]))
+    return reasons
+
+
+def number_text(value: object, digits: int = 3) -> str:
+    """Three significant digits, no exponent where a person does without; a dash for what is missing."""
+    number = _number(value)
+    if number is None:
+        return MISSING
+    text = f"{number:.{digits}g}"
+    size = abs(float(text))
+    if not 1.0e-4 <= size < 1.0e6:
+        return text
+    return f"{number:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
+
+
+def percent_text(value: object) -> str:
+    """A signed percentage; a dash for what is missing."""
+    number = _number(value)
+    if number is None:
+        return MISSING
+    return "0 %" if abs(number) < 0.05 else f"{number:+.{0 if abs(number) >= 10.0 else 1}f} %".replace("-", "−")
+
+
+def statistic_text(value: object) -> str:
+    """A test statistic: no decimals where it is large, one where it is not."""
+    number = _number(value)
+    if number is None:
+        return MISSING
+    rounded_number = round(number, 0 if abs(number) >= 100.0 else 1) + 0.0  # no "-0.0"
+    return f"{rounded_number:.{0 if abs(number) >= 100.0 else 1}f}".replace("-", "−")
+
+
+def p_value_text(value: object) -> str:
+    """A p-value to one digit; a dash for what is missing."""
+    number = _number(value)
+    if number is None:
+        return MISSING
+    return "< 1e-16" if number < 1.0e-16 else f"{number:.1g}" if number < 0.1 else f"{number:.2f}"
+
+
+def parameter_text(parameter: Mapping[str, Any]) -> str:
+    """`-0.0301 +- 0.0010 1/K`; a name or a fixed constant without a sigma."""
+    value, std, unit = parameter.get("value"), _number(parameter.get("std")), str(parameter.get("unit") or "")
+    number = _number(value)
+    if number is None:
+        return str(value) if isinstance(value, str) else MISSING
+    text = number_text(number, 4) if std is None else rounded(number, std)
+    return f"{text} {unit}".rstrip()
+
+
+def _number(value: object) -> float | None:
+    """A finite number, or None."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,263 @@
+"""Effects enter and leave a model by likelihood, jointly (docs/diagnosis.md, "Selection").
+
+In every turn the best place of each effect is scored beside all that the model has; the strongest few are fitted in
+full, shapes and all, and the best fit enters. Then each effect already in the model must still be missed when it is
+left out, or goes: an offset that vanishes once viscous friction is split by direction explained nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.candidates import Score, Scorer
+from rw_ekf.diagnosis.evidence import INDISTINGUISHABLE, SIGNIFICANT_P, p_value
+from rw_ekf.diagnosis.frame import Fit, Prior, fit_model
+from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.one_step import Record, Reference
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.effect import Effect, ReadingEffect, RecordFacts, StribeckEffect
+from rw_ekf.effects.table import Column
+
+Float64Array = NDArray[np.float64]
+
+_MOST_EFFECTS = 4
+_TRIED = 3  # strongest candidates that are fitted in full in each turn
+_WORTH_A_FIT_P = 1.0e-2
+_ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
+
+
+@dataclass
+class Trial:
+    """What became of one effect's best candidate."""
+
+    effect: type[Effect]
+    statistic: float  # in the turn that decided about it
+    p_value: float
+    size: float  # coefficient, or amplitude of two quadratures
+    std: float
+    columns: tuple[Column, ...] = ()
+    decision: str = "not significant"
+
+
+@dataclass
+class Selection:
+    """The outcome of the search."""
+
+    base: Fit
+    final: Fit
+    trials: dict[str, Trial] = field(default_factory=dict)
+    rivals: dict[str, list[Fit]] = field(default_factory=dict)  # chosen id -> fits with another in its place
+
+
+class Search:
+    """Finds the effects that a part of a record asks for."""
+
+    def __init__(
+        self, fit_part: Record, whole: Record, prior: Prior, facts: RecordFacts, advance: Callable[[str], object]
+    ) -> None:
+        self.fit_part = fit_part
+        self.whole = whole
+        self.prior = prior
+        self.facts = facts
+        self.advance = advance
+        self.effects = [
+            effect
+            for effect in CATALOGUE.values()
+            if effect.untestable(facts) is None and not issubclass(effect, ReadingEffect)
+        ]
+
+    def run(self, base: Fit) -> Selection:
+        """Add effects to the base until nothing more is asked for."""
+        selection = Selection(base, base)
+        current = base
+        for _ in range(_MOST_EFFECTS):
+            self.advance("searching the catalogue")
+            contenders = self._contenders(current, selection)
+            if not contenders:
+                break
+            added = self._best_fit(current, contenders, selection)
+            if added is None:
+                break
+            fit, _ = added
+            current = self._prune(fit, selection)
+            if set(current.model.effects.ids) == set(selection.final.model.effects.ids):
+                break
+            selection.final = current
+        return selection
+
+    def _open(self, model: Model) -> list[type[Effect]]:
+        """Effects that may still enter: a periodic one at another order or frequency, any other once."""
+        present = set(model.effects.ids)
+        memories = sum(1 for column in model.columns if column.effect.flow_kind)
+        return [
+            effect
+            for effect in self.effects
+            if (effect.quadrature or effect.id not in present) and not (effect.flow_kind and memories)
+        ]
+
+    def _contenders(self, current: Fit, selection: Selection) -> list[Score]:
+        """Scores that are significant and large enough, strongest first; all others are noted as not significant."""
+        effects = self._open(current.model)
+        anywhere = [effect for effect in effects if not effect.local_in_time]
+        scores = self._scores(current, anywhere)
+        local = [effect for effect in effects if effect.local_in_time]
+        if local:
+            whole = self.on_whole(current)
+            here = self._scores(whole, local)
+            if any(self._significant(score) for score in here.values()):
+                # Whatever else would explain the whole record better than an event in it goes first.
+                everywhere = self._scores(whole, anywhere)
+                best = max((s.statistic for s in everywhere.values()), default=0.0)
+                here = {name: s for name, s in here.items() if s.statistic > best}
+                if here:
+                    scores = {name: s for name, s in scores.items() if not self._significant(s)}
+            scores |= here
+        for name, score in scores.items():
+            if name not in selection.trials or selection.trials[name].statistic < score.statistic:
+                selection.trials[name] = self._trial(score)
+        strong = [score for score in scores.values() if self._significant(score)]
+        return sorted(strong, key=lambda score: -score.statistic)
+
+    def _scores(self, fit: Fit, effects: list[type[Effect]]) -> dict[str, Score]:
+        scorer = Scorer(fit.frame, self.prior, fit.noise.variance, fit.noise.ratio)
+        return scorer.best_of_each(self.facts, effects, lambda: None)
+
+    def on_whole(self, fit: Fit) -> Fit:
+        """The same model fitted to the whole record, from where the fit part left it."""
+        frame = fit.frame
+        reading = self.whole.data.speed_rad_s
+        known = np.where(frame.record.follows, fit.reference.speed, reading)
+        index = np.arange(known.size)
+        good = np.isfinite(known)
+        spread = np.where(frame.record.follows, fit.reference.spread, np.sqrt(fit.noise.variance))
+        reference = Reference.of_speed(np.interp(index, index[good], known[good]), spread)
+        return fit_model(self.whole, fit.model, self.prior, reference, fit.noise, fit.omit, turns=8)
+
+    def _significant(self, score: Score) -> bool:
+        """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
+        effect = score.hypothesis.effect
+        enough = SIGNIFICANT_P if effect.linear else _WORTH_A_FIT_P
+        return p_value(effect, score.statistic, self.facts) < enough and (
+            not effect.linear or score.size >= effect.smallest(self.facts)
+        )
+
+    def _trial(self, score: Score) -> Trial:
+        effect = score.hypothesis.effect
+        return Trial(
+            effect,
+            score.statistic,
+            p_value(effect, score.statistic, self.facts),
+            score.size,
+            float(np.linalg.norm(score.std)) * score.hypothesis.unit,
+            tuple(score.hypothesis.starts(score.coefficients)[0]),
+        )
+
+    def _best_fit(self, current: Fit, contenders: list[Score], selection: Selection) -> tuple[Fit, Trial] | None:
+        """Fit the strongest few in full, each from its own start; the best that stands enters."""
+        best: tuple[Fit, Trial] | None = None
+        local = contenders[0].hypothesis.effect.local_in_time
+        for score in contenders[:_TRIED]:
+            if score.hypothesis.effect.linear and score.statistic < _ALIAS_SHARE * contenders[0].statistic:
+                continue
+            self.advance(f"fitting {score.id}")
+            effect = score.hypothesis.effect
+            start = self.on_whole(current) if local else current
+            fits = [
+                self._refit(start, start.model.with_effect(columns))
+                for columns in score.hypothesis.starts(score.coefficients)
+            ]
+            fit = max(fits, key=lambda item: item.likelihood.value)
+            if local:
+                fit = self._refit(current, fit.model.settled(score.id))
+                statistic = score.statistic
+            else:
+                statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
+            trial = replace(self._trial(score), statistic=statistic)
+            trial.p_value = p_value(effect, statistic, self.facts)
+            selection.trials[score.id] = trial
+            if not local and (trial.p_value >= SIGNIFICANT_P or not matters(fit.model, score.id, self.facts)):
+                continue
+            if best is None or statistic > best[1].statistic:
+                best = fit, trial
+        return best
+
+    def without(self, fit: Fit, name: str) -> Fit:
+        """The same part fitted without one effect."""
+        return self._refit(fit, fit.model.without(name))
+
+    def told(self, fit: Fit, name: str) -> Fit:
+        """The same part fitted with an effect that is known to be there; unchanged where the log cannot show it."""
+        effect = CATALOGUE[name]
+        start = self.on_whole(fit) if effect.local_in_time else fit
+        score = self._scores(start, [effect]).get(name)
+        if score is None:
+            return fit
+        starts = score.hypothesis.starts(score.coefficients)
+        fits = [self._refit(start, start.model.with_effect(columns)) for columns in starts]
+        best = max(fits, key=lambda item: item.likelihood.value)
+        return self._refit(fit, best.model.settled(name)) if effect.local_in_time else best
+
+    def _refit(self, start: Fit, model: Model) -> Fit:
+        return fit_model(start.frame.record, model, self.prior, start.reference, start.noise, start.omit)
+
+    def with_rivals(self, selection: Selection) -> None:
+        """For each effect chosen, those that fit nearly as well in its place; all fitted in full."""
+        for name in selection.final.model.effects.ids:
+            if name in selection.base.model.effects.ids or CATALOGUE[name].local_in_time:
+                continue
+            statistic = selection.trials[name].statistic
+            near = [
+                trial
+                for trial in selection.trials.values()
+                if trial.effect.id not in selection.final.model.effects.ids
+                and not trial.effect.local_in_time
+                and trial.statistic > _ALIAS_SHARE * statistic
+            ]
+            near = sorted(near, key=lambda trial: -trial.statistic)[:_TRIED]
+            if not near:
+                continue
+            self.advance(f"comparing rivals of {name}")
+            less = self.without(selection.final, name)
+            scores = self._scores(less, [trial.effect for trial in near])
+            for score in scores.values():
+                fits = [
+                    self._refit(less, less.model.with_effect(c)) for c in score.hypothesis.starts(score.coefficients)
+                ]
+                rival = max(fits, key=lambda item: item.likelihood.value)
+                behind = 2.0 * (selection.final.likelihood.value - rival.likelihood.value)
+                if behind < INDISTINGUISHABLE:
+                    selection.rivals.setdefault(name, []).append(rival)
+
+    def _prune(self, fit: Fit, selection: Selection) -> Fit:
+        """Leave out, one by one, what is no longer missed or no longer matters."""
+        while len(fit.model.effects.ids) > 1:
+            losses = []
+            for name in fit.model.effects.ids:
+                if CATALOGUE[name].local_in_time:
+                    continue
+                less = self.without(fit, name)
+                statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
+                losses.append((statistic, name, less))
+            if not losses:
+                break
+            statistic, name, less = min(losses, key=lambda item: item[0])
+            if p_value(CATALOGUE[name], statistic, self.facts) < SIGNIFICANT_P and matters(fit.model, name, self.facts):
+                break
+            rest = [other for other in fit.model.effects.ids if other != name]
+            selection.trials[name].decision = f"explained by {', '.join(rest)}"
+            fit = less
+        return fit
+
+
+def matters(model: Model, name: str, facts: RecordFacts) -> bool:
+    """Whether an effect in a fitted model is large enough to matter in practice."""
+    effect = CATALOGUE[name]
+    values = [column.value for column in model.columns if column.id == name]
+    if issubclass(effect, StribeckEffect):
+        other_law = any(column.shape[0] != facts.stribeck_law for column in model.columns if column.id == name)
+        return other_law or abs(values[0] - facts.stribeck_speed_rad_s) >= effect.smallest(facts)
+    return float(np.linalg.norm(values)) >= effect.smallest(facts)

@@ -1,0 +1,83 @@
+"""Which part of a record is fitted and which is held out (contract, section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+Kind = Literal["blocks", "halves"]
+
+_LEAST_BLOCK_S = 40.0
+_SHORT_RECORD_S = 160.0
+_REVERSALS_A_BLOCK = 2.0
+_LEAST_BLOCKS = 4
+_MOST_SAMPLES = 60_000  # of the part that is searched: more would only cost time
+
+
+@dataclass(frozen=True)
+class Split:
+    """Stretches of time in turn; every sample belongs to one, `part` tells which."""
+
+    kind: Kind
+    edges_s: tuple[float, ...]  # of the blocks, in time since the record's start, gaps between segments closed
+    fit: NDArray[np.bool_]  # (n,)
+    heldout: NDArray[np.bool_]  # (n,)
+    block: NDArray[np.int64]  # (n,)
+    time_s: Float64Array  # (n,) of the log
+
+    def document(self) -> dict[str, Any]:
+        """The `split` object of the diagnosis document, in the log's own time."""
+        return {"kind": self.kind, "fit_s": self._spans(self.fit), "heldout_s": self._spans(self.heldout)}
+
+    def _spans(self, mask: NDArray[np.bool_]) -> list[list[float]]:
+        spans = []
+        for block in np.unique(self.block[mask]):
+            inside = self.time_s[mask & (self.block == block)]
+            spans.append([float(inside[0]), float(inside[-1])])
+        return spans
+
+
+def running_time(time_s: Float64Array, segment: NDArray[np.int64]) -> Float64Array:
+    """Time since the start with the jumps between segments taken out [s], (n,)."""
+    step = np.diff(time_s, prepend=time_s[:1])
+    step[np.diff(segment, prepend=segment[:1]) != 0] = 0.0
+    return np.cumsum(np.maximum(step, 0.0))
+
+
+def split_record(
+    time_s: Float64Array, segment: NDArray[np.int64], speed_rad_s: Float64Array, kind: Kind, noise_rad_s: float
+) -> Split:
+    """Cut a record: every other block held out, or its second half.
+
+    Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of a very long
+    record only as many blocks are searched, evenly spread, as make 60,000 samples; all others are held out.
+    """
+    elapsed = running_time(time_s, segment)
+    duration = float(elapsed[-1]) if elapsed.size else 0.0
+    if kind == "halves":
+        count = 2
+    elif duration < _SHORT_RECORD_S:
+        count = _LEAST_BLOCKS
+    else:
+        turns = reversals(speed_rad_s, noise_rad_s)
+        length = max(_LEAST_BLOCK_S, _REVERSALS_A_BLOCK * duration / turns if turns else 0.0)
+        count = max(_LEAST_BLOCKS, int(duration / length))
+    edges = np.linspace(0.0, duration, count + 1)
+    block = np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1).astype(np.int64)
+    fit = block % 2 == 0
+    if kind == "blocks" and int(fit.sum()) > _MOST_SAMPLES:
+        keep = max(1, round(_MOST_SAMPLES / elapsed.size * count))
+        chosen = np.unique(np.linspace(0, count - 2, keep).astype(int) // 2 * 2)
+        fit = np.isin(block, chosen)
+    return Split(kind, tuple(float(v) for v in edges), fit, ~fit, block, time_s)
+
+
+def reversals(speed_rad_s: Float64Array, noise_rad_s: float) -> int:
+    """How often the speed changes its sign, touches within five sigma of the noise not counted."""
+    sign = np.sign(np.where(np.abs(speed_rad_s) > 5.0 * noise_rad_s, speed_rad_s, 0.0))
+    sign = sign[np.isfinite(sign) & (sign != 0.0)]
+    return int(np.count_nonzero(np.diff(sign)))

@@ -1,0 +1,221 @@
+"""The innovations of a linear filter along the reference, and of every column at once: a likelihood by least squares.
+
+With delta the true speed (and friction with a memory) less the reference, p the parameters' corrections,
+
+    delta[i+1] = F delta[i] + (end - reference[i+1]) + C p + w,   w ~ N(0, q dt + extra),
+    reading - reference = delta + v
+
+(docs/diagnosis.md eq. 3-5) a Kalman filter with known q and R turns readings and columns C alike into independent
+numbers of unit variance: r - A p is white where the model holds. Everything after that is linear regression.
+
+The state is (speed, memory); for a model without a memory the slopes by it, and from it, are zero.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter.compiled import compile_cached
+
+Float64Array = NDArray[np.float64]
+
+
+class Chain(NamedTuple):
+    """The linear model along the reference, but for its columns and noises; arrays over samples."""
+
+    follows: NDArray[np.bool_]  # (n,)
+    step_s: Float64Array  # (n,)
+    slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row
+    defect: Float64Array  # (n,) predicted less reference speed
+    memory_defect: Float64Array  # (n,)
+    extra: Float64Array  # (n,) variance of a transition beyond process noise
+    memory_variance: float  # of the memory where a stretch begins, 0 without one
+    reading: Float64Array  # (n,) measured less reference, NaN where missing
+
+
+def _whiten(
+    chain: Chain,
+    columns: Float64Array,
+    memory_columns: Float64Array,
+    q: float,
+    R: float,
+    r: Float64Array,
+    A: Float64Array,
+) -> float:
+    """Fill r (n,) and A (n, m), untouched where there is no innovation; returns the sum of log S over those there are.
+
+    columns (n, m); memory_columns (n, m), or (0, m) where they are zero. A stretch starts from its first reading, as
+    nothing is known before it.
+    """
+    n, m = columns.shape
+    with_memory = memory_columns.shape[0] > 0
+    carried = np.zeros(m)
+    held = np.zeros(m)
+    known = False
+    x, z = 0.0, 0.0
+    pxx, pxz, pzz = 0.0, 0.0, 0.0
+    total = 0.0
+    for i in range(n):
+        if not chain.follows[i]:
+            known = False
+        has = not math.isnan(chain.reading[i])
+        if not known:
+            if has:
+                known = True
+                x, z = chain.reading[i], 0.0
+                pxx, pxz, pzz = R, 0.0, chain.memory_variance
+                for j in range(m):
+                    carried[j] = 0.0
+                    held[j] = 0.0
+            continue
+        a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]
+        x, z = a * x + b * z + chain.defect[i], c * x + d * z + chain.memory_defect[i]
+        mixed = a * (c * pxx + d * pxz) + b * (c * pxz + d * pzz)
+        rest = c * (c * pxx + d * pxz) + d * (c * pxz + d * pzz)
+        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.step_s[i] + chain.extra[i]
+        pxz, pzz = mixed, rest
+        if with_memory:
+            for j in range(m):
+                first = carried[j]
+                carried[j] = a * first + b * held[j] + columns[i, j]
+                held[j] = c * first + d * held[j] + memory_columns[i, j]
+        elif b == 0.0 and c == 0.0:
+            for j in range(m):
+                carried[j] = a * carried[j] + columns[i, j]
+        else:
+            for j in range(m):
+                first = carried[j]
+                carried[j] = a * first + b * held[j] + columns[i, j]
+                held[j] = c * first + d * held[j]
+        if not has:
+            continue
+        S = pxx + R
+        root = 1.0 / math.sqrt(S)
+        gain, side = pxx / S, pxz / S
+        left = chain.reading[i] - x
+        r[i] = left * root
+        for j in range(m):
+            A[i, j] = carried[j] * root
+            held[j] -= side * carried[j]
+            carried[j] *= 1.0 - gain
+        x += gain * left
+        z += side * left
+        pzz -= side * pxz
+        pxz *= 1.0 - gain
+        pxx *= 1.0 - gain
+        total += math.log(S)
+    return total
+
+
+def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Float64Array) -> None:
+    """Transpose of `whiten` for columns of the speed: column' adjoint = A' white; white (n,) zero without innovation.
+
+    The memory's part is left out: this only screens frequencies.
+    """
+    n = chain.reading.size
+    root = np.zeros(n)
+    keep = np.zeros(n)
+    known = False
+    P = 0.0
+    for i in range(n):
+        if not chain.follows[i]:
+            known = False
+        has = not math.isnan(chain.reading[i])
+        keep[i] = 1.0
+        if not known:
+            if has:
+                known = True
+                P = R
+                keep[i] = 0.0
+            continue
+        f = chain.slopes[i, 0]
+        P = f * f * P + q * chain.step_s[i] + chain.extra[i]
+        if has:
+            gain = P / (P + R)
+            root[i] = 1.0 / math.sqrt(P + R)
+            keep[i] = 1.0 - gain
+            P *= 1.0 - gain
+    following = 0.0
+    for i in range(n - 1, -1, -1):
+        adjoint[i] = white[i] * root[i] + keep[i] * following
+        following = chain.slopes[i, 0] * adjoint[i] if chain.follows[i] else 0.0
+
+
+def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Float64Array) -> None:
+    """(speed, memory) less reference given all readings of the stretch: means (n, 2), variances (n, 2).
+
+    Bryson and Frazier's form: nothing is inverted, and a memory that fades leaves nearly singular covariances. Before
+    a stretch's first reading: zero, with variance R and memory_variance.
+    """
+    n = chain.reading.size
+    ahead = np.zeros((n, 5))  # predicted: speed, memory, and their covariance xx, xz, zz
+    state = np.zeros(n, dtype=np.int8)  # 0 nothing known, 1 the first reading, 2 predicted
+    x, z = 0.0, 0.0
+    pxx, pxz, pzz = 0.0, 0.0, 0.0
+    known = False
+    for i in range(n):
+        has = not math.isnan(chain.reading[i])
+        if not chain.follows[i]:
+            known = False
+        if not known:
+            if has:
+                known = True
+                state[i] = 1
+                x, z = chain.reading[i], 0.0
+                pxx, pxz, pzz = R, 0.0, chain.memory_variance
+                ahead[i, 0], ahead[i, 2], ahead[i, 4] = x, pxx, pzz
+            continue
+        a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]
+        x, z = a * x + b * z + chain.defect[i], c * x + d * z + chain.memory_defect[i]
+        mixed = a * (c * pxx + d * pxz) + b * (c * pxz + d * pzz)
+        rest = c * (c * pxx + d * pxz) + d * (c * pxz + d * pzz)
+        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.step_s[i] + chain.extra[i]
+        pxz, pzz = mixed, rest
+        state[i] = 2
+        ahead[i, 0], ahead[i, 1], ahead[i, 2], ahead[i, 3], ahead[i, 4] = x, z, pxx, pxz, pzz
+        if has:
+            S = pxx + R
+            gain, side = pxx / S, pxz / S
+            left = chain.reading[i] - x
+            x += gain * left
+            z += side * left
+            pzz -= side * pxz
+            pxz *= 1.0 - gain
+            pxx *= 1.0 - gain
+    l1, l2 = 0.0, 0.0  # adjoint of what comes later, and its expected curvature
+    h11, h12, h22 = 0.0, 0.0, 0.0
+    for i in range(n - 1, -1, -1):
+        if state[i] == 0:
+            variances[i, 0], variances[i, 1] = R, chain.memory_variance
+            l1, l2, h11, h12, h22 = 0.0, 0.0, 0.0, 0.0, 0.0
+            continue
+        pxx, pxz, pzz = ahead[i, 2], ahead[i, 3], ahead[i, 4]
+        if state[i] == 2 and not math.isnan(chain.reading[i]):
+            S = pxx + R
+            gain, side = pxx / S, pxz / S
+            u = 1.0 - gain  # (I - K H)' = [[u, -side], [0, 1]]
+            l1 = u * l1 - side * l2 - (chain.reading[i] - ahead[i, 0]) / S
+            g11 = u * (u * h11 - side * h12) - side * (u * h12 - side * h22)
+            h11, h12 = g11 + 1.0 / S, u * h12 - side * h22
+        means[i, 0] = ahead[i, 0] - pxx * l1 - pxz * l2
+        means[i, 1] = ahead[i, 1] - pxz * l1 - pzz * l2
+        variances[i, 0] = pxx - pxx * (h11 * pxx + h12 * pxz) - pxz * (h12 * pxx + h22 * pxz)
+        variances[i, 1] = pzz - pxz * (h11 * pxz + h12 * pzz) - pzz * (h12 * pxz + h22 * pzz)
+        if state[i] == 1:
+            l1, l2, h11, h12, h22 = 0.0, 0.0, 0.0, 0.0, 0.0
+            continue
+        a, b, c, d = chain.slopes[i, 0], chain.slopes[i, 1], chain.slopes[i, 2], chain.slopes[i, 3]
+        l1, l2 = a * l1 + c * l2, b * l1 + d * l2
+        k11, k12 = h11 * a + h12 * c, h11 * b + h12 * d
+        k21, k22 = h12 * a + h22 * c, h12 * b + h22 * d
+        h11, h12, h22 = a * k11 + c * k21, a * k12 + c * k22, b * k12 + d * k22
+
+
+adjoint = compile_cached(_adjoint, [sys.modules[__name__]])
+whiten = compile_cached(_whiten, [sys.modules[__name__]])
+smooth = compile_cached(_smooth, [sys.modules[__name__]])

@@ -1,0 +1,47 @@
+"""The current loop: the winding follows the command with a first-order lag."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, CurrentEffect, RecordFacts, Shape
+
+
+class ActuatorLag(CurrentEffect):
+    """tau dI/dt = I_command - I."""
+
+    id = "actuator_lag"
+    equation = "tau dI/dt = I_command - I"
+    source = "contract, section 7; first-order current loop"
+    coefficient = Coefficient("time_constant_s", "s", 0.0, 60.0, "time constant of the current loop")
+    excitation = "many changes of current: `rw-ekf excite P2`"
+    confounded: ClassVar[dict[str, str]] = {
+        "transport_delay": "current steps read at a rate faster than one over the lag"
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Five milliseconds, or a twentieth of the sample period where that is longer."""
+        return max(0.005, 0.05 * facts.period_s)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """From a fifth of a period to ten."""
+        return [Candidate(facts.period_s * ratio) for ratio in (0.2, 0.5, 1.0, 3.0, 10.0)]
+
+    @staticmethod
+    def lagged(
+        a: float, q1: float, q2: float, q3: float, state: float, current: float, duration: float
+    ) -> tuple[float, float]:
+        """Exponential approach; its mean over the piece is exact, so that the impulse is."""
+        if a <= 1.0e-9 * duration:
+            return current, current
+        x = duration / a
+        decay = math.exp(-x)
+        return current + (state - current) * (1.0 - decay) / x, current + (state - current) * decay
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """In milliseconds."""
+        return f"The current follows its command {1e3 * value:.3g} +- {1e3 * std:.1g} ms late (first-order lag)"

@@ -1,0 +1,76 @@
+"""Coulomb friction that settles or wanders with running time: run-in, lubricant that finds its place."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moves, of_coulomb
+
+
+class CoulombDrift(StaticEffect):
+    """f = sgn(omega) a tau [1 - exp(-(t - start)/tau)], for tau = 0 a straight line a (t - start); s by as much as c.
+
+    A friction that wanders at random, too, is not of this shape: in the filter it is process noise of c.
+    """
+
+    id = "coulomb_drift"
+    equation = "f = sgn(omega) a tau [1 - exp(-(t - start)/tau)]; a (t - start) for tau = 0"
+    source = "contract, section 7"
+    coefficient = Coefficient("rate_rad_s3", "rad/s^3", -1.0e6, 1.0e6, "rise of dry friction per second at the start")
+    constants = (
+        Coefficient("time_constant_s", "s", 0.0, 1.0e9, "tau, in which it settles; 0 for a straight line"),
+        Coefficient("start_s", "s", -1.0e12, 1.0e12, "time of the log from which it counts; before it there is none"),
+    )
+    excitation = "the same motion early and late, for long enough: `rw-ekf excite P1`, repeated"
+    confounded: ClassVar[dict[str, str]] = {
+        "coulomb_temperature": "a temperature that is cycled up and down within the record",
+        "drag_spike": "a record well beyond both sides of the onset",
+    }
+
+    of_one_record = True
+    refined = (0,)
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction over the record, as a straight line."""
+        return STEADY_SHARE * dry_scale(facts) / max(facts.duration_s, 1.0e-9)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """A straight line, and settling within a tenth to the whole of the record."""
+        duration = facts.duration_s
+        return [Candidate(1.0, (ratio * duration, facts.first_s, 0.0)) for ratio in (0.0, 0.1, 0.3, 1.0)]
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Dry friction in the middle of the piece; none before the start."""
+        passed = max(time - q2, 0.0)
+        if q1 <= 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, a * passed
+        return 0.0, 0.0, 0.0, 0.0, 0.0, -a * q1 * math.expm1(-passed / q1)
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        passed = max(time - q2, 0.0)
+        if q1 <= 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, passed
+        return 0.0, 0.0, 0.0, 0.0, 0.0, -q1 * math.expm1(-passed / q1)
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As the change over the record."""
+        tau, start, _ = shape
+        passed = max(facts.last_s - start, 0.0)
+        total = passed if tau <= 0.0 else -tau * math.expm1(-passed / tau)
+        how = "steadily" if tau <= 0.0 else f"settling with a time constant of {tau:.3g} s"
+        change = of_coulomb(total * abs(value), total * std, facts)
+        return f"Dry friction {moves(value)} over the record by {change}, {how}"

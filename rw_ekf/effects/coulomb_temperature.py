@@ -1,0 +1,76 @@
+"""Coulomb friction that changes with temperature; break-away friction moves by as much."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import (
+    REFERENCE_DEGC,
+    Candidate,
+    Coefficient,
+    Contribution,
+    RecordFacts,
+    Shape,
+    StaticEffect,
+)
+from rw_ekf.effects.measures import (
+    STEADY_SHARE,
+    dry_scale,
+    lacks_temperature,
+    slope_percent,
+    temperature_range,
+)
+
+
+class CoulombTemperature(StaticEffect):
+    """c(T) = c [1 + a (T - 20 degC)], s raised by as much, so that s - c stays."""
+
+    id = "coulomb_temperature"
+    equation = "f = a (T - 20 degC) c sgn(omega)"
+    source = "contract, section 7"
+    coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of Coulomb friction per kelvin")
+    needs = ("temperature_degC",)
+    excitation = "reversals, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
+    confounded: ClassVar[dict[str, str]] = {
+        "coulomb_drift": "a temperature that is cycled up and down within the record",
+        "viscous_temperature": "several speeds, fast and slow, at each temperature",
+        "motor_gain_temperature": "coast-downs without current, cold and warm",
+        "drag_spike": "a temperature that is cycled up and down within the record",
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction over the range of temperature."""
+        coulomb = max(facts.friction.coulomb, 1.0e-3 * dry_scale(facts))
+        return STEADY_SHARE * dry_scale(facts) / (coulomb * temperature_range(facts))
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Without temperature logged, or with one that hardly changes."""
+        return super().untestable(facts) or lacks_temperature(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Dry friction by the factor a (T - 20 degC) of Coulomb friction."""
+        return 0.0, 0.0, 0.0, 0.0, a * (temperature - REFERENCE_DEGC), 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        return 0.0, 0.0, 0.0, 0.0, temperature - REFERENCE_DEGC, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """In percent per kelvin."""
+        return slope_percent("Coulomb friction", value, std, "per K")

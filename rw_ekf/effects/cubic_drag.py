@@ -1,0 +1,53 @@
+"""Drag that grows with the cube of the speed: a drag curve shaped like an S."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, of_coulomb, top_speed
+
+
+class CubicDrag(StaticEffect):
+    """f = a omega^3."""
+
+    id = "cubic_drag"
+    equation = "f = a omega^3"
+    source = "contract, section 7"
+    coefficient = Coefficient("coefficient_s_rad2", "s/rad^2", -1.0e6, 1.0e6, "drag per cubed speed; above 0 brakes")
+    excitation = "coast-downs from high speed: `rw-ekf excite identification`"
+    confounded: ClassVar[dict[str, str]] = {"quadratic_drag": "a wider range of speeds"}
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction at the top speed."""
+        return STEADY_SHARE * dry_scale(facts) / top_speed(facts) ** 3
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """-f linearised at omega: external 2 a omega^3, viscous 3 a omega^2."""
+        return 0.0, 2.0 * a * omega * omega * omega, 3.0 * a * omega * omega, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        return 0.0, 2.0 * omega * omega * omega, 3.0 * omega * omega, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As a share of Coulomb friction at the top speed."""
+        cubed = facts.top_speed_rad_s**3
+        way = "grows" if value > 0.0 else "falls short"
+        size = of_coulomb(cubed * abs(value), cubed * std, facts)
+        return f"Drag {way} with the cube of the speed, by {size} at top speed"

@@ -1,0 +1,93 @@
+"""Friction that jumps up and decays: lubricant thrown into the race, an "oil jog"."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb
+
+_DECAYS_S = (10.0, 60.0, 300.0, 3600.0)
+_MOST_ONSETS, _LEAST_ONSETS = 300, 30
+
+
+class DragSpike(StaticEffect):
+    """f = sgn(omega) a exp(-(t - onset)/decay) from the onset on, a mean over the piece; s by as much as c."""
+
+    id = "drag_spike"
+    equation = "f = sgn(omega) a exp(-(t - onset)/decay), t >= onset"
+    source = "[L17 IV]"
+    coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", 0.0, 1.0e6, "dry friction added at the onset")
+    constants = (
+        Coefficient("onset_s", "s", -1.0e12, 1.0e12, "time of the log at which it begins"),
+        Coefficient("decay_s", "s", 1.0e-3, 1.0e9, "time in which it falls to 37 %"),
+    )
+    excitation = "nothing but its own time: the record must go on, turning, before and after"
+    confounded: ClassVar[dict[str, str]] = {
+        "coulomb_drift": "a record well beyond both sides of the onset",
+        "coulomb_temperature": "a temperature that is cycled up and down within the record",
+    }
+    local_in_time = True
+    refined = (0, 1)
+    of_one_record = True
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """One percent of Coulomb friction."""
+        return SOUGHT_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """Onsets a tenth of the decay apart, 30 to 300 of them, for decays that the record can show."""
+        finest, coarsest = max(2.0, facts.duration_s / _MOST_ONSETS), facts.duration_s / _LEAST_ONSETS
+        decays = [decay for decay in _DECAYS_S if 0.5 * finest <= decay <= 10.0 * facts.duration_s] or [finest]
+        found = []
+        for decay in decays:
+            step = min(max(finest, 0.1 * decay), max(coarsest, finest))
+            count = math.ceil(facts.duration_s / step) - 1
+            found += [Candidate(1.0, (facts.first_s + step * (i + 1), decay, 0.0)) for i in range(count)]
+        return found
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """In a record that has no room for an onset."""
+        return super().untestable(facts) or (None if cls.candidates(facts) else "needs a record longer than 2 s")
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Dry friction a times the mean of the decay over that part of the piece which is after the onset."""
+        passed = time + 0.5 * duration - q1  # at the piece's end, since the onset
+        if passed < 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        if duration <= 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, a * math.exp(-passed / q2)
+        inside = min(passed, duration)
+        mean = -math.expm1(-inside / q2) * q2 / duration * math.exp(-(passed - inside) / q2)
+        return 0.0, 0.0, 0.0, 0.0, 0.0, a * mean
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        passed = time + 0.5 * duration - q1
+        if passed < 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        if duration <= 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, math.exp(-passed / q2)
+        inside = min(passed, duration)
+        mean = -math.expm1(-inside / q2) * q2 / duration * math.exp(-(passed - inside) / q2)
+        return 0.0, 0.0, 0.0, 0.0, 0.0, mean
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As a share of Coulomb friction, with onset and decay."""
+        return (
+            f"Friction jumps up by {of_coulomb(value, std, facts)} at {shape[0]:.1f} s"
+            f" and decays with a time constant of {shape[1]:.3g} s"
+        )

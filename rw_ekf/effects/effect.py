@@ -1,0 +1,199 @@
+"""What an effect is: its equation, its coefficient, how it enters one piece of constant current, and what shows it.
+
+An effect changes the terms of the drift within one piece (docs/effects.md eq. 1):
+
+    drive = k (I + current) + external
+    b -> b (1 + viscous_factor) + viscous
+    c -> c + dry,  s -> s + dry,  with dry = c dry_factor + dry          so that s - c stays
+
+Six contributions, linear or not in the effect's one coefficient (the filter's state); up to three shape constants stay
+fixed in the filter. f > 0 slows a wheel that turns forward: external = -f. What is not linear in omega is linearised at
+the piece's start, f(omega_0) + f'(omega_0) (omega - omega_0): over a sample the speed moves little.
+
+Four kinds enter otherwise, and derive from the classes below: another current (a lag), another time (a delay), friction
+with a memory, another Stribeck curve, another reading.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
+
+from rw_ekf.model.state import FrictionParameters
+
+# current [A], external [rad/s^2], viscous [1/s], viscous_factor [-], dry_factor [-], dry [rad/s^2]
+Contribution = tuple[float, float, float, float, float, float]
+Shape = tuple[float, float, float]
+NO_SHAPE: Shape = (0.0, 0.0, 0.0)
+REFERENCE_DEGC = 20.0  # temperature effects are relative to this (contract, section 7)
+
+
+class Coefficient(NamedTuple):
+    """A number of an effect: its name, unit, bounds and what it means."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    meaning: str
+
+
+@dataclass(frozen=True)
+class RecordFacts:
+    """What a log offers, for banks, bounds and practical sizes."""
+
+    first_s: float
+    last_s: float
+    period_s: float
+    top_speed_rad_s: float  # largest |speed|, spikes left out
+    top_current_A: float
+    friction: FrictionParameters  # of the base model
+    stribeck_speed_rad_s: float
+    stribeck_law: int
+    speed_noise_rad_s: float
+    reversals: int = 0
+    temperature_range_K: float | None = None  # None: not logged
+    angle: bool = False  # logged, or integrated where that is meaningful
+    channels: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample to the last [s]."""
+        return self.last_s - self.first_s
+
+
+class Candidate(NamedTuple):
+    """A place to start from: the coefficient's value and the shape constants."""
+
+    amplitude: float
+    shape: Shape = NO_SHAPE
+
+
+class Effect(ABC):
+    """One entry of the catalogue. Class attributes only: an effect in use is an `ActiveEffect` (catalogue.py)."""
+
+    id: ClassVar[str]
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    coefficient: ClassVar[Coefficient]
+    constants: ClassVar[tuple[Coefficient, ...]] = ()  # shape constants, at most three, in the order of Shape
+    needs: ClassVar[tuple[str, ...]] = ()  # channels that must be logged
+    excitation: ClassVar[str]  # what a log must contain for the effect to be seen, and the profile that has it
+    confounded: ClassVar[dict[str, str]] = {}  # other ids it can be mistaken for -> what separates the two
+    local_in_time: ClassVar[bool] = False  # sought on the whole record
+    flow_kind: ClassVar[bool] = False  # replaces the flow itself: two of the kind cannot be in one model
+    clocked: ClassVar[bool] = False  # periodic in time: its many frequencies are screened before they are scored
+    refined: ClassVar[tuple[int, ...]] = ()  # shape constants that are fitted on from where the search found them
+    of_one_record: ClassVar[bool] = False  # tied to the clock of the record it was found in
+    linear: ClassVar[bool] = True  # contribution proportional to the coefficient: any start will do
+    # Used as two columns, sine and cosine: shape[1] is the phase [rad], 0 and pi/2. `candidates` gives the sine alone.
+    quadrature: ClassVar[bool] = False
+
+    @staticmethod
+    @abstractmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Smallest size of the coefficient that matters in practice, in its unit."""
+
+    @staticmethod
+    @abstractmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """Where to look: shape constants to try, with the coefficient's start (1.0 where the effect is linear)."""
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Why this log cannot show the effect at all; None if it can."""
+        missing = [name for name in cls.needs if name not in facts.channels]
+        return f"needs {', '.join(missing)}, which is not logged" if missing else None
+
+    @staticmethod
+    @abstractmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """What was found, for a person, without the final stop: "Viscous friction falls 3.0 +- 0.1 % per K"."""
+
+    @classmethod
+    def described(cls, value: float, std: float, shape: Shape) -> dict[str, dict[str, float | str | None]]:
+        """The parameters of the diagnosis document: {name: {"value", "std", "unit"}}; constants have std null."""
+        found: dict[str, dict[str, float | str | None]] = {
+            cls.coefficient.name: {"value": value, "std": std, "unit": cls.coefficient.unit}
+        }
+        for constant, number in zip(cls.constants, shape, strict=False):
+            found[constant.name] = {"value": number, "std": None, "unit": constant.unit}
+        return found
+
+
+class StaticEffect(Effect):
+    """An effect that needs no memory: six contributions to a piece, and their slopes by the coefficient.
+
+    a: coefficient; q1, q2, q3: shape constants; omega [rad/s] at the piece's start; current [A] commanded; temperature
+    [degC]; angle [rad] at the piece's start; time [s] of the log in the middle of the piece; duration [s] of the piece.
+    Scalar functions that import only `math`: numba compiles them as they are.
+    """
+
+    @staticmethod
+    @abstractmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """The six contributions."""
+
+    @staticmethod
+    @abstractmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Their derivatives by the coefficient."""
+
+
+class CurrentEffect(Effect):
+    """The motor's current has a memory of its own: one hidden state [A]."""
+
+    linear = False
+
+    @staticmethod
+    @abstractmethod
+    def lagged(
+        a: float, q1: float, q2: float, q3: float, state: float, current: float, duration: float
+    ) -> tuple[float, float]:
+        """(mean current over the piece, state at its end) from the state at its start and the commanded current."""
+
+
+class DelayEffect(Effect):
+    """Commands act later than the log says, by the coefficient [s]: the pieces are read elsewhere in time."""
+
+    linear = False
+
+
+class FrictionMemoryEffect(Effect):
+    """Dry friction has a memory: one hidden state, the friction acceleration itself [rad/s^2], signed as omega is."""
+
+    linear = False
+    flow_kind = True
+    holds: ClassVar[bool] = False  # at rest the wheel is held and its friction is what holds it
+
+    @staticmethod
+    @abstractmethod
+    def flow(
+        omega: float, memory: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int,
+        a: float, q1: float, q2: float, q3: float, duration: float,
+    ) -> tuple[float, float]:  # fmt: skip
+        """(speed, friction) after `duration` under a constant drive; stands in for model.propagation.flow."""
+
+
+class StribeckEffect(Effect):
+    """Another Stribeck speed [rad/s], the coefficient, or another law, its first shape constant (a law code)."""
+
+    linear = False
+
+
+class ReadingEffect(Effect):
+    """The reading, not the wheel: nothing enters the drift; the filter's speed variance grows by `variance`."""
+
+    linear = False
+
+    @staticmethod
+    @abstractmethod
+    def variance(a: float) -> float:
+        """Added variance of one reading [rad^2/s^2]."""

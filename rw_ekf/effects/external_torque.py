@@ -1,0 +1,87 @@
+"""Torque periodic in time: a structure that vibrates, a pump, a controller that hunts."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape
+from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb
+from rw_ekf.effects.periodic import PeriodicEffect
+
+_DENSE = 1200  # frequencies half a line's width apart: none between them is missed
+_SPARSE = 300  # above these, evenly in their logarithm: a speed hardly follows a torque that fast anyhow
+_LEAST_SAMPLES = 20.0
+
+
+class ExternalTorque(PeriodicEffect):
+    """f = a sin(2 pi frequency t + phase), t the log's time, averaged over the piece."""
+
+    id = "external_torque"
+    equation = "f = a sin(2 pi frequency t + phase)"
+    source = "contract, section 7"
+    coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "amplitude of the sine")
+    constants = (
+        Coefficient("frequency_Hz", "Hz", 0.0, 1.0e6, "periods per second"),
+        Coefficient("phase_rad", "rad", -2.0 * math.pi, 2.0 * math.pi, "phase at time 0 of the log"),
+    )
+    excitation = "several periods, at several speeds: `rw-ekf excite P2`"
+    confounded: ClassVar[dict[str, str]] = {
+        "torque_ripple": "several steady speeds: a ripple's frequency follows the speed"
+    }
+
+    clocked = True
+    refined = (0,)
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """One percent of Coulomb friction."""
+        return SOUGHT_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """From one and a half periods in the record to two samples a period, 1500 at most."""
+        if facts.duration_s < _LEAST_SAMPLES * facts.period_s:
+            return []
+        spacing, top = 0.5 / facts.duration_s, 0.5 / facts.period_s
+        count = min(_DENSE, math.floor(top / spacing) - 2)
+        frequencies = [spacing * (3 + i) for i in range(count)]
+        last = frequencies[-1]
+        if count == _DENSE:
+            ratio = top / last
+            steps = min(_SPARSE, math.floor((top - last) / spacing))
+            frequencies += [last * ratio ** ((i + 1) / steps) for i in range(steps)]
+        return [Candidate(1.0, (frequency, 0.0, 0.0)) for frequency in frequencies]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """In a record of a few samples."""
+        if facts.duration_s < _LEAST_SAMPLES * facts.period_s:
+            return f"needs a record of {_LEAST_SAMPLES:g} samples or more"
+        return super().untestable(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """External -f: the sine in the middle of the piece times sinc of half the phase passed."""
+        half = math.pi * q1 * duration
+        mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
+        return 0.0, -a * mean * math.sin(2.0 * math.pi * q1 * time + q2), 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        half = math.pi * q1 * duration
+        mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
+        return 0.0, -mean * math.sin(2.0 * math.pi * q1 * time + q2), 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As a share of Coulomb friction, with frequency and period."""
+        period = f", every {1.0 / shape[0]:.3g} s" if shape[0] > 0.0 else ""
+        return f"A torque of {of_coulomb(abs(value), std, facts)} acts at {shape[0]:.4g} Hz{period}, whatever the speed"

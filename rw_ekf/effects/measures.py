@@ -1,0 +1,88 @@
+"""How large an effect is, in terms that hold for a plant of any size, and what a log lacks to show it at all."""
+
+from __future__ import annotations
+
+import math
+
+from rw_ekf.effects.effect import RecordFacts
+
+STEADY_SHARE = 0.005  # of dry friction: a steady effect below it changes nothing that anybody would act on
+SOUGHT_SHARE = 0.01  # the same for effects found by searching many onsets, orders or frequencies
+SMALLEST_RANGE_K = 1.0
+_TINY = 1.0e-12
+
+
+def dry_scale(facts: RecordFacts) -> float:
+    """What sizes are measured by [rad/s^2]: Coulomb friction, or a tenth of viscous friction at top speed.
+
+    The larger of the two; the second keeps a plant without dry friction (an air bearing) from being accused of trifles.
+    """
+    friction = facts.friction
+    return max(friction.coulomb, 0.1 * abs(friction.viscous) * facts.top_speed_rad_s, _TINY)
+
+
+def top_speed(facts: RecordFacts) -> float:
+    """The record's largest |speed| [rad/s], never 0."""
+    return max(facts.top_speed_rad_s, 1.0e-9)
+
+
+def top_drive(facts: RecordFacts) -> float:
+    """The largest acceleration that the motor was asked for [rad/s^2], never 0."""
+    return max(abs(facts.friction.motor_gain) * facts.top_current_A, _TINY)
+
+
+def temperature_range(facts: RecordFacts) -> float:
+    """From the coldest to the warmest sample [K]; 1 K where that is less or not logged."""
+    return max(facts.temperature_range_K or 0.0, SMALLEST_RANGE_K)
+
+
+def lacks_temperature(facts: RecordFacts) -> str | None:
+    """Why the temperatures of this log show nothing; None if they do."""
+    range_K = facts.temperature_range_K or 0.0
+    if range_K < SMALLEST_RANGE_K:
+        return f"needs a temperature that changes by {SMALLEST_RANGE_K:g} K or more; it changes by {range_K:.2g} K"
+    return None
+
+
+def lacks_reversal(facts: RecordFacts) -> str | None:
+    """Why a record that turns one way only shows nothing; None if it turns both ways."""
+    return None if facts.reversals >= 1 else "needs a reversal; the record turns one way only"
+
+
+def lacks_current(facts: RecordFacts) -> str | None:
+    """Why a coast-down shows nothing; None if the motor was driven."""
+    return None if facts.top_current_A > 0.0 else "needs a motor current; there is none in the record"
+
+
+def plus_minus(value: float, std: float) -> str:
+    """Value and standard deviation with the digits that mean something: "3.02 +- 0.14"."""
+    if not math.isfinite(value) or not math.isfinite(std) or std <= 0.0:
+        return f"{value:.3g}"
+    exponent = math.floor(math.log10(max(abs(value), std)))
+    if not -4 <= exponent < 6:
+        scale = 10.0**exponent
+        return f"({plus_minus(value / scale, std / scale)})e{exponent:+d}" if scale > 0.0 else f"{value:.3g}"
+    first = math.floor(math.log10(std))
+    leading_one = std / 10.0**first < 1.95
+    decimals = max(leading_one - first, 0)
+    if decimals > 5 - exponent:
+        return f"{value:.{max(5 - exponent, 0)}f} +- {std:.1g}"
+    return f"{value:.{decimals}f} +- {std:.{decimals}f}"
+
+
+def of_coulomb(size_rad_s2: float, std_rad_s2: float, facts: RecordFacts) -> str:
+    """A friction as a share of Coulomb friction; in rad/s^2 where there is hardly any of that."""
+    coulomb = facts.friction.coulomb
+    if coulomb < dry_scale(facts):
+        return f"{plus_minus(size_rad_s2, std_rad_s2)} rad/s^2"
+    return f"{plus_minus(100.0 * size_rad_s2 / coulomb, 100.0 * std_rad_s2 / coulomb)} % of Coulomb friction"
+
+
+def moves(value: float) -> str:
+    """The verb for a quantity that changes by `value` per something."""
+    return "rises" if value > 0.0 else "falls"
+
+
+def slope_percent(quantity: str, value: float, std: float, per: str) -> str:
+    """A relative slope in words: "Viscous friction falls 3.02 +- 0.14 % per K"."""
+    return f"{quantity} {moves(value)} {plus_minus(100.0 * abs(value), 100.0 * std)} % {per}"

@@ -1,0 +1,75 @@
+"""Motor gain that changes with temperature: magnets weaken when warm."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import (
+    REFERENCE_DEGC,
+    Candidate,
+    Coefficient,
+    Contribution,
+    RecordFacts,
+    Shape,
+    StaticEffect,
+)
+from rw_ekf.effects.measures import (
+    STEADY_SHARE,
+    dry_scale,
+    lacks_current,
+    lacks_temperature,
+    slope_percent,
+    temperature_range,
+    top_drive,
+)
+
+
+class MotorGainTemperature(StaticEffect):
+    """k(T) = k [1 + a (T - 20 degC)]."""
+
+    id = "motor_gain_temperature"
+    equation = "f = -a (T - 20 degC) k I"
+    source = "contract, section 7; remanence of the magnets, resistance where a voltage drives"
+    coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of motor gain per kelvin")
+    needs = ("temperature_degC",)
+    excitation = "strong currents, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
+    confounded: ClassVar[dict[str, str]] = {
+        "coulomb_temperature": "coast-downs without current, cold and warm",
+        "viscous_temperature": "coast-downs without current, cold and warm",
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction at top current over the range of temperature."""
+        return STEADY_SHARE * dry_scale(facts) / (top_drive(facts) * temperature_range(facts))
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Without a current, without temperature logged, or with one that hardly changes."""
+        return super().untestable(facts) or lacks_current(facts) or lacks_temperature(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Current a (T - 20 degC) I more."""
+        return a * (temperature - REFERENCE_DEGC) * current, 0.0, 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        return (temperature - REFERENCE_DEGC) * current, 0.0, 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """In percent per kelvin."""
+        return slope_percent("Motor gain", value, std, "per K")

@@ -1,0 +1,60 @@
+"""Motor gain that falls with the current: saturating iron."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_current, plus_minus, top_drive
+
+
+class MotorSaturation(StaticEffect):
+    """k(I) = k (1 - a |I|)."""
+
+    id = "motor_saturation"
+    equation = "f = a |I| k I"
+    source = "contract, section 7"
+    coefficient = Coefficient("slope_1_A", "1/A", 0.0, 1.0e6, "relative loss of motor gain per ampere")
+    excitation = "short strong currents beside weak ones: `rw-ekf excite identification`"
+    confounded: ClassVar[dict[str, str]] = {
+        "quadratic_drag": "a coast-down from high speed without current",
+        "current_deadzone": "strong currents beside weak ones",
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction at top current."""
+        return STEADY_SHARE * dry_scale(facts) / (top_drive(facts) * max(facts.top_current_A, 1.0e-12))
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Without a current."""
+        return super().untestable(facts) or lacks_current(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Current a |I| I less."""
+        return -a * abs(current) * current, 0.0, 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        return -abs(current) * current, 0.0, 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As the loss at the strongest current of the record."""
+        percent = 100.0 * facts.top_current_A
+        size = plus_minus(percent * abs(value), percent * std)
+        return f"Motor gain is {size} % {'lower' if value > 0.0 else 'higher'} at the strongest current than at none"

@@ -1,0 +1,64 @@
+"""A constant torque, whatever the direction of turning."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, of_coulomb, plus_minus
+
+
+class OffsetTorque(StaticEffect):
+    """f = a. No log can tell it from Coulomb friction c + a forward and c - a backward, or from a current offset."""
+
+    id = "offset_torque"
+    equation = "f = a"
+    source = "contract, section 7"
+    coefficient = Coefficient("torque_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "constant torque; above 0 slows forward")
+    excitation = "turning both ways: `rw-ekf excite P2`"
+    confounded: ClassVar[dict[str, str]] = {"viscous_asymmetry": "several speeds, fast and slow, in both directions"}
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction."""
+        return STEADY_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """One way only, an offset is Coulomb friction."""
+        return super().untestable(facts) or lacks_reversal(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """External -a."""
+        return 0.0, -a, 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        return 0.0, -1.0, 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """All three readings of it, for no log decides between them."""
+        hindered, helped = ("forward", "backward") if value > 0.0 else ("backward", "forward")
+        text = (
+            f"A constant torque of {of_coulomb(abs(value), std, facts)} slows {hindered} and helps {helped} motion; one"
+            f" and the same as Coulomb friction higher {hindered} and lower {helped} by as much"
+        )
+        gain = facts.friction.motor_gain
+        if gain <= 0.0 or facts.top_current_A <= 0.0:
+            return text
+        side = "below" if value > 0.0 else "above"
+        return f"{text}, and as a current {plus_minus(1e3 * abs(value) / gain, 1e3 * std / gain)} mA {side} its command"

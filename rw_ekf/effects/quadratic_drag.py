@@ -1,0 +1,56 @@
+"""Windage: drag that grows with the square of the speed."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, of_coulomb, top_speed
+
+
+class QuadraticDrag(StaticEffect):
+    """f = a omega |omega|."""
+
+    id = "quadratic_drag"
+    equation = "f = a omega |omega|"
+    source = "contract, section 7; aerodynamic drag of the rotor in its case"
+    coefficient = Coefficient("coefficient_1_rad", "1/rad", -1.0e3, 1.0e3, "drag per squared speed; above 0 brakes")
+    excitation = "high speed with coast-downs: `rw-ekf excite identification`"
+    confounded: ClassVar[dict[str, str]] = {
+        "motor_saturation": "a coast-down from high speed without current",
+        "cubic_drag": "a wider range of speeds",
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction at the top speed."""
+        return STEADY_SHARE * dry_scale(facts) / top_speed(facts) ** 2
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """-f linearised at omega: external a omega |omega|, viscous 2 a |omega|."""
+        return 0.0, a * omega * abs(omega), 2.0 * a * abs(omega), 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        return 0.0, omega * abs(omega), 2.0 * abs(omega), 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As a share of Coulomb friction at the top speed."""
+        squared = facts.top_speed_rad_s**2
+        way = "grows" if value > 0.0 else "falls short"
+        size = of_coulomb(squared * abs(value), squared * std, facts)
+        return f"Drag {way} with the square of the speed, by {size} at top speed"

@@ -1,0 +1,70 @@
+"""Another Stribeck curve than the configured one: another speed, or another law."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, plus_minus
+from rw_ekf.model.friction import LAW_CODES
+
+_LAW_NAMES = {code: name for name, code in LAW_CODES.items()}
+_LARGEST_SLOPE = 2.0 / math.e  # of Gauss's g by the logarithm of omega_s, at |omega| = omega_s
+
+
+class StribeckShape(StribeckEffect):
+    """omega_s = a, and g Gauss, Tustin or Lorentz, in place of the configured ones.
+
+    The coefficient replaces, it does not add: "no effect" is the configured speed, not 0. Another speed and another law
+    can stand for each other; only dwells at half to five Stribeck speeds tell them apart.
+    """
+
+    id = "stribeck_shape"
+    equation = "f = sgn(omega) (s - c) [g(|omega|/a) - g_0(|omega|/omega_s)]"
+    source = "contract, section 7; [CK13 (1)], [F12, introduction]"
+    coefficient = Coefficient("speed_rad_s", "rad/s", 1.0e-9, 1.0e6, "Stribeck speed, in place of the configured one")
+    constants = (Coefficient("law", "", 0.0, 2.0, "code of the law: 0 gauss, 1 tustin, 2 lorentz"),)
+    excitation = "dwells at half to five Stribeck speeds (2 to 20 rpm of a wheel): `rw-ekf excite identification`"
+    confounded: ClassVar[dict[str, str]] = {
+        "presliding_hysteresis": "dwells at half to five Stribeck speeds without reversal: a bristle is at rest there",
+        "friction_lag": "dwells at half to five Stribeck speeds without reversal: a lag has settled there",
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Smallest difference to the configured speed: half a percent of Coulomb friction where it shows most."""
+        peak = max(abs(facts.friction.static - facts.friction.coulomb), 1.0e-12)
+        logarithm = STEADY_SHARE * dry_scale(facts) / (_LARGEST_SLOPE * peak)
+        return facts.stribeck_speed_rad_s * math.expm1(min(max(logarithm, 0.1), 2.3))
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """A third to ten times the configured speed under the configured law, half to twice it under the others."""
+        speed = facts.stribeck_speed_rad_s
+        found = [
+            Candidate(speed * ratio, (float(facts.stribeck_law), 0.0, 0.0)) for ratio in (0.3, 0.6, 1.7, 3.0, 5.0, 10.0)
+        ]
+        others = (law for law in sorted(_LAW_NAMES) if law != facts.stribeck_law)
+        return found + [Candidate(speed * ratio, (float(law), 0.0, 0.0)) for law in others for ratio in (0.5, 1.0, 2.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Without a passage through low speed."""
+        return super().untestable(facts) or lacks_reversal(facts)
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """In multiples of the configured speed."""
+        base = max(facts.stribeck_speed_rad_s, 1.0e-12)
+        times = plus_minus(value / base, std / base)
+        law = int(shape[0])
+        how = "" if law == facts.stribeck_law else f", by {_LAW_NAMES[law].capitalize()}'s law"
+        return f"Break-away friction fades at {times} times the configured Stribeck speed{how}"
+
+    @classmethod
+    def described(cls, value: float, std: float, shape: Shape) -> dict[str, dict[str, float | str | None]]:
+        """The law by its name."""
+        found = super().described(value, std, shape)
+        found["law"] = {"value": _LAW_NAMES[int(shape[0])], "std": None, "unit": ""}
+        return found

@@ -1,0 +1,81 @@
+"""Torque periodic in the wheel's angle: cogging, torque ripple of the commutation, imbalance under gravity."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape
+from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb, top_speed
+from rw_ekf.effects.periodic import PeriodicEffect
+
+# Orders of motors: every one up to 12, then slots, poles and their common multiples.
+_ORDERS = (*range(1, 13), 14, 15, 18, 20, 21, 24, 27, 28, 30, 36, 42, 48, 54, 60, 72, 84, 96, 108, 120, 144, 168)
+# A ripple is averaged away where it turns by pi within a sample. A record that passes through all speeds up to its
+# top is slow enough for this share of its time at the least; an angle that is integrated from noisy speeds needs more.
+_SLOW_SHARE_LOGGED = 0.002
+_SLOW_SHARE_INTEGRATED = 0.02
+
+
+class TorqueRipple(PeriodicEffect):
+    """f = a sin(order angle + phase), averaged over the angle turned within the piece."""
+
+    id = "torque_ripple"
+    equation = "f = a sin(order angle + phase)"
+    source = "contract, section 7"
+    coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "amplitude of the sine")
+    constants = (
+        Coefficient("order", "-", 1.0e-3, 1.0e4, "periods per turn"),
+        Coefficient("phase_rad", "rad", -2.0 * math.pi, 2.0 * math.pi, "phase at angle 0"),
+    )
+    excitation = "slow turning, less than half a ripple per sample, at several speeds: `rw-ekf excite identification`"
+    confounded: ClassVar[dict[str, str]] = {
+        "external_torque": "several steady speeds: a ripple's frequency follows the speed"
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """One percent of Coulomb friction."""
+        return SOUGHT_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """Every order that a sample does not average away for nearly the whole record."""
+        share = _SLOW_SHARE_LOGGED if "angle_rad" in facts.channels else _SLOW_SHARE_INTEGRATED
+        turned = top_speed(facts) * facts.period_s
+        return [Candidate(1.0, (float(order), 0.0, 0.0)) for order in _ORDERS if order * turned * share < math.pi]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Without an angle, or always too fast for the sampling rate."""
+        if not facts.angle:
+            return "needs angle_rad, or sampling fast enough for the angle to be integrated"
+        if not cls.candidates(facts):
+            return "needs slower turning or faster sampling; a ripple is averaged away within a sample"
+        return super().untestable(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """External -f: the sine at the middle angle of the piece times sinc of half the phase turned."""
+        half = 0.5 * q1 * omega * duration
+        mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
+        return 0.0, -a * mean * math.sin(q1 * angle + half + q2), 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        half = 0.5 * q1 * omega * duration
+        mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
+        return 0.0, -mean * math.sin(q1 * angle + half + q2), 0.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As a share of Coulomb friction."""
+        turn = "once per turn" if shape[0] == 1.0 else f"{shape[0]:g} times per turn"
+        return f"A torque ripple of {of_coulomb(abs(value), std, facts)} repeats {turn}"

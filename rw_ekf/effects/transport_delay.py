@@ -1,0 +1,42 @@
+"""Commands that act later than the log says, or telemetry that is late: the same from here."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, DelayEffect, RecordFacts, Shape
+from rw_ekf.effects.measures import lacks_current, plus_minus
+
+
+class TransportDelay(DelayEffect):
+    """I(t) = I_command(t - a), on top of the log's own command_delay_s."""
+
+    id = "transport_delay"
+    equation = "I(t) = I_command(t - a)"
+    source = "contract, section 7"
+    coefficient = Coefficient("delay_s", "s", 0.0, 60.0, "delay beyond the one that the log states")
+    excitation = "many changes of current: `rw-ekf excite P2`"
+    confounded: ClassVar[dict[str, str]] = {
+        "actuator_lag": "current steps read at a rate faster than one over the delay"
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Five milliseconds, or a twentieth of the sample period where that is longer."""
+        return max(0.005, 0.05 * facts.period_s)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """From a fifth of a period to five."""
+        return [Candidate(facts.period_s * ratio) for ratio in (0.2, 0.5, 1.0, 2.0, 5.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Without a current."""
+        return super().untestable(facts) or lacks_current(facts)
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """In milliseconds, and in samples."""
+        late = plus_minus(1e3 * value, 1e3 * std)
+        return f"Commands act {late} ms later than the log says ({value / facts.period_s:.2g} sample periods)"

@@ -1,0 +1,66 @@
+"""Viscous friction that differs by direction."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, plus_minus, top_speed
+
+
+class ViscousAsymmetry(StaticEffect):
+    """f = a |omega|: viscous friction b + a forward, b - a backward."""
+
+    id = "viscous_asymmetry"
+    equation = "f = a |omega|"
+    source = "contract, section 7"
+    coefficient = Coefficient("difference_1_s", "1/s", -1.0e3, 1.0e3, "viscous friction more forward, less backward")
+    excitation = "high speed in both directions: `rw-ekf excite identification`"
+    confounded: ClassVar[dict[str, str]] = {"offset_torque": "several speeds, fast and slow, in both directions"}
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction at the top speed."""
+        return STEADY_SHARE * dry_scale(facts) / top_speed(facts)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """One way only, the difference is viscous friction."""
+        return super().untestable(facts) or lacks_reversal(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Viscous a sgn(omega); a wheel at rest takes the direction of its current, for that way it would move."""
+        forward = omega if omega != 0.0 else current
+        if forward == 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, a if forward > 0.0 else -a, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        forward = omega if omega != 0.0 else current
+        if forward == 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 1.0 if forward > 0.0 else -1.0, 0.0, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """As a share of viscous friction, where there is any."""
+        more, less = ("forward", "backward") if value > 0.0 else ("backward", "forward")
+        viscous = facts.friction.viscous
+        if viscous <= 0.0:
+            return f"Viscous friction is {plus_minus(abs(value), std)} 1/s higher {more} and as much lower {less}"
+        size = plus_minus(100.0 * abs(value) / viscous, 100.0 * std / viscous)
+        return f"Viscous friction is {size} % higher {more} and as much lower {less}"

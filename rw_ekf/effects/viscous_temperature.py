@@ -1,0 +1,75 @@
+"""Viscous friction that changes with temperature: the lubricant's viscosity."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rw_ekf.effects.effect import (
+    REFERENCE_DEGC,
+    Candidate,
+    Coefficient,
+    Contribution,
+    RecordFacts,
+    Shape,
+    StaticEffect,
+)
+from rw_ekf.effects.measures import (
+    STEADY_SHARE,
+    dry_scale,
+    lacks_temperature,
+    slope_percent,
+    temperature_range,
+    top_speed,
+)
+
+
+class ViscousTemperature(StaticEffect):
+    """b(T) = b [1 + a (T - 20 degC)]."""
+
+    id = "viscous_temperature"
+    equation = "f = a (T - 20 degC) b omega"
+    source = "contract, section 7; viscosity of the lubricant"
+    coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of viscous friction per kelvin")
+    needs = ("temperature_degC",)
+    excitation = "high speed, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
+    confounded: ClassVar[dict[str, str]] = {
+        "coulomb_temperature": "several speeds, fast and slow, at each temperature",
+        "motor_gain_temperature": "coast-downs without current, cold and warm",
+    }
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction at top speed over the range of temperature."""
+        viscous = max(abs(facts.friction.viscous) * top_speed(facts), 1.0e-3 * dry_scale(facts))
+        return STEADY_SHARE * dry_scale(facts) / (viscous * temperature_range(facts))
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """One: the effect is linear."""
+        return [Candidate(1.0)]
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Without temperature logged, or with one that hardly changes."""
+        return super().untestable(facts) or lacks_temperature(facts)
+
+    @staticmethod
+    def contribution(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Viscous friction by the factor a (T - 20 degC)."""
+        return 0.0, 0.0, 0.0, a * (temperature - REFERENCE_DEGC), 0.0, 0.0
+
+    @staticmethod
+    def slope(
+        a: float, q1: float, q2: float, q3: float,
+        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    ) -> Contribution:  # fmt: skip
+        """Linear: the contribution of a = 1."""
+        return 0.0, 0.0, 0.0, temperature - REFERENCE_DEGC, 0.0, 0.0
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """In percent per kelvin."""
+        return slope_percent("Viscous friction", value, std, "per K")

@@ -1,0 +1,76 @@
+"""What an interval between two readings is made of, as the online filter gathers it: currents and conditions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rw_ekf.effects.effect import REFERENCE_DEGC
+from rw_ekf.filter.current_schedule import CurrentSchedule
+from rw_ekf.records import WheelSample
+
+_REMEMBERED_S = 10.0  # of past commands, for a model with a delay
+
+
+class Surroundings(NamedTuple):
+    """One interval: pieces of constant current, of which `start` is the one in force at from_s, and conditions."""
+
+    from_s: float
+    to_s: float
+    temperature_degC: float
+    angle_rad: float
+    begins_s: Sequence[float]
+    durations_s: Sequence[float]
+    currents_A: Sequence[float]
+    start: int
+
+
+class Gatherer:
+    """Collects, sample by sample, what the compiled pass over a log reads from its columns."""
+
+    def __init__(self, *, remembers: bool) -> None:
+        """remembers: keep past pieces of current, which only a delayed command looks back at."""
+        self.schedule = CurrentSchedule()
+        self.angle_rad = 0.0
+        self._remembers = remembers
+        self._temperature_degC = REFERENCE_DEGC  # effects of temperature are relative to it: none until it is read
+        self._past: list[tuple[float, float, float]] = []
+
+    def restart(self) -> None:
+        """Forget the currents: a new segment, whose clock says nothing about the old one's."""
+        self.schedule.restart()
+        self._past.clear()
+
+    def interval(self, from_s: float, to_s: float) -> Surroundings:
+        """Describe the interval; commands that came to act within it are used up."""
+        durations, currents = self.schedule.pieces(from_s, to_s)
+        begins = []
+        at = from_s
+        for duration in durations:
+            begins.append(at)
+            at += duration
+        past = self._past
+        found = Surroundings(
+            from_s,
+            to_s,
+            self._temperature_degC,
+            self.angle_rad,
+            [piece[0] for piece in past] + begins,
+            [piece[1] for piece in past] + durations,
+            [piece[2] for piece in past] + currents,
+            len(past),
+        )
+        if self._remembers:
+            self._past += zip(begins, durations, currents, strict=True)
+            while len(self._past) > 1 and self._past[1][0] < to_s - _REMEMBERED_S:
+                del self._past[0]
+        return found
+
+    def note(self, sample: WheelSample, mean_speed_rad_s: float, dt: float) -> None:
+        """Note the conditions at a sample: logged, or the angle from the mean speed since the one before."""
+        self.angle_rad += mean_speed_rad_s * dt
+        if sample.angle_rad is not None and not math.isnan(sample.angle_rad):
+            self.angle_rad = sample.angle_rad
+        if sample.temperature_degC is not None and not math.isnan(sample.temperature_degC):
+            self._temperature_degC = sample.temperature_degC

@@ -1,0 +1,1 @@
+"""What watches a running estimator: is its residual still noise, and has the drag jumped? (docs/watch.md)."""

@@ -1,0 +1,96 @@
+"""What one sample says to those who watch the residual: the innovation, its variance, and how the filter answered it.
+
+Pure functions of the stream (sample, command that followed it, what the filter made of it): time comes with the data.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rw_ekf.model.state import StateIndex
+from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+
+_LONGEST_STEP_IN_PERIODS = 3.5  # after a longer one the watch begins anew: the line, not the wheel, is in question
+
+
+class Evidence(NamedTuple):
+    """One sample, as the watch sees it. `dt_s` is the interval that ended with it."""
+
+    time_s: float
+    dt_s: float
+    direction: (
+        float  # of motion over the whole interval: +1, -1; 0 at rest or where it reversed: nothing is learnt of drag
+    )
+    speed_rad_s: float  # predicted
+    current_A: float  # mean over the interval
+    temperature_degC: float  # last known; NaN: never measured
+    innovation_rad_s: float  # NaN: none
+    variance: float  # of the innovation [rad^2/s^2]; NaN: none
+    gain: float  # share of the innovation that the filter's speed took over [-]; 0 where the reading was not used
+    keep: float  # share of a deviation in speed that is left at the end of the interval, before the update [-]
+    belief: tuple[float, ...]  # the estimator's state at the interval's start, in the order of StateIndex
+    reseeded: bool  # the speed was set to this reading after its innovation had been gated time and again
+    restart: bool  # first sample, gap or new segment: what was before says nothing about what follows
+
+
+class EvidenceReader:
+    """Turns the stream of a loop's sinks into evidence. One of these per run."""
+
+    def __init__(self, speed_variance: float, period_s: float) -> None:
+        """speed_variance: R of the filter [rad^2/s^2]; period_s: nominal, of the loop."""
+        self._speed_variance = speed_variance
+        self._longest_s = _LONGEST_STEP_IN_PERIODS * period_s
+        self._last: WheelSample | None = None
+        self._belief: tuple[float, ...] = ()
+        self._temperature_degC = math.nan
+        self._in_force_A = 0.0
+        self._following: IssuedCommand | None = None
+
+    def read(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> Evidence | None:
+        """Take one sample; None where its time did not move on."""
+        outcome = result.outcome
+        if outcome in (Outcome.REPEATED, Outcome.BACKWARD):
+            return None
+        last, belief = self._last, self._belief or result.mean
+        same = last is not None and sample.segment == last.segment
+        dt_s = sample.time_s - last.time_s if last is not None and same else 0.0
+        current_A, sure = self._current_over(dt_s)
+        test = result.innovation
+        restart = test is None and outcome in (Outcome.FIRST, Outcome.RESEEDED)
+        restart = restart or not 0.0 < dt_s < self._longest_s
+        predicted = result.predicted_speed_rad_s
+        direction = 0.0
+        if sure and predicted * belief[StateIndex.SPEED] > 0.0:
+            direction = 1.0 if predicted > 0.0 else -1.0
+        if sample.temperature_degC is not None:
+            self._temperature_degC = sample.temperature_degC
+        innovation, variance, gain = math.nan, math.nan, 0.0
+        if test is not None:
+            innovation, variance = test.innovation_rad_s, test.std_rad_s * test.std_rad_s
+            if test.accepted:
+                gain = 1.0 - self._speed_variance / variance
+        keep = 1.0 - belief[StateIndex.VISCOUS] * dt_s if direction != 0.0 else _turned(belief, current_A, predicted)
+        self._last, self._belief, self._following = sample, result.mean, command
+        return Evidence(
+            sample.time_s, dt_s, direction, predicted, current_A, self._temperature_degC,
+            innovation, variance, gain, keep, belief, outcome is Outcome.RESEEDED, restart,
+        )  # fmt: skip
+
+    def _current_over(self, dt_s: float) -> tuple[float, bool]:
+        """Mean current [A] over the interval that has just ended, and whether the wheel confirmed it."""
+        command = self._following
+        if command is None or dt_s <= 0.0:
+            return self._in_force_A, True
+        late = min(max(command.delay_s, 0.0) / dt_s, 1.0)
+        mean_A = late * self._in_force_A + (1.0 - late) * command.current_A
+        self._in_force_A = command.current_A
+        return mean_A, command.acknowledged
+
+
+def _turned(belief: tuple[float, ...], current_A: float, predicted_rad_s: float) -> float:
+    """Share of a deviation that outlives a reversal: the saltation factor (docs/model.md eq. 13); none outlives rest."""
+    drive, static = abs(belief[StateIndex.MOTOR_GAIN] * current_A), abs(belief[StateIndex.STATIC])
+    if predicted_rad_s == 0.0 or drive <= static:
+        return 0.0
+    return (drive - static) / (drive + static)

@@ -1,0 +1,94 @@
+"""When exactly did it set in, and how large is it? Generalised least squares over the last few seconds, once per spike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rw_ekf.model.state import StateIndex
+from rw_ekf.watch.evidence import Evidence
+
+_CANDIDATES = 64
+_SURE_SQUARE = 16.0  # an amplitude of fewer than four standard deviations is no number to report
+_AWAY = 2.0  # times the limit of rest that the drive would have moved a wheel that is not held
+
+
+class OnsetFit(NamedTuple):
+    """The likeliest onset."""
+
+    time_s: float
+    amplitude_rad_s2: float
+    std_rad_s2: float
+    lag_rad_s: float  # of the wheel behind the filter's speed after the last update
+    sized: bool  # the amplitude is at least four standard deviations
+    at_least: bool  # the wheel stands still under a current that would move it: the amplitude is a lower bound
+
+
+def fit_onset(
+    recent: Sequence[Evidence], drag_gains: Sequence[float], earliest_s: float, near_rest_rad_s: float
+) -> OnsetFit | None:
+    """Try onsets between `earliest_s` and the last sample; None where no drag above zero explains anything.
+
+    recent: evidence without a gap, oldest first; drag_gains: L of each (docs/watch.md eq. 3), all zero for the estimator.
+    Readings count in full: once a spike is sure there is no wild one among them. A reading below `near_rest_rad_s` may
+    be that of a wheel at rest, which tells no more than that its drag holds it.
+    """
+    latest_s = recent[-1].time_s
+    first_s = max(earliest_s, recent[0].time_s - recent[0].dt_s)
+    step_s = (latest_s - first_s) / _CANDIDATES
+    best: OnsetFit | None = None
+    best_square = 0.0
+    for number in range(_CANDIDATES):
+        onset_s = first_s + number * step_s
+        lag, information, score = _response(recent, drag_gains, onset_s, near_rest_rad_s)
+        if score > 0.0 and score * score > best_square * information:
+            best_square = score * score / information
+            amplitude = score / information
+            sized = best_square > _SURE_SQUARE
+            best = OnsetFit(onset_s, amplitude, 1.0 / math.sqrt(information), lag * amplitude, sized, at_least=False)
+    held = _held(recent, first_s, near_rest_rad_s)
+    if held > 0.0 and (best is None or not best.sized or best.amplitude_rad_s2 < held):
+        since_s, lag = (first_s, 0.0) if best is None else (best.time_s, best.lag_rad_s)
+        return OnsetFit(since_s, held, held, lag, sized=False, at_least=True)
+    return best
+
+
+def _response(
+    recent: Sequence[Evidence], drag_gains: Sequence[float], onset_s: float, near_rest_rad_s: float
+) -> tuple[float, float, float]:
+    """(lag after the last update, sum m^2/S, sum m nu/S) of a unit of drag from `onset_s` on; eq. 2-6."""
+    lag, missing, information, score = 0.0, 1.0, 0.0, 0.0
+    for e, drag_gain in zip(recent, drag_gains, strict=True):
+        if e.time_s <= onset_s:
+            continue
+        lag = e.keep * lag - e.direction * min(e.dt_s, e.time_s - onset_s) * missing
+        if not math.isnan(e.innovation_rad_s):
+            if e.direction * (e.speed_rad_s + e.innovation_rad_s) > near_rest_rad_s:
+                information += lag * lag / e.variance
+                score += lag * e.innovation_rad_s / e.variance
+            missing -= drag_gain * lag
+            lag *= 1.0 - e.gain
+        if e.reseeded:
+            lag = 0.0
+    return lag, information, score
+
+
+def _held(recent: Sequence[Evidence], first_s: float, near_rest_rad_s: float) -> float:
+    """Largest drive beyond break-away [rad/s^2] under which the wheel stood still.
+
+    It stood, and did not just pass through zero slowly, where that drive would have moved it well away meanwhile.
+    """
+    held, largest, impulse = 0.0, 0.0, 0.0
+    for e in recent:
+        if e.time_s <= first_s or math.isnan(e.innovation_rad_s):
+            continue
+        beyond = abs(e.belief[StateIndex.MOTOR_GAIN] * e.current_A) - e.belief[StateIndex.STATIC]
+        if beyond <= 0.0 or abs(e.speed_rad_s + e.innovation_rad_s) > near_rest_rad_s:
+            largest = impulse = 0.0
+            continue
+        largest = max(largest, beyond)
+        impulse += beyond * e.dt_s
+        if impulse > _AWAY * near_rest_rad_s:
+            held = max(held, largest)
+    return held

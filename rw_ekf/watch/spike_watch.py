@@ -1,0 +1,216 @@
+"""Drag spikes [L17 IV]: abrupt onset, exponential decay. Found within seconds, followed until they are over.
+
+Waiting: the bank looks for an onset in the estimator's innovations. Sure, but not sized: up to four seconds are given to
+the amplitude. Following: a tracker holds the extra drag against the parameters from before the onset, and the bank
+goes on looking, in the tracker's innovations, for the next spike of a train.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from rw_ekf.model.state import StateIndex
+from rw_ekf.watch.alarms import DRAG_SPIKE, Alarm
+from rw_ekf.watch.drag_tracker import DragTracker
+from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.onset_bank import Onset, OnsetBank
+from rw_ekf.watch.onset_fit import OnsetFit, fit_onset
+
+LONGEST_ONSET_S = 15.0
+_MARGIN = 6.0  # twice the log likelihood ratio to a step of the speed
+_LEARNT_GAIN = 0.05  # the estimator is past its first readings
+_SIZED = 12.0  # amplitude in standard deviations at which it is reported ...
+_SIZED_AFTER_S = 1.0  # ... not before so long after the onset, ...
+_REPORTED_AFTER_S = 4.0  # ... and as it is after so long
+_AGAIN_AFTER_S = 5.0  # an onset too small to matter is not looked at again for so long
+_RETRY_S = 0.5  # a wheel at rest gives an amplitude no sooner by being asked more often
+_KEPT = 256  # samples for the exact onset
+_OVER_SHARE = 0.1  # of the amplitude; a spike is over below it, or below two standard deviations, ...
+_OVER_FOR_S = 5.0  # ... for so long of a turning wheel
+_NEAR_REST = 4.0  # reading noises: below, the wheel may stand still
+_BACK_TIME_S = 10.0  # the estimator's own innovations are trusted again when their mean over this time ...
+_BACK_MEAN = 0.25  # ... is below so many standard deviations of one of them
+_KNOWN_BY = 4.0  # standard deviations that the extra drag must be above zero to tell the decay by
+_WRONG_WAY_SHARE = 0.5  # of the amplitude, speeding the wheel up: no drag
+
+
+class SpikeWatch:
+    """Looks for spikes and follows the one that was found. Time and memory per sample do not grow."""
+
+    def __init__(
+        self,
+        speed_variance: float,
+        acceleration_noise: float,
+        period_s: float,
+        threshold: float,
+        smallest_share: float,
+        inertia_kg_m2: float | None,
+    ) -> None:
+        """speed_variance, acceleration_noise: of the estimator; period_s: of the loop; threshold: of the bank [-].
+
+        smallest_share: of Coulomb friction; a smaller spike is none. inertia_kg_m2: None: torques are not given.
+        """
+        self._variance, self._noise = speed_variance, acceleration_noise
+        self._near_rest_rad_s = _NEAR_REST * math.sqrt(speed_variance)
+        self._threshold, self._smallest, self._inertia = threshold, smallest_share, inertia_kg_m2
+        self._bank = OnsetBank(LONGEST_ONSET_S, period_s)
+        self._recent: deque[Evidence] = deque(maxlen=_KEPT)
+        self._gains: deque[float] = deque(maxlen=_KEPT)
+        self._learnt = False
+        self._sure = False
+        self._quiet_until_s = -math.inf
+        self._tracker: DragTracker | None = None
+        self._course = _Course(0.0)
+        self.active: Alarm | None = None
+
+    @property
+    def suspects(self) -> bool:
+        """Whether a spike is on or about to be reported, or the estimator has not recovered from one."""
+        return self._sure or self._tracker is not None
+
+    def remaining(self) -> tuple[float, float] | None:
+        """Extra drag now and its standard deviation [rad/s^2]; None where there is no spike."""
+        return None if self._tracker is None else (self._tracker.drag_rad_s2, self._tracker.std_rad_s2)
+
+    def add(self, e: Evidence) -> list[Alarm]:
+        """Take one sample; return the spikes that began or ended with it."""
+        if not self._learnt:
+            self._learnt = 0.0 < e.gain < _LEARNT_GAIN
+            return []
+        if e.restart:
+            self._recent.clear()
+            self._gains.clear()
+            self._sure = False
+            self._quiet_until_s = -math.inf
+        seen = e if self._tracker is None else self._tracker.add(e)
+        drag_gain = 0.0 if self._tracker is None else self._tracker.drag_gain
+        self._recent.append(seen)
+        self._gains.append(drag_gain)
+        onset = self._bank.add(seen, drag_gain)
+        begun = self._look(seen, onset) if onset is not None and e.time_s >= self._quiet_until_s else None
+        if begun is not None:
+            return self._begin(seen, begun)
+        return [] if self._tracker is None else self._follow(self._tracker, e, seen)
+
+    def _look(self, e: Evidence, onset: Onset) -> OnsetFit | None:
+        """Decide whether an onset is sure, and sized; its fit once it is to be reported."""
+        if not self._sure:
+            self._sure = onset.statistic > self._threshold and onset.margin > _MARGIN
+        elif onset.statistic < 0.5 * self._threshold:
+            self._sure = False
+        age_s = e.time_s - onset.time_s
+        sized = onset.statistic > _SIZED and age_s >= _SIZED_AFTER_S
+        if not self._sure or not (sized or age_s >= _REPORTED_AFTER_S):
+            return None
+        fit = fit_onset(self._recent, self._gains, e.time_s - 1.5 * age_s - 0.5, self._near_rest_rad_s)
+        smallest = self._smallest * abs(e.belief[StateIndex.COULOMB])
+        if fit is not None and fit.amplitude_rad_s2 > smallest and (fit.sized or fit.at_least):
+            return fit
+        small = fit is not None and fit.sized
+        self._sure = not small
+        self._quiet_until_s = e.time_s + (_AGAIN_AFTER_S if small else _RETRY_S)
+        return None
+
+    def _begin(self, e: Evidence, fit: OnsetFit) -> list[Alarm]:
+        ended = [] if self.active is None else [self._ended(fit.time_s, "another one set in")]
+        drag, std = fit.amplitude_rad_s2, fit.std_rad_s2
+        if self._tracker is None:
+            after = e.speed_rad_s + (1.0 if e.reseeded else e.gain) * e.innovation_rad_s
+            speed, reference = after + fit.lag_rad_s, self._belief_before(fit.time_s)
+        else:  # the tracker has taken up some of the new spike already: it is left to find the rest
+            speed, reference = self._tracker.speed_rad_s, self._tracker.reference
+            drag, std = max(drag, self._tracker.drag_rad_s2), drag
+        noises = self._variance, self._noise, self._near_rest_rad_s
+        self._tracker = DragTracker(reference, speed, drag, std, *noises)
+        self._course = _Course(drag)
+        self.active = Alarm(
+            DRAG_SPIKE,
+            fit.time_s,
+            {
+                "amplitude_rad_s2": fit.amplitude_rad_s2,
+                "std_rad_s2": None if fit.at_least else fit.std_rad_s2,
+                "amplitude_mNm": self._torque_mNm(fit.amplitude_rad_s2),
+                "std_mNm": None if fit.at_least else self._torque_mNm(fit.std_rad_s2),
+                "bound": "at least: the wheel stands still" if fit.at_least else None,
+            },
+        )
+        self._start_afresh()
+        return [*ended, self.active]
+
+    def _follow(self, tracker: DragTracker, e: Evidence, seen: Evidence) -> list[Alarm]:
+        """See whether the spike is over; then, whether the estimator has got over it."""
+        over = self._course.over(tracker, e, seen)
+        if self.active is not None and over is not None:
+            ended = self._ended(e.time_s, over)
+            self.active = None
+            return [ended]
+        if self.active is None and self._course.recovered:
+            self._tracker = None
+            self._start_afresh()
+        return []
+
+    def _ended(self, time_s: float, why: str) -> Alarm:
+        assert self.active is not None
+        details = {**self.active.details, "decay_s": self._course.decay_s, "end": why}
+        return Alarm(DRAG_SPIKE, self.active.since_s, details, time_s)
+
+    def _start_afresh(self) -> None:
+        """The innovations that follow come from another filter."""
+        self._bank.clear()
+        self._recent.clear()
+        self._gains.clear()
+        self._sure = False
+
+    def _belief_before(self, time_s: float) -> tuple[float, ...]:
+        """The estimator's state at the start of the interval in which the spike set in."""
+        for e in self._recent:
+            if e.time_s > time_s:
+                return e.belief
+        return self._recent[-1].belief
+
+    def _torque_mNm(self, acceleration_rad_s2: float) -> float | None:
+        return None if self._inertia is None else 1.0e3 * self._inertia * acceleration_rad_s2
+
+
+class _Course:
+    """How a spike fades, when it is over, and when the estimator has got over it."""
+
+    def __init__(self, amplitude_rad_s2: float) -> None:
+        self._amplitude = amplitude_rad_s2
+        self._elapsed_s = 0.0
+        self._low_s = 0.0
+        self._wrong_s = 0.0
+        self._mean = math.inf  # of the estimator's normalised innovations
+        self._calm_s = 0.0
+        self.decay_s: float | None = None  # by what was left when it first was below 1/e
+
+    @property
+    def recovered(self) -> bool:
+        """Whether the estimator's innovations have had no mean for a while."""
+        return self._calm_s > _OVER_FOR_S
+
+    def over(self, tracker: DragTracker, e: Evidence, seen: Evidence) -> str | None:
+        """Take one sample, as the estimator and as the tracker saw it; why the spike is over, or None."""
+        self._elapsed_s += e.dt_s
+        self._watch_estimator(e)
+        if seen.direction == 0.0:
+            return None
+        drag, std = tracker.drag_rad_s2, tracker.std_rad_s2
+        if self.decay_s is None and _KNOWN_BY * std < drag < self._amplitude / math.e:
+            self.decay_s = self._elapsed_s / math.log(self._amplitude / drag)
+        wrong = drag < -max(_WRONG_WAY_SHARE * self._amplitude, 3.0 * std)
+        self._wrong_s = self._wrong_s + e.dt_s if wrong else 0.0
+        low = drag < max(_OVER_SHARE * self._amplitude, 2.0 * std)
+        self._low_s = self._low_s + e.dt_s if low else 0.0
+        if self._wrong_s > 1.0:
+            return "it acts in one direction only: a torque, not a drag"
+        return "faded" if self._low_s > _OVER_FOR_S and not wrong else None
+
+    def _watch_estimator(self, e: Evidence) -> None:
+        if e.restart or math.isnan(e.innovation_rad_s):
+            return
+        share = min(e.dt_s / _BACK_TIME_S, 1.0)
+        value = e.innovation_rad_s / math.sqrt(e.variance)
+        self._mean = value if math.isinf(self._mean) else self._mean + share * (value - self._mean)
+        self._calm_s = self._calm_s + e.dt_s if abs(self._mean) < _BACK_MEAN else 0.0

@@ -1,0 +1,1 @@
+"""Benchmarks, proofs and demonstrations; nothing of the product imports them."""
