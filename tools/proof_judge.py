@@ -34,6 +34,7 @@ class Record:
     detectable: bool
     table_ratio: float | None
     excess_chi_square: float | None
+    cold: bool = False  # the first log of its worker: its time is not counted
     before: dict[str, Any] | None = None
     after: dict[str, Any] | None = None
     told_free_run_rpm: float | None = None  # free-run error of a fit that was told the true effects

@@ -45,12 +45,13 @@ from tools.proof_detectable import detectable_of
 from tools.proof_judge import Record, as_json, failure_of, record_of
 from tools.proof_marks import MARKS, case_called, cases_of
 from tools.proof_plants import log_of, save_log
-from tools.proof_tty import TtyError, diagnose_over_tty, tty_cases
+from tools.proof_tty import SPEED_FACTOR, TtyError, diagnose_over_tty, tty_cases
 
 DIAGNOSIS = "rw_ekf.diagnosis.diagnose:diagnose_log"
 _TOLD = "fit_told"  # beside it: fit_told(log, effect_ids) -> free-run RMS [rpm] or None
 _TTY_CASES = 8
 _SAVE_EVERY = 25
+_warm: set[str] = set()  # of this process: a first diagnosis loads, and may compile, what all others find ready
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class Job:
     diagnosis: str = DIAGNOSIS
     told: bool = True
     tty: str | None = None  # directory for the runs over a tty
+    speed_factor: float = SPEED_FACTOR  # of the wheel's time there
 
 
 def prove(case: Case, job: Job) -> Record:
@@ -70,13 +72,15 @@ def prove(case: Case, job: Job) -> Record:
         facts = detectable_of(case)._asdict()
         log: WheelLog | None = None
         if job.tty is not None:
-            document, seconds, _ = diagnose_over_tty(case, Path(job.tty) / case.name)
+            document, seconds, _ = diagnose_over_tty(case, Path(job.tty) / case.name, job.speed_factor)
         else:
             log = log_of(case)
             diagnose = _found(job.diagnosis)
             began = time.perf_counter()
             document = diagnose(log).document
             seconds = time.perf_counter() - began
+            facts["cold"] = job.diagnosis not in _warm
+            _warm.add(job.diagnosis)
         told = _told(case, log, job) if log is not None and job.told else None
         return record_of(case, document, seconds, told_free_run_rpm=told, **facts)
     except TtyError as error:
@@ -208,6 +212,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--save-log", nargs=2, metavar=("CASE", "FILE"), help="write one case's log and leave")
     parser.add_argument("--list", action="store_true", help="print the cases and leave")
     parser.add_argument("--tty", action="store_true", help=f"over a pty; {_TTY_CASES} cases by default")
+    parser.add_argument("--speed-factor", type=float, default=SPEED_FACTOR, metavar="X", help="of the tty's wheel")
     parser.add_argument("--no-told", action="store_true", help="do not fit with the true effect for comparison")
     parser.add_argument("--diagnosis", default=DIAGNOSIS, metavar="MODULE:FUNCTION", help="what is put to the proof")
     return parser.parse_args()
@@ -240,7 +245,7 @@ def main() -> int:
             write_json(args.json, so_far, args.seed)
 
     with tempfile.TemporaryDirectory(prefix="rw-ekf-proof-") as directory:
-        job = Job(args.diagnosis, not args.no_told, directory if args.tty else None)
+        job = Job(args.diagnosis, not args.no_told, directory if args.tty else None, args.speed_factor)
         records = prove_all(cases, job, args.jobs, keep)
     keep(records)
     if args.markdown:

@@ -256,6 +256,31 @@ class Scorer:
         return [candidates[j] for j in sorted(chosen)]
 
 
+def information(frame: Frame, prior: Prior | None, variance: float, facts: RecordFacts) -> dict[str, float]:
+    """How much a part of a record can say of each simple linear effect: its squared length beside the model's own.
+
+    No residual enters: this is about excitation alone.
+    """
+    places: list[tuple[type[Effect], Candidate]] = [
+        (effect, effect.candidates(facts)[0])
+        for effect in CATALOGUE.values()
+        if issubclass(effect, StaticEffect)
+        and effect.linear
+        and not effect.quadrature
+        and not effect.local_in_time
+        and effect.untestable(facts) is None
+    ]
+    if not places:
+        return {}
+    group = _analytic(frame, places)
+    columns = np.concatenate([h.columns for h in group], axis=1)
+    _, A, _ = frame.whitened(LEAST_RATIO, variance, columns)
+    _, own, _ = frame.whitened(LEAST_RATIO, variance, frame.columns, frame.memory_columns)
+    Q = _basis(own, prior, frame.model)
+    lengths = np.einsum("ij,ij->j", A - Q @ (Q.T @ A), A)
+    return {h.effect.id: float(length) for h, length in zip(group, lengths, strict=True)}
+
+
 def _allowed(hypothesis: Hypothesis, solution: Float64Array) -> bool:
     """Whether the coefficient's sign is one that the effect can have."""
     limits = hypothesis.effect.coefficient

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import testable
-from rw_ekf.diagnosis.evidence import CONFIRMING_GAIN, EXPLAINED_SHARE, MAP_P, threshold
+from rw_ekf.diagnosis.evidence import EXPLAINED_SHARE, INDISTINGUISHABLE, MAP_P, threshold
 from rw_ekf.diagnosis.frame import Fit
 from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
 from rw_ekf.diagnosis.preparation import Prepared, prepare, unfit
@@ -31,6 +31,7 @@ from rw_ekf.diagnosis.verdict import (
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.table import Column, EffectSet
 from rw_ekf.replay import input_of_log
+from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
@@ -43,6 +44,7 @@ Advance = Callable[[str], object]
 SCHEMA = "rw_ekf.diagnosis/1"
 MODEL_FILE = "augmented-model.yaml"
 _QUANTISATION = "speed_quantisation"
+_REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which nobody calls an effect
 
 
 @dataclass
@@ -77,6 +79,8 @@ def diagnose_log(
     if split == "blocks" and not _news(found) and left_over(found.left, MAP_P):
         # What acts may have acted in the held-out blocks alone: then they are searched, and the others held out.
         other = _look(found.prepared.swapped(), advance)
+        if not _news(other):
+            other = _look_everywhere(found.prepared, advance)
         if _news(other):
             found = other
     advance("judging on the held-out part")
@@ -103,11 +107,31 @@ def _look(prepared: Prepared, advance: Advance) -> _Found:
     selection = search.run(prepared.base)
     if _new_ids(selection):
         search.with_rivals(selection)
-        _settle_rivals(prepared, selection)
+        _settle_rivals(search, selection)
         _confirm(prepared, search, selection)
     advance("mapping the residual")
     whole = search.on_whole(selection.final)
     return _Found(prepared, search, selection, whole, residual_map(whole, prepared.prior, prepared.facts))
+
+
+def _look_everywhere(prepared: Prepared, advance: Advance) -> _Found:
+    """Search the whole record where its parts show too little each; coefficients are the fit part's all the same.
+
+    The held-out part then had a share in finding the effect, but none in its size; it must still be predicted better.
+    """
+    everywhere = Search(prepared.whole, prepared.whole, prepared.prior, prepared.facts, advance)
+    part = Search(prepared.fit_part, prepared.whole, prepared.prior, prepared.facts, advance)
+    wide = everywhere.run(part.on_whole(prepared.base))
+    if _new_ids(wide):
+        everywhere.with_rivals(wide)
+        _settle_rivals(everywhere, wide)
+    fit = prepared.base
+    for name in _new_ids(wide):
+        fit = part.told(fit, name)
+    selection = Selection(prepared.base, fit, wide.trials, wide.rivals, whole_record=True)
+    _confirm(prepared, part, selection)
+    whole = part.on_whole(selection.final)
+    return _Found(prepared, part, selection, whole, residual_map(whole, prepared.prior, prepared.facts))
 
 
 def _new_ids(selection: Selection) -> list[str]:
@@ -119,25 +143,20 @@ def _news(found: _Found) -> bool:
     return bool(_new_ids(found.selection))
 
 
-def _settle_rivals(prepared: Prepared, selection: Selection) -> None:
-    """Among explanations that the fit part cannot tell apart, the held-out part decides where it can."""
+def _settle_rivals(search: Search, selection: Selection) -> None:
+    """Between explanations that the searched part cannot tell apart, the whole record decides where it can."""
     for name, fits in list(selection.rivals.items()):
-        own = heldout_likelihood(prepared.heldout, selection.final, _reference(prepared, selection.final))
-        still: list[Fit] = []
-        for fit in fits:
-            gain = 2.0 * (heldout_likelihood(prepared.heldout, fit, _reference(prepared, fit)) - own)
-            fit_gain = 2.0 * (fit.likelihood.value - selection.final.likelihood.value)
-            if gain > CONFIRMING_GAIN and gain + fit_gain > CONFIRMING_GAIN:
-                other = next(n for n in fit.model.effects.ids if n not in selection.final.model.effects.ids)
-                selection.trials[name].decision = f"explained by {other}"
-                selection.final, own = fit, own + 0.5 * gain
-                still = []
-            elif gain > -CONFIRMING_GAIN:
-                still.append(fit)
+        tried = [(search.on_whole(fit).likelihood.value, fit) for fit in (selection.final, *fits)]
+        top, best = max(tried, key=lambda item: item[0])
+        near = [fit for value, fit in tried if fit is not best and 2.0 * (top - value) < INDISTINGUISHABLE]
         selection.rivals.pop(name)
-        for kept in _new_ids(selection):
-            if kept == name or kept not in selection.rivals:
-                selection.rivals[kept] = [fit for fit in still if kept not in fit.model.effects.ids]
+        if best is not selection.final:
+            winner = next(other for other in best.model.effects.ids if other not in selection.final.model.effects.ids)
+            selection.trials[name].decision = f"explained by {winner}"
+            selection.final = best
+            name = winner  # noqa: PLW2901
+        if near:
+            selection.rivals[name] = near
 
 
 def _confirm(prepared: Prepared, search: Search, selection: Selection) -> None:
@@ -146,24 +165,10 @@ def _confirm(prepared: Prepared, search: Search, selection: Selection) -> None:
         if CATALOGUE[name].local_in_time:
             continue
         less = search.without(selection.final, name)
-        gain = heldout_likelihood(
-            prepared.heldout, selection.final, _reference(prepared, selection.final)
-        ) - heldout_likelihood(prepared.heldout, less, _reference(prepared, less))
-        if gain <= 0.0:
+        with_it = heldout_likelihood(prepared.heldout, selection.final, prepared.seen)
+        if with_it <= heldout_likelihood(prepared.heldout, less, prepared.seen):
             selection.trials[name].decision = "not confirmed on the held-out part"
             selection.final = less
-
-
-def _reference(prepared: Prepared, fit: Fit) -> Any:
-    """A reference for the held-out part, from the readings; smoothed under each model before it is used."""
-    from rw_ekf.diagnosis.one_step import Reference
-
-    speed = prepared.data.speed_rad_s
-    index = np.arange(speed.size)
-    good = np.isfinite(speed)
-    return Reference.of_speed(
-        np.interp(index, index[good], speed[good]), np.full(speed.size, float(np.sqrt(fit.noise.variance)))
-    )
 
 
 def _lattice(found: _Found) -> Lattice | None:
@@ -175,11 +180,12 @@ def _lattice(found: _Found) -> Lattice | None:
     innovation = judged.trace.one_step_error_rad_s
     speed = prepared.data.speed_rad_s
     lattice = find_lattice(
-        speed, speed - innovation, judged.predicted_std_rad_s, fit.noise.variance, prepared.split.heldout
-    )
-    if lattice is None or lattice.statistic < threshold(CATALOGUE[_QUANTISATION], prepared.facts):
+        speed, speed - innovation, judged.predicted_std_rad_s, fit.noise.variance, prepared.split.heldout,
+        0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM,
+    )  # fmt: skip
+    if lattice is None or lattice.statistic + lattice.heldout_statistic < 0.0:
         return None
-    return lattice if lattice.heldout_statistic > 0.0 else None
+    return lattice
 
 
 def _judge(prepared: Prepared, fit: Fit, inertia: float | None) -> Judged:
@@ -191,7 +197,7 @@ def _judge(prepared: Prepared, fit: Fit, inertia: float | None) -> Judged:
         prepared.split.block,
         prepared.base.omit,
         prepared.setup.constants,
-        _reference(prepared, fit),
+        prepared.seen,
         inertia,
     )
 
@@ -290,15 +296,17 @@ def _verdict(
     groups = grouped(found.selection, names)
     seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
-    text = f"{'; '.join(said)}; add {', '.join(names)}: {improvement(before.figures, after.figures, seconds)}; {tail}."
+    where = " (sought on the whole record)" if found.selection.whole_record else ""
+    better = improvement(
+        before.figures, after.figures, seconds, wheel_units=found.prepared.setup.inertia_kg_m2 is not None
+    )
+    text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
     if groups:
         text += f" {separation(groups[0])}."
     return Verdict("effect", names, groups, text)
 
 
 def _noise_text(found: _Found) -> str:
-    from rw_ekf.units import rpm_from_rad_s
-
     sigma = float(np.sqrt(found.whole.noise.variance))
     if found.prepared.setup.inertia_kg_m2 is None:
         return f"{sigma:.3g} in the unit of the speed"

@@ -14,12 +14,12 @@ import math
 from rw_ekf.effects.effect import Effect, RecordFacts
 from rw_ekf.filter.consistency import chi_square_tail
 
-SIGNIFICANT_P = 1.0e-5  # of one effect; over the catalogue a healthy wheel is then accused once in thousands of logs
+SIGNIFICANT_P = 5.0e-4  # of one effect on the part that is searched; the held-out part must confirm it
+LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
 INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
 INDISTINGUISHABLE = 9.0  # two explanations whose log-likelihoods differ by less than half of this: three sigma
 MAP_P = 1.0e-5  # structure left in the residual's map
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
-CONFIRMING_GAIN = 9.0  # of twice the held-out log-likelihood, for one explanation against another
 
 
 def places(effect: type[Effect], facts: RecordFacts) -> float:

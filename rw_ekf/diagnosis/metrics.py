@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.ahead import simulate_ahead
-from rw_ekf.diagnosis.frame import Fit, Noise, linearise, smoothed_reference
+from rw_ekf.diagnosis.frame import Fit, Noise, likelihood, linearise, smoothed_reference
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference, state_vector
 from rw_ekf.diagnosis.records import ModelTrace
+from rw_ekf.effects.table import ABSENT
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.noise import frozen, without_drift
@@ -25,6 +26,7 @@ _STARTS = 400  # of a horizon: more would add nothing but time
 _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
 _STEPS_AT_MOST = 4_000_000
 _OPEN_GATE = 1.0e30
+_TURNS, _MEMORY_TURNS = 2, 5  # of smoothing a reference under another model
 
 
 @dataclass(frozen=True)
@@ -146,17 +148,20 @@ def _observed_acceleration(
 
 
 def heldout_likelihood(record: Record, fit: Fit, reference: Reference) -> float:
-    """Log-likelihood of a part (record) under a fit's model and noises, nothing adjusted to the part."""
-    noise = fit.noise
+    """Log-likelihood of a part (record) under a fit's model, nothing adjusted to the part but the noises.
+
+    A model that fits well claims little process noise, which the sigmas of its own parameters then outgrow.
+
+    reference: of the whole record, by whatever model; it is smoothed anew under this one.
+    """
     omit = np.zeros(reference.speed.size, dtype=bool)
     here = Reference.of_speed(reference.speed, reference.spread)
-    for _ in range(3):
-        frame = linearise(record, fit.model, here, noise, omit, with_columns=False)
-        here = smoothed_reference(frame, np.zeros(0), noise)
-    frame = linearise(record, fit.model, here, noise, omit, with_columns=False)
-    r, _, logs = frame.whitened(noise.ratio, noise.variance, np.zeros((omit.size, 0)))
-    robust = np.minimum(r * r, 36.0)
-    return float(-0.5 * (robust.sum() + logs))
+    with_memory = fit.model.effects.table().memory_state_at != ABSENT
+    for _ in range(_MEMORY_TURNS if with_memory else _TURNS):
+        frame = linearise(record, fit.model, here, fit.noise, omit, with_columns=False)
+        here = smoothed_reference(frame, np.zeros(0), likelihood(frame, None, fit.noise).noise)
+    frame = linearise(record, fit.model, here, fit.noise, omit, with_columns=False)
+    return likelihood(frame, None, fit.noise).value
 
 
 def _rms(values: Float64Array) -> float:

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.base_fit import fit_base, model_of_setup, part_of, start_parameters
+from rw_ekf.diagnosis.candidates import information
 from rw_ekf.diagnosis.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.frame import Fit, Prior
 from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record
-from rw_ekf.diagnosis.split import Kind, Split, split_record
+from rw_ekf.diagnosis.one_step import Record, Reference
+from rw_ekf.diagnosis.split import Kind, Split, running_time, split_record
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.filter.belief import prior_around
 from rw_ekf.filter.log_filter import FilterInput
@@ -48,6 +49,7 @@ class Prepared:
     whole: Record
     heldout: Record
     base: Fit
+    seen: Reference  # the whole record's speed, smoothed under the base model
     angle_is_logged: bool
     temperature_is_logged: bool
 
@@ -55,6 +57,14 @@ class Prepared:
         """The same with the parts' roles exchanged: what was held out is searched."""
         split = replace(self.split, fit=self.split.heldout, heldout=self.split.fit)
         return _with_base(replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part), self.base.model)
+
+
+def with_running_time(data: FilterInput) -> FilterInput:
+    """The log in a time that only grows: where a segment restarts its clock, it follows on the one before."""
+    time = data.time_s
+    if time.size < 2 or bool(np.all(np.diff(time) >= 0.0)):
+        return data
+    return replace(data, time_s=time[0] + running_time(time, data.segment))
 
 
 def unfit(log: WheelLog, data: FilterInput) -> str | None:
@@ -76,7 +86,7 @@ def unfit(log: WheelLog, data: FilterInput) -> str | None:
 
 def prepare(log: WheelLog, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
     """Fit the base model to the part that is searched. The log must not be `unfit`."""
-    data = input_of_log(log)
+    data = with_running_time(input_of_log(log))
     setup = setup_of_record(data, configuration, model)
     if model is not None:  # a model's covariance is that of its own log: here it is a place to start from
         setup = replace(setup, prior=prior_around(model.parameters))
@@ -90,17 +100,28 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
     part = part_of(data, log.current_A, log.command_delay_s, split.fit)
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
     everything = np.ones(n, dtype=bool)
-    angle = logged_angle
-    if not turned:
-        seen = fit_base(Record.of(data, everything, gap, temperature, logged_angle), start, prior, noise)
-        angle = integrated_angle(data, seen.reference.speed)
+    seen = fit_base(Record.of(data, everything, gap, temperature, logged_angle), start, prior, noise).reference
+    angle = logged_angle if turned else integrated_angle(data, seen.speed)
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
         Record.of(data, mask, gap, temperature, angle) for mask in (split.fit, everything, split.heldout)
     )
     base = fit_base(fit_part, start, prior, noise)
     facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
-    return Prepared(log, data, setup, split, prior, facts, fit_part, whole, heldout, base, turned, warm)
+    ready = Prepared(log, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm)
+    return ready if kind == "halves" else _richer(ready)
+
+
+def _richer(prepared: Prepared) -> Prepared:
+    """Search the part that can say more, by its excitation alone, and hold out the other."""
+    other = prepared.swapped()
+    if int(other.split.fit.sum()) > 2 * int(prepared.split.fit.sum()):
+        return prepared  # a long record, of which only some blocks are searched
+    parts = [
+        information(p.base.frame, p.prior, prepared.base.noise.variance, prepared.facts) for p in (prepared, other)
+    ]
+    ratios = [math.log(parts[1][name] / parts[0][name]) for name in parts[0] if parts[0][name] > 0.0 < parts[1][name]]
+    return other if ratios and sum(ratios) > 0.0 else prepared
 
 
 def _with_base(prepared: Prepared, model: Model) -> Prepared:

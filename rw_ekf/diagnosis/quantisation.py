@@ -14,6 +14,8 @@ _SAMPLES = 20_000
 _ON_LATTICE = 0.999  # share of readings that a grid must hold
 _TOLERANCE = 0.01  # of the grid: text with few digits is not exact
 _LEAST_VALUES = 5
+_LEAST_PROBABILITY = 1.0e-9  # of a cell: beyond it a reading is an outlier of any noise
+_COARSER = 1.5  # standard deviations of the noise that a grid must exceed
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Lattice:
 
     grid_rad_s: float
     noise_rad_s: float  # of the reading before it is rounded
-    statistic: float  # 2 x gain in log-likelihood of rounding over a Gaussian of the same variance, fit part
+    statistic: float  # 2 x gain in log-likelihood of less noise, then rounded, over all the noise found; fit part
     heldout_statistic: float
 
 
@@ -58,53 +60,46 @@ def find_lattice(
     predicted_std_rad_s: Float64Array,
     reading_variance: float,
     heldout: NDArray[np.bool_],
+    least_grid_rad_s: float,
 ) -> Lattice | None:
-    """Compare, given predictions (n,) with standard deviations (n,), a rounded reading with a Gaussian one.
+    """Compare, given predictions (n,) with standard deviations (n,), rounding of little noise with that of all of it.
 
-    None where there is no grid, or one finer than the noise: that is a register's resolution and does no harm.
+    None where there is no grid, one finer than 1.5 sigma of the noise or than least_grid_rad_s: that is a register's
+    resolution and does no harm.
     """
+    from scipy.optimize import minimize_scalar
+
     grid = grid_of(speed_rad_s)
     if grid is None:
         return None
     inner = max(reading_variance - grid * grid / 12.0, (0.02 * grid) ** 2)
     noise = math.sqrt(inner)
-    if grid <= noise:
+    if grid < least_grid_rad_s or grid < _COARSER * noise:
         return None
-    good = np.isfinite(speed_rad_s) & np.isfinite(predicted_rad_s) & np.isfinite(predicted_std_rad_s)
-    best, statistic, heldout_statistic = noise, -math.inf, -math.inf
-    for share in (0.25, 0.5, 1.0, 1.5):
-        tried = noise * share
-        gain = _gains(
-            speed_rad_s,
-            predicted_rad_s,
-            np.hypot(predicted_std_rad_s, tried),
-            grid,
-            reading_variance,
-            predicted_std_rad_s,
-        )
-        found = 2.0 * float(np.sum(gain[good & ~heldout]))
-        if found > statistic:
-            best, statistic = tried, found
-            heldout_statistic = 2.0 * float(np.sum(gain[good & heldout]))
-    return Lattice(grid, best, statistic, heldout_statistic)
+    good = np.flatnonzero(np.isfinite(speed_rad_s) & np.isfinite(predicted_rad_s) & np.isfinite(predicted_std_rad_s))
+    good = good[:: max(1, good.size // _SAMPLES)]
+    held = heldout[good]
+    speed, predicted, std = speed_rad_s[good], predicted_rad_s[good], predicted_std_rad_s[good]
+
+    noisy = _log_cell(speed - predicted, np.sqrt(reading_variance + std**2), grid)
+
+    def gains(log_sigma: float) -> Float64Array:
+        return _log_cell(speed - predicted, np.hypot(std, math.exp(log_sigma)), grid) - noisy
+
+    best = minimize_scalar(
+        lambda v: -float(np.sum(gains(v)[~held])),
+        bounds=(math.log(0.05 * grid), math.log(max(1.5 * noise, 0.1 * grid))),
+        method="bounded",
+    )
+    found = gains(float(best.x))
+    return Lattice(grid, math.exp(float(best.x)), 2.0 * float(np.sum(found[~held])), 2.0 * float(np.sum(found[held])))
 
 
-def _gains(
-    speed: Float64Array,
-    predicted: Float64Array,
-    spread: Float64Array,
-    grid: float,
-    variance: float,
-    predicted_std: Float64Array,
-) -> Float64Array:
-    """Log-probability of the cell under rounding less that under a Gaussian density times the cell, (n,)."""
+def _log_cell(error: Float64Array, spread: Float64Array, grid: float) -> Float64Array:
+    """Log-probability that a Gaussian of this spread is rounded to the reading that was read, (n,)."""
     from scipy.special import ndtr
 
-    high = (speed + 0.5 * grid - predicted) / spread
-    low = (speed - 0.5 * grid - predicted) / spread
-    cell = np.maximum(ndtr(-low) - ndtr(-high), 1.0e-12)
-    cell = np.maximum(cell, ndtr(high) - ndtr(low))
-    total = variance + predicted_std**2
-    gaussian = grid * np.exp(-0.5 * (speed - predicted) ** 2 / total) / np.sqrt(2.0 * math.pi * total)
-    found: Float64Array = np.log(cell) - np.log(np.maximum(gaussian, 1.0e-12))
+    near = np.abs(error)  # the tail that holds the cell is computed on its own side of zero, where it does not cancel
+    cell = ndtr((0.5 * grid - near) / spread) - ndtr((-0.5 * grid - near) / spread)
+    found: Float64Array = np.log(np.maximum(cell, _LEAST_PROBABILITY))
     return found

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import Score, Scorer
-from rw_ekf.diagnosis.evidence import INDISTINGUISHABLE, SIGNIFICANT_P, p_value
+from rw_ekf.diagnosis.evidence import LOCAL_P, SIGNIFICANT_P, p_value
 from rw_ekf.diagnosis.frame import Fit, Prior, fit_model
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
@@ -24,9 +24,11 @@ from rw_ekf.effects.table import Column
 
 Float64Array = NDArray[np.float64]
 
-_MOST_EFFECTS = 4
+_MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 _TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
+_LEAST_SIGMAS = 2.5
+_RIVAL_MARGIN = 16.0  # of twice the log-likelihood on the part: nearer ones are compared on the whole record
 _ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
 
 
@@ -51,6 +53,7 @@ class Selection:
     final: Fit
     trials: dict[str, Trial] = field(default_factory=dict)
     rivals: dict[str, list[Fit]] = field(default_factory=dict)  # chosen id -> fits with another in its place
+    whole_record: bool = False  # sought on the whole record, held-out part included
 
 
 class Search:
@@ -74,7 +77,7 @@ class Search:
         """Add effects to the base until nothing more is asked for."""
         selection = Selection(base, base)
         current = base
-        for _ in range(_MOST_EFFECTS):
+        for _ in range(_MOST_TURNS):
             self.advance("searching the catalogue")
             contenders = self._contenders(current, selection)
             if not contenders:
@@ -84,7 +87,7 @@ class Search:
                 break
             fit, _ = added
             current = self._prune(fit, selection)
-            if set(current.model.effects.ids) == set(selection.final.model.effects.ids):
+            if _lines(current.model) == _lines(selection.final.model):
                 break
             selection.final = current
         return selection
@@ -92,11 +95,13 @@ class Search:
     def _open(self, model: Model) -> list[type[Effect]]:
         """Effects that may still enter: a periodic one at another order or frequency, any other once."""
         present = set(model.effects.ids)
+        full = len(present) >= _MOST_EFFECTS
         memories = sum(1 for column in model.columns if column.effect.flow_kind)
         return [
             effect
             for effect in self.effects
-            if (effect.quadrature or effect.id not in present) and not (effect.flow_kind and memories)
+            if ((effect.id not in present and not full) or (effect.quadrature and effect.id in present))
+            and not (effect.flow_kind and memories)
         ]
 
     def _contenders(self, current: Fit, selection: Selection) -> list[Score]:
@@ -140,7 +145,7 @@ class Search:
     def _significant(self, score: Score) -> bool:
         """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
         effect = score.hypothesis.effect
-        enough = SIGNIFICANT_P if effect.linear else _WORTH_A_FIT_P
+        enough = _enough(effect) if effect.linear else _WORTH_A_FIT_P
         return p_value(effect, score.statistic, self.facts) < enough and (
             not effect.linear or score.size >= effect.smallest(self.facts)
         )
@@ -179,7 +184,10 @@ class Search:
             trial = replace(self._trial(score), statistic=statistic)
             trial.p_value = p_value(effect, statistic, self.facts)
             selection.trials[score.id] = trial
-            if not local and (trial.p_value >= SIGNIFICANT_P or not matters(fit.model, score.id, self.facts)):
+            if not local and trial.p_value >= _enough(effect):
+                continue
+            if not (matters(fit.model, score.id, self.facts) and determined(fit, score.id)):
+                trial.decision = "too small to matter"
                 continue
             if best is None or statistic > best[1].statistic:
                 best = fit, trial
@@ -229,7 +237,7 @@ class Search:
                 ]
                 rival = max(fits, key=lambda item: item.likelihood.value)
                 behind = 2.0 * (selection.final.likelihood.value - rival.likelihood.value)
-                if behind < INDISTINGUISHABLE:
+                if behind < _RIVAL_MARGIN:
                     selection.rivals.setdefault(name, []).append(rival)
 
     def _prune(self, fit: Fit, selection: Selection) -> Fit:
@@ -245,12 +253,31 @@ class Search:
             if not losses:
                 break
             statistic, name, less = min(losses, key=lambda item: item[0])
-            if p_value(CATALOGUE[name], statistic, self.facts) < SIGNIFICANT_P and matters(fit.model, name, self.facts):
+            if p_value(CATALOGUE[name], statistic, self.facts) < _enough(CATALOGUE[name]) and matters(
+                fit.model, name, self.facts
+            ):
                 break
             rest = [other for other in fit.model.effects.ids if other != name]
             selection.trials[name].decision = f"explained by {', '.join(rest)}"
             fit = less
         return fit
+
+
+def _lines(model: Model) -> set[tuple[str, float]]:
+    """What is in a model: ids, each order or frequency of a periodic one for itself."""
+    return {(c.id, round(c.shape[0], 6) if c.effect.quadrature else 0.0) for c in model.columns}
+
+
+def _enough(effect: type[Effect]) -> float:
+    return LOCAL_P if effect.local_in_time else SIGNIFICANT_P
+
+
+def determined(fit: Fit, name: str) -> bool:
+    """Whether the fit knows the coefficient at all: a fit that ran away claims a gain, but no size."""
+    places = [i for i, column in enumerate(fit.model.columns) if column.id == name]
+    value = float(np.linalg.norm([fit.model.columns[i].value for i in places]))
+    std = float(np.linalg.norm([fit.std[4 + i] for i in places]))
+    return bool(value > _LEAST_SIGMAS * std / np.sqrt(len(places)))
 
 
 def matters(model: Model, name: str, facts: RecordFacts) -> bool:

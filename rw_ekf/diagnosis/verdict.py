@@ -14,7 +14,13 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.table import Column
+from rw_ekf.units import rad_s_from_rpm
 
+_FIGURES = (
+    ("free_run_rms_rpm", "free-run error"),
+    ("horizon_20s_rms_rpm", "error 20 s ahead"),
+    ("one_step_rms_rpm", "one-step error"),
+)
 _GROUP = 3  # at most so many are named together
 
 
@@ -119,14 +125,17 @@ def separation(group: list[str]) -> str:
     return f"{' or '.join(group)} fit alike; what separates them: {'; '.join(ways)}"
 
 
-def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float) -> str:
-    """Free-run error before and after, in a subclause; the 20 s horizon where no stretch is free."""
-    for key, words in (("free_run_rms_rpm", "free-run error"), ("horizon_20s_rms_rpm", "error 20 s ahead")):
-        if before.get(key) is not None and after.get(key) is not None:
-            return f"{words} {before[key]:.3g} -> {after[key]:.3g} rpm on {seconds:.0f} s held out"
-    return (
-        f"one-step error {before['one_step_rms_rpm']:.3g} -> {after['one_step_rms_rpm']:.3g} rpm on the held-out part"
-    )
+def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
+    """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
+    for key, words in _FIGURES:
+        if before.get(key) is None or after.get(key) is None:
+            continue
+        old, new = before[key], after[key]
+        if wheel_units:
+            return f"{words} {old:.3g} -> {new:.3g} rpm on {seconds:.0f} s held out"
+        change = f"{rad_s_from_rpm(old):.3g} -> {rad_s_from_rpm(new):.3g}"
+        return f"{words} {change} (unit of the speed) on {seconds:.0f} s held out"
+    return f"nothing held out to judge it by in {seconds:.0f} s"
 
 
 def left_over(found: list[Dependence], limit: float) -> list[Dependence]:

@@ -22,8 +22,8 @@ class ActuatorLag(CurrentEffect):
 
     @staticmethod
     def smallest(facts: RecordFacts) -> float:
-        """Five milliseconds, or a twentieth of the sample period where that is longer."""
-        return max(0.005, 0.05 * facts.period_s)
+        """A twentieth of the sample period: 5 ms at 10 Hz."""
+        return 0.05 * facts.period_s
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

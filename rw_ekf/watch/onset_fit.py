@@ -11,6 +11,7 @@ from rw_ekf.watch.evidence import Evidence
 
 _CANDIDATES = 64
 _SURE_SQUARE = 16.0  # an amplitude of fewer than four standard deviations is no number to report
+_STANDING = 5  # readings near zero running
 _AWAY = 2.0  # times the limit of rest that the drive would have moved a wheel that is not held
 
 
@@ -75,20 +76,22 @@ def _response(
 
 
 def _held(recent: Sequence[Evidence], first_s: float, near_rest_rad_s: float) -> float:
-    """Largest drive beyond break-away [rad/s^2] under which the wheel stood still.
+    """Largest drive beyond break-away [rad/s^2] under which the wheel stood still; 0 where it did not.
 
     It stood, and did not just pass through zero slowly, where that drive would have moved it well away meanwhile.
     """
-    held, largest, impulse = 0.0, 0.0, 0.0
+    static = recent[0].belief[StateIndex.STATIC]
+    held, largest, impulse, readings = 0.0, 0.0, 0.0, 0
     for e in recent:
         if e.time_s <= first_s or math.isnan(e.innovation_rad_s):
             continue
-        beyond = abs(e.belief[StateIndex.MOTOR_GAIN] * e.current_A) - e.belief[StateIndex.STATIC]
+        beyond = abs(e.belief[StateIndex.MOTOR_GAIN] * e.current_A) - static
         if beyond <= 0.0 or abs(e.speed_rad_s + e.innovation_rad_s) > near_rest_rad_s:
-            largest = impulse = 0.0
+            largest, impulse, readings = 0.0, 0.0, 0
             continue
+        readings += 1
         largest = max(largest, beyond)
         impulse += beyond * e.dt_s
-        if impulse > _AWAY * near_rest_rad_s:
+        if impulse > _AWAY * near_rest_rad_s and readings >= _STANDING:
             held = max(held, largest)
     return held

@@ -17,8 +17,10 @@ from rw_ekf.watch.evidence import Evidence
 from rw_ekf.watch.onset_bank import Onset, OnsetBank
 from rw_ekf.watch.onset_fit import OnsetFit, fit_onset
 
+FADED = "faded"
 LONGEST_ONSET_S = 15.0
 _MARGIN = 6.0  # twice the log likelihood ratio to a step of the speed
+_STILL_SURE = 0.8  # of the threshold
 _LEARNT_GAIN = 0.05  # the estimator is past its first readings
 _SIZED = 12.0  # amplitude in standard deviations at which it is reported ...
 _SIZED_AFTER_S = 1.0  # ... not before so long after the onset, ...
@@ -26,11 +28,15 @@ _REPORTED_AFTER_S = 4.0  # ... and as it is after so long
 _AGAIN_AFTER_S = 5.0  # an onset too small to matter is not looked at again for so long
 _RETRY_S = 0.5  # a wheel at rest gives an amplitude no sooner by being asked more often
 _KEPT = 256  # samples for the exact onset
+_SHORTEST_S = 60.0  # a drag spike decays in minutes or hours; what is gone sooner is another thing, ...
+_USUAL_S = 1800.0  # ... and for so long only what is so much larger is called a spike
+_ABOVE_USUAL = 2.0
 _OVER_SHARE = 0.1  # of the amplitude; a spike is over below it, or below two standard deviations, ...
 _OVER_FOR_S = 5.0  # ... for so long of a turning wheel
 _NEAR_REST = 4.0  # reading noises: below, the wheel may stand still
 _BACK_TIME_S = 10.0  # the estimator's own innovations are trusted again when their mean over this time ...
-_BACK_MEAN = 0.25  # ... is below so many standard deviations of one of them
+_BACK_MEAN = 0.25  # ... is below so many standard deviations of one of them, ...
+_BACK_FOR_S = 30.0  # ... for so long of a turning wheel
 _KNOWN_BY = 4.0  # standard deviations that the extra drag must be above zero to tell the decay by
 _WRONG_WAY_SHARE = 0.5  # of the amplitude, speeding the wheel up: no drag
 
@@ -60,18 +66,23 @@ class SpikeWatch:
         self._learnt = False
         self._sure = False
         self._quiet_until_s = -math.inf
+        self._usual_rad_s2 = 0.0  # amplitude of what began like a spike and was none, lately
+        self._usual_until_s = -math.inf
         self._tracker: DragTracker | None = None
         self._course = _Course(0.0)
         self.active: Alarm | None = None
 
     @property
-    def suspects(self) -> bool:
-        """Whether a spike is on or about to be reported, or the estimator has not recovered from one."""
-        return self._sure or self._tracker is not None
+    def following(self) -> bool:
+        """Whether a spike is on, or the estimator has not got over one yet."""
+        return self._tracker is not None
 
+    @property
     def remaining(self) -> tuple[float, float] | None:
         """Extra drag now and its standard deviation [rad/s^2]; None where there is no spike."""
-        return None if self._tracker is None else (self._tracker.drag_rad_s2, self._tracker.std_rad_s2)
+        if self._tracker is None or self.active is None:
+            return None
+        return self._tracker.drag_rad_s2, self._tracker.std_rad_s2
 
     def add(self, e: Evidence) -> list[Alarm]:
         """Take one sample; return the spikes that began or ended with it."""
@@ -82,7 +93,7 @@ class SpikeWatch:
             self._recent.clear()
             self._gains.clear()
             self._sure = False
-            self._quiet_until_s = -math.inf
+            self._quiet_until_s = self._usual_until_s = -math.inf
         seen = e if self._tracker is None else self._tracker.add(e)
         drag_gain = 0.0 if self._tracker is None else self._tracker.drag_gain
         self._recent.append(seen)
@@ -97,7 +108,7 @@ class SpikeWatch:
         """Decide whether an onset is sure, and sized; its fit once it is to be reported."""
         if not self._sure:
             self._sure = onset.statistic > self._threshold and onset.margin > _MARGIN
-        elif onset.statistic < 0.5 * self._threshold:
+        elif onset.statistic < _STILL_SURE * self._threshold:
             self._sure = False
         age_s = e.time_s - onset.time_s
         sized = onset.statistic > _SIZED and age_s >= _SIZED_AFTER_S
@@ -105,6 +116,8 @@ class SpikeWatch:
             return None
         fit = fit_onset(self._recent, self._gains, e.time_s - 1.5 * age_s - 0.5, self._near_rest_rad_s)
         smallest = self._smallest * abs(e.belief[StateIndex.COULOMB])
+        if e.time_s < self._usual_until_s:
+            smallest = max(smallest, _ABOVE_USUAL * self._usual_rad_s2)
         if fit is not None and fit.amplitude_rad_s2 > smallest and (fit.sized or fit.at_least):
             return fit
         small = fit is not None and fit.sized
@@ -114,6 +127,8 @@ class SpikeWatch:
 
     def _begin(self, e: Evidence, fit: OnsetFit) -> list[Alarm]:
         ended = [] if self.active is None else [self._ended(fit.time_s, "another one set in")]
+        if ended and self._course.is_short:
+            self._remember(e.time_s)
         drag, std = fit.amplitude_rad_s2, fit.std_rad_s2
         if self._tracker is None:
             after = e.speed_rad_s + (1.0 if e.reseeded else e.gain) * e.innovation_rad_s
@@ -123,7 +138,7 @@ class SpikeWatch:
             drag, std = max(drag, self._tracker.drag_rad_s2), drag
         noises = self._variance, self._noise, self._near_rest_rad_s
         self._tracker = DragTracker(reference, speed, drag, std, *noises)
-        self._course = _Course(drag)
+        self._course = _Course(drag, bound=fit.at_least)
         self.active = Alarm(
             DRAG_SPIKE,
             fit.time_s,
@@ -144,11 +159,19 @@ class SpikeWatch:
         if self.active is not None and over is not None:
             ended = self._ended(e.time_s, over)
             self.active = None
+            if over != FADED:
+                self._remember(e.time_s)
             return [ended]
         if self.active is None and self._course.recovered:
             self._tracker = None
             self._start_afresh()
         return []
+
+    def _remember(self, time_s: float) -> None:
+        """Note what began like a spike and was none: the like of it is no news for a while."""
+        lately = self._usual_rad_s2 if time_s < self._usual_until_s else 0.0
+        self._usual_rad_s2 = max(self._course.amplitude_rad_s2, lately)
+        self._usual_until_s = time_s + _USUAL_S
 
     def _ended(self, time_s: float, why: str) -> Alarm:
         assert self.active is not None
@@ -176,8 +199,10 @@ class SpikeWatch:
 class _Course:
     """How a spike fades, when it is over, and when the estimator has got over it."""
 
-    def __init__(self, amplitude_rad_s2: float) -> None:
-        self._amplitude = amplitude_rad_s2
+    def __init__(self, amplitude_rad_s2: float, *, bound: bool = False) -> None:
+        """bound: the amplitude is only known to be larger; then there is no decay time."""
+        self.amplitude_rad_s2 = amplitude_rad_s2
+        self._bound = bound
         self._elapsed_s = 0.0
         self._low_s = 0.0
         self._wrong_s = 0.0
@@ -186,9 +211,14 @@ class _Course:
         self.decay_s: float | None = None  # by what was left when it first was below 1/e
 
     @property
+    def is_short(self) -> bool:
+        """Whether it has not lasted as long yet as a drag spike does."""
+        return self._elapsed_s < _SHORTEST_S + _OVER_FOR_S
+
+    @property
     def recovered(self) -> bool:
         """Whether the estimator's innovations have had no mean for a while."""
-        return self._calm_s > _OVER_FOR_S
+        return self._calm_s > _BACK_FOR_S
 
     def over(self, tracker: DragTracker, e: Evidence, seen: Evidence) -> str | None:
         """Take one sample, as the estimator and as the tracker saw it; why the spike is over, or None."""
@@ -197,18 +227,20 @@ class _Course:
         if seen.direction == 0.0:
             return None
         drag, std = tracker.drag_rad_s2, tracker.std_rad_s2
-        if self.decay_s is None and _KNOWN_BY * std < drag < self._amplitude / math.e:
-            self.decay_s = self._elapsed_s / math.log(self._amplitude / drag)
-        wrong = drag < -max(_WRONG_WAY_SHARE * self._amplitude, 3.0 * std)
+        if self.decay_s is None and not self._bound and _KNOWN_BY * std < drag < self.amplitude_rad_s2 / math.e:
+            self.decay_s = self._elapsed_s / math.log(self.amplitude_rad_s2 / drag)
+        wrong = drag < -max(_WRONG_WAY_SHARE * self.amplitude_rad_s2, 3.0 * std)
         self._wrong_s = self._wrong_s + e.dt_s if wrong else 0.0
-        low = drag < max(_OVER_SHARE * self._amplitude, 2.0 * std)
+        low = drag < max(_OVER_SHARE * self.amplitude_rad_s2, 2.0 * std)
         self._low_s = self._low_s + e.dt_s if low else 0.0
         if self._wrong_s > 1.0:
-            return "it acts in one direction only: a torque, not a drag"
-        return "faded" if self._low_s > _OVER_FOR_S and not wrong else None
+            return "acts in one direction only: no drag"
+        if self._low_s <= _OVER_FOR_S or wrong:
+            return None
+        return "gone within a minute: no spike" if self.is_short else FADED
 
     def _watch_estimator(self, e: Evidence) -> None:
-        if e.restart or math.isnan(e.innovation_rad_s):
+        if e.restart or e.direction == 0.0 or math.isnan(e.innovation_rad_s):
             return
         share = min(e.dt_s / _BACK_TIME_S, 1.0)
         value = e.innovation_rad_s / math.sqrt(e.variance)

@@ -1,0 +1,74 @@
+"""The watch over one run: spikes first, for what a spike does to the residual is no news."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.watch.alarms import Alarm
+from rw_ekf.watch.evidence import Evidence, EvidenceReader
+from rw_ekf.watch.residual_watch import BLOCK_S, ResidualWatch
+from rw_ekf.watch.spike_watch import SpikeWatch
+from rw_ekf.watch.thresholds import dependence_threshold, onset_threshold
+
+
+class WatchedFilter(NamedTuple):
+    """What the watch has to know of the estimator and its loop."""
+
+    speed_variance: float  # R [rad^2/s^2]
+    acceleration_noise: float  # [rad^2/s^2 per s]
+    stribeck_speed_rad_s: float
+    period_s: float
+    inertia_kg_m2: float | None  # None: torques are not given
+
+
+class WatchKnobs(NamedTuple):
+    """What a configuration may set (its section `watch`)."""
+
+    false_alarms_per_1000_h: float = 1.0
+    window_s: float = 600.0
+    smallest_spike_percent: float = 15.0  # of Coulomb friction
+
+
+class WheelWatch:
+    """Takes the loop's stream and says what begins and what ends. Time comes with the data."""
+
+    def __init__(self, about: WatchedFilter, knobs: WatchKnobs) -> None:
+        self._reader = EvidenceReader(about.speed_variance, about.period_s)
+        self._spikes = SpikeWatch(
+            about.speed_variance,
+            about.acceleration_noise,
+            about.period_s,
+            onset_threshold(knobs.false_alarms_per_1000_h, about.period_s),
+            0.01 * knobs.smallest_spike_percent,
+            about.inertia_kg_m2,
+        )
+        self._residual = ResidualWatch(
+            about.stribeck_speed_rad_s,
+            knobs.window_s,
+            dependence_threshold(knobs.false_alarms_per_1000_h, BLOCK_S),
+        )
+
+    @property
+    def active(self) -> list[Alarm]:
+        """Alarms that are on."""
+        return [alarm for alarm in (self._spikes.active, self._residual.active) if alarm is not None]
+
+    @property
+    def remaining_drag(self) -> tuple[float, float] | None:
+        """What is left of a spike and its standard deviation [rad/s^2]; None where there is none."""
+        return self._spikes.remaining
+
+    def step(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> list[Alarm]:
+        """Take one sample with the command that followed it; return the alarms that began, changed or ended."""
+        evidence = self._reader.read(sample, command, result)
+        return [] if evidence is None else self.add(evidence)
+
+    def add(self, evidence: Evidence) -> list[Alarm]:
+        """Take one sample as evidence."""
+        news = self._spikes.add(evidence)
+        if self._spikes.following:
+            if news:
+                self._residual.forget()
+            return news
+        return news + self._residual.add(evidence)
