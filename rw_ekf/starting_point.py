@@ -179,6 +179,12 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     return replace(model, covariance=table, effects=EffectSet(tuple(kept))), notes
 
 
+def without_effects(model: WheelModel) -> WheelModel:
+    """The four parameters of a model alone, for what knows no effects."""
+    known = len(model.parameters)
+    return replace(model, covariance=tuple(row[:known] for row in model.covariance[:known]), effects=NO_EFFECTS)
+
+
 def model_of(
     belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoiseFit | None = None
 ) -> WheelModel:

@@ -19,7 +19,8 @@ from tools.proof_marks import cases_of
 from tools.proof_sizes import RATE_HZ, commands
 
 COMMAND = [sys.executable, "-m", "rw_ekf"]
-# Of the wheel's time. The host's own hesitation, some 0.2 ms where it is idle, counts as so many times more.
+# The host's own hesitation counts so many times more in the wheel's time. Logged less true delay of the commands, P1
+# for 200 s on two cores, one run each: standard deviation 1.4 ms at factor 1, 6.8 ms at 5, 11.5 ms at 10.
 SPEED_FACTOR = 5.0
 _STARTING_S = 30.0
 _DIAGNOSING_S = 600.0

@@ -56,11 +56,16 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
     from rw_ekf.replay import input_of_log
-    from rw_ekf.starting_point import model_of, setup_of_record
+    from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)
     prior_model = read_wheel_model(args.prior, configuration)
+    if prior_model is not None and prior_model.effects.columns:
+        ignored = f"the effects of the prior ({', '.join(prior_model.effects.ids)}) are left out: fit knows none"
+        prior_model = without_effects(prior_model)
+    else:
+        ignored = None
     (log,) = read_logs([args.log], args.columns)
     data = input_of_log(log)
     readings = int(np.count_nonzero(np.isfinite(data.speed_rad_s)))
@@ -69,6 +74,7 @@ def execute(args: argparse.Namespace) -> int:
     setup = setup_of_record(data, configuration, prior_model)
     with progress("fit", None, " evaluations") as bar:
         belief, quality, warnings = _fit(args.method, data, log, setup, bar.update)
+        warnings = [*warnings, *([ignored] if ignored else [])]
         noise = fit_noise(data, setup.constants, belief.parameters, advance=bar.update) if args.noise else None
     reports = report(belief, setup.prior)
     document: dict[str, Any] = {

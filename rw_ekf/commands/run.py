@@ -92,6 +92,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         )
     if outcome.statistics.samples == 0:
         return [*said, "no sample came from the wheel"]
+    said += outcome.alarms
     try:
         data = input_of_log(read_log(outcome.files.log))
         said += judge_log(data, outcome.setup, outcome.belief).warnings()

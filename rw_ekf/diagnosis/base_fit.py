@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from rw_ekf.diagnosis.frame import Fit, Noise, Prior, fit_model
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
-from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
+from rw_ekf.identify.noise import frozen, without_drift
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.starting_point import FilterSetup
@@ -19,6 +21,8 @@ Float64Array = NDArray[np.float64]
 _OUTLIER_STDS = 6.0
 _OUTLIER_SHARE = 0.01
 _LEAST_SQUARES_SAMPLES = 20_000
+_FILTER_RATIO = 1.0e-3  # q dt / R
+_OPEN_GATE = 1.0e30
 
 
 def part_of(data: FilterInput, current_A: Float64Array, delay_s: Float64Array, part: NDArray[np.bool_]) -> FilterInput:
@@ -26,7 +30,16 @@ def part_of(data: FilterInput, current_A: Float64Array, delay_s: Float64Array, p
     jumps = np.flatnonzero(part)
     block = np.cumsum(np.diff(jumps, prepend=jumps[:1]) > 1)
     segment = data.segment[part] * (int(block.max(initial=0)) + 1) + block
-    return FilterInput.of(data.time_s[part], data.speed_rad_s[part], current_A[part], delay_s[part], segment)
+    temperature, angle = data.temperature_degC, data.angle_rad
+    return FilterInput.of(
+        data.time_s[part],
+        data.speed_rad_s[part],
+        current_A[part],
+        delay_s[part],
+        segment,
+        None if temperature is None else temperature[part],
+        None if angle is None else angle[part],
+    )
 
 
 def start_parameters(part: FilterInput, setup: FilterSetup) -> FrictionParameters:
@@ -45,17 +58,44 @@ def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:
     return Model(parameters, setup.stribeck_speed_rad_s, LAW_CODES[setup.stribeck_law], setup.effects)
 
 
-def fit_base(record: Record, model: Model, prior: Prior, noise_rad_s: float) -> Fit:
-    """Fit, leave out the readings that no noise explains, and fit again."""
-    speed = record.data.speed_rad_s
+def read_reference(data: FilterInput, noise_rad_s: float) -> Reference:
+    """The readings themselves, gaps bridged: no model has had a say in them."""
+    speed = data.speed_rad_s
     index = np.arange(speed.size)
     good = np.isfinite(speed)
-    reference = Reference.of_speed(np.interp(index, index[good], speed[good]), np.full(speed.size, noise_rad_s))
-    omit = np.zeros(speed.size, dtype=bool)
+    return Reference.of_speed(np.interp(index, index[good], speed[good]), np.full(speed.size, noise_rad_s))
+
+
+def smoothed_by_filter(
+    data: FilterInput, part: NDArray[np.bool_], parameters: FrictionParameters, setup: FilterSetup, noise_rad_s: float
+) -> Reference:
+    """The speed smoothed by the filter itself, its parameters frozen: near rest only a model tells stick from slip.
+
+    Readings outside `part` (n,) are not looked at.
+    """
+    mean, covariance = frozen(parameters)
+    constants = without_drift(setup.constants)._replace(
+        gate=_OPEN_GATE,
+        speed_variance=noise_rad_s**2,
+        acceleration_noise=_FILTER_RATIO * noise_rad_s**2 / data.period_s,
+        stuck_variance=0.01 * noise_rad_s**2,
+    )
+    run = filter_log(
+        data.with_speed(np.where(part, data.speed_rad_s, np.nan)), constants, mean, covariance, keep_history=True
+    )
+    means, stds = smooth_log(run)
+    return Reference.of_speed(means[:, 0], np.maximum(stds[:, 0], 0.02 * noise_rad_s))
+
+
+def fit_base(record: Record, model: Model, prior: Prior, noise_rad_s: float, starts: list[Reference]) -> Fit:
+    """Fit from each reference, keep the likeliest, leave out the readings that no noise explains, and fit again."""
+    n = record.data.time_s.size
     noise = Noise(noise_rad_s**2, 1.0e-2)
-    fit = fit_model(record, model, prior, reference, noise, omit)
+    none = np.zeros(n, dtype=bool)
+    fits = [fit_model(record, model, prior, reference, noise, none) for reference in starts]
+    fit = max(fits, key=lambda item: item.likelihood.value)
     spikes = outliers(fit)
-    if spikes.any() and spikes.sum() <= _OUTLIER_SHARE * speed.size:
+    if spikes.any() and spikes.sum() <= _OUTLIER_SHARE * n:
         return fit_model(record, fit.model, prior, fit.reference, fit.noise, spikes)
     return fit
 

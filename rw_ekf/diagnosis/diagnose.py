@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import testable
+from rw_ekf.diagnosis.event import event_gain_percent
 from rw_ekf.diagnosis.evidence import EXPLAINED_SHARE, INDISTINGUISHABLE, MAP_P, threshold
 from rw_ekf.diagnosis.frame import Fit
 from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
 from rw_ekf.diagnosis.preparation import Prepared, prepare, unfit
 from rw_ekf.diagnosis.quantisation import Lattice, find_lattice
-from rw_ekf.diagnosis.records import Diagnosis
+from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.residual_map import Dependence, residual_map
+from rw_ekf.diagnosis.residual_tests import residual_tests
 from rw_ekf.diagnosis.selection import Search, Selection
 from rw_ekf.diagnosis.split import Kind, split_record
 from rw_ekf.diagnosis.verdict import (
@@ -44,6 +46,7 @@ Advance = Callable[[str], object]
 SCHEMA = "rw_ekf.diagnosis/1"
 MODEL_FILE = "augmented-model.yaml"
 _QUANTISATION = "speed_quantisation"
+_WORST_GAIN_PERCENT = -2.0  # an effect that matters does not make the free run worse; a small one may not better it
 _REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which nobody calls an effect
 
 
@@ -93,7 +96,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     if unfit(log, input_of_log(log)) is not None:
         return None
     prepared = prepare(log, None, None, split)
-    search = Search(prepared.fit_part, prepared.whole, prepared.prior, prepared.facts, lambda text: None)
+    search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, lambda text: None)
     fit = prepared.base
     for name in effect_ids:
         fit = search.told(fit, name)
@@ -103,7 +106,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
 
 def _look(prepared: Prepared, advance: Advance) -> _Found:
     """Search the fit part, keep what the held-out part confirms, and map what is left on the whole record."""
-    search = Search(prepared.fit_part, prepared.whole, prepared.prior, prepared.facts, advance)
+    search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
     selection = search.run(prepared.base)
     if _new_ids(selection):
         search.with_rivals(selection)
@@ -119,8 +122,8 @@ def _look_everywhere(prepared: Prepared, advance: Advance) -> _Found:
 
     The held-out part then had a share in finding the effect, but none in its size; it must still be predicted better.
     """
-    everywhere = Search(prepared.whole, prepared.whole, prepared.prior, prepared.facts, advance)
-    part = Search(prepared.fit_part, prepared.whole, prepared.prior, prepared.facts, advance)
+    everywhere = Search(prepared.whole, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
+    part = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
     wide = everywhere.run(part.on_whole(prepared.base))
     if _new_ids(wide):
         everywhere.with_rivals(wide)
@@ -160,13 +163,15 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
 
 
 def _confirm(prepared: Prepared, search: Search, selection: Selection) -> None:
-    """Drop what worsens the held-out part; an event in time is not judged there."""
+    """Drop what worsens the held-out part, by its likelihood or by its free run; an event is not judged there."""
     for name in _new_ids(selection):
         if CATALOGUE[name].local_in_time:
             continue
         less = search.without(selection.final, name)
         with_it = heldout_likelihood(prepared.heldout, selection.final, prepared.seen)
-        if with_it <= heldout_likelihood(prepared.heldout, less, prepared.seen):
+        likelier = with_it > heldout_likelihood(prepared.heldout, less, prepared.seen)
+        gain = _gain_over(prepared, less, selection.final)
+        if not likelier or (gain is not None and gain < _WORST_GAIN_PERCENT):
             selection.trials[name].decision = "not confirmed on the held-out part"
             selection.final = less
 
@@ -238,19 +243,34 @@ def _conclude(
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}
             for d in found.left
         ],
-        "warnings": [*prepared.log.warnings, *prepared.setup.notes],
+        "residual_tests": {
+            "before": residual_tests(before.trace.normalised_innovation),
+            "after": residual_tests((after if chosen else before).trace.normalised_innovation),
+        },
+        "warnings": [*prepared.log.warnings, *prepared.setup.notes, *prepared.notes],
     }
+    heldout = np.zeros(prepared.kept.size, dtype=bool)
+    heldout[prepared.kept] = prepared.split.heldout
     return Diagnosis(
         prepared.log,
         document,
-        prepared.split.heldout,
-        before.trace,
-        after.trace if chosen else None,
-        prepared.whole.temperature_degC if prepared.temperature_is_logged else None,
-        prepared.whole.angle_rad if prepared.facts.angle else None,
+        heldout,
+        _over_log(prepared, before.trace),
+        _over_log(prepared, after.trace) if chosen else None,
+        prepared.over_log(prepared.whole.temperature_degC) if prepared.temperature_is_logged else None,
+        prepared.over_log(prepared.whole.angle_rad) if prepared.facts.angle else None,
         prepared.angle_is_logged,
         model,
         inertia,
+    )
+
+
+def _over_log(prepared: Prepared, trace: ModelTrace) -> ModelTrace:
+    return ModelTrace(
+        prepared.over_log(trace.one_step_error_rad_s),
+        prepared.over_log(trace.free_run_rad_s),
+        prepared.over_log(trace.residual_acceleration_rad_s2),
+        prepared.over_log(trace.normalised_innovation),
     )
 
 
@@ -297,6 +317,8 @@ def _verdict(
     seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
     where = " (sought on the whole record)" if found.selection.whole_record else ""
+    if any(CATALOGUE[name].local_in_time for name in names):
+        where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
     better = improvement(
         before.figures, after.figures, seconds, wheel_units=found.prepared.setup.inertia_kg_m2 is not None
     )
@@ -342,7 +364,7 @@ def _candidates(
             entry["threshold"] = threshold(effect, facts)
             if name in selection.final.model.effects.ids:
                 entry["parameters"] = _parameters(selection.final, name)
-                entry["heldout_gain_percent"] = _gain(found, name, after)
+                entry["heldout_gain_percent"] = _gain(found, name)
             else:
                 entry["parameters"] = _tried(trial.columns, trial.std)
                 if trial.decision == "not significant" and trial.p_value < 1.0e-5:
@@ -356,13 +378,21 @@ def _candidates(
     return sorted(entries, key=lambda e: -(e["statistic"] if e["statistic"] is not None else -1.0e300))
 
 
-def _gain(found: _Found, name: str, after: Judged) -> float | None:
-    """Percent by which the free-run error on the held-out part falls when the effect is added to the others."""
-    less = _judge(found.prepared, found.search.without(found.selection.final, name), None).figures
-    key = "free_run_rms_rpm" if less["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
-    if not less[key] or after.figures[key] is None:
+def _gain(found: _Found, name: str) -> float | None:
+    """Percent by which the held-out error falls when the effect is added to the others."""
+    if CATALOGUE[name].local_in_time:
+        return event_gain_percent(found.whole, name, found.prepared.prior, found.prepared.seen)
+    final = found.selection.final
+    return _gain_over(found.prepared, found.search.without(final, name), final)
+
+
+def _gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
+    """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller."""
+    before, after = _judge(prepared, less, None).figures, _judge(prepared, more, None).figures
+    key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
+    if not before[key] or after[key] is None:
         return None
-    return float(100.0 * (1.0 - after.figures[key] / less[key]))
+    return float(100.0 * (1.0 - after[key] / before[key]))
 
 
 def _parameters(fit: Fit, name: str) -> dict[str, Any]:
@@ -442,6 +472,7 @@ def _unjudged(log: WheelLog, reason: str, kind: Kind) -> Diagnosis:
         "after": nothing,
         "model": None,
         "map": [],
+        "residual_tests": {"before": None, "after": None},
         "warnings": list(log.warnings),
     }
     return Diagnosis(log, document, split.heldout, None, None, None, None, False, None)

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.base_fit import fit_base, model_of_setup, part_of, start_parameters
+from rw_ekf.diagnosis.base_fit import (
+    fit_base,
+    model_of_setup,
+    part_of,
+    read_reference,
+    smoothed_by_filter,
+    start_parameters,
+)
 from rw_ekf.diagnosis.candidates import information
 from rw_ekf.diagnosis.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.frame import Fit, Prior
@@ -19,6 +26,7 @@ from rw_ekf.diagnosis.split import Kind, Split, running_time, split_record
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.filter.belief import prior_around
 from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.model.state import FrictionParameters
 from rw_ekf.replay import input_of_log
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 
@@ -32,7 +40,6 @@ Float64Array = NDArray[np.float64]
 _LEAST_READINGS = 100
 _LEAST_SECONDS = 10.0
 _LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
-_MOST_SAMPLES = 60_000  # of the whole-record fit; beyond, every so many blocks are looked at
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,16 @@ class Prepared:
     seen: Reference  # the whole record's speed, smoothed under the base model
     angle_is_logged: bool
     temperature_is_logged: bool
+    kept: NDArray[np.bool_]  # (samples of the log,) those looked at; all arrays above are of these alone
+    notes: tuple[str, ...]  # for the user
+
+    def over_log(self, values: Float64Array) -> Float64Array:
+        """An array over the samples looked at as one over the whole log, NaN elsewhere."""
+        if self.kept.all():
+            return values
+        out = np.full(self.kept.size, np.nan)
+        out[self.kept] = values
+        return out
 
     def swapped(self) -> Prepared:
         """The same with the parts' roles exchanged: what was held out is searched."""
@@ -92,24 +109,47 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
         setup = replace(setup, prior=prior_around(model.parameters))
     noise = setup.noise.speed_noise_rad_s
     split = split_record(data.time_s, data.segment, data.speed_rad_s, kind, noise)
+    kept = split.looked_at
+    current, delay = log.current_A, log.command_delay_s
+    notes: tuple[str, ...] = ()
+    if not kept.all():
+        notes = (
+            f"of {kept.size} samples {int(kept.sum())} were looked at, in stretches evenly spread over the record; "
+            "what happened between them is not known",
+        )
+        data = part_of(data, current, delay, kept)
+        current, delay, split = current[kept], delay[kept], split.of_looked_at()
+    if not np.any(current != 0.0):
+        notes += ("the current is zero throughout: the motor gain cannot be identified and keeps its prior",)
     n = data.time_s.size
     temperature, warm = filled(data.temperature_degC, n, REFERENCE_DEGC)
     logged_angle, turned = filled(data.angle_rad, n, 0.0)
     gap = setup.constants.max_gap_s
     prior = Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
-    part = part_of(data, log.current_A, log.command_delay_s, split.fit)
+    part = part_of(data, current, delay, split.fit)
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
     everything = np.ones(n, dtype=bool)
-    seen = fit_base(Record.of(data, everything, gap, temperature, logged_angle), start, prior, noise).reference
+    by_filter = smoothed_by_filter(data, everything, start.parameters, setup, noise)
+    record = Record.of(data, everything, gap, temperature, logged_angle)
+    seen = fit_base(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
     angle = logged_angle if turned else integrated_angle(data, seen.speed)
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
         Record.of(data, mask, gap, temperature, angle) for mask in (split.fit, everything, split.heldout)
     )
-    base = fit_base(fit_part, start, prior, noise)
+    base = fit_base(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
     facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
-    ready = Prepared(log, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm)
+    ready = Prepared(
+        log, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
+    )
     return ready if kind == "halves" else _richer(ready)
+
+
+def _references(data: FilterInput, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
+    """Where a fit of the part that is searched may start; nothing of the held-out part is looked at."""
+    noise = setup.noise.speed_noise_rad_s
+    blind = data.with_speed(np.where(split.fit, data.speed_rad_s, np.nan))
+    return [read_reference(blind, noise), smoothed_by_filter(data, split.fit, parameters, setup, noise)]
 
 
 def _richer(prepared: Prepared) -> Prepared:
@@ -127,7 +167,8 @@ def _richer(prepared: Prepared) -> Prepared:
 def _with_base(prepared: Prepared, model: Model) -> Prepared:
     """Fit the base to the present fit part."""
     noise = prepared.setup.noise.speed_noise_rad_s
-    base = fit_base(prepared.fit_part, model, prepared.prior, noise)
+    references = _references(prepared.data, prepared.split, model.parameters, prepared.setup)
+    base = fit_base(prepared.fit_part, model, prepared.prior, noise, references)
     channels = prepared.facts.channels
     warmth = prepared.fit_part.temperature_degC
     facts = facts_of(prepared.data, base.model, math.sqrt(base.noise.variance), warmth, prepared.split.fit, channels)

@@ -60,10 +60,18 @@ class Search:
     """Finds the effects that a part of a record asks for."""
 
     def __init__(
-        self, fit_part: Record, whole: Record, prior: Prior, facts: RecordFacts, advance: Callable[[str], object]
+        self,
+        fit_part: Record,
+        whole: Record,
+        seen: Reference,
+        prior: Prior,
+        facts: RecordFacts,
+        advance: Callable[[str], object],
     ) -> None:
+        """seen: the whole record's speed, smoothed under the base model."""
         self.fit_part = fit_part
         self.whole = whole
+        self.seen = seen
         self.prior = prior
         self.facts = facts
         self.advance = advance
@@ -133,13 +141,11 @@ class Search:
 
     def on_whole(self, fit: Fit) -> Fit:
         """The same model fitted to the whole record, from where the fit part left it."""
-        frame = fit.frame
-        reading = self.whole.data.speed_rad_s
-        known = np.where(frame.record.follows, fit.reference.speed, reading)
-        index = np.arange(known.size)
-        good = np.isfinite(known)
-        spread = np.where(frame.record.follows, fit.reference.spread, np.sqrt(fit.noise.variance))
-        reference = Reference.of_speed(np.interp(index, index[good], known[good]), spread)
+        follows = fit.frame.record.follows
+        reference = Reference.of_speed(
+            np.where(follows, fit.reference.speed, self.seen.speed),
+            np.where(follows, fit.reference.spread, self.seen.spread),
+        )
         return fit_model(self.whole, fit.model, self.prior, reference, fit.noise, fit.omit, turns=8)
 
     def _significant(self, score: Score) -> bool:

@@ -15,7 +15,7 @@ _LEAST_BLOCK_S = 40.0
 _SHORT_RECORD_S = 160.0
 _REVERSALS_A_BLOCK = 2.0
 _LEAST_BLOCKS = 4
-_MOST_SAMPLES = 60_000  # of the part that is searched: more would only cost time
+_MOST_SAMPLES = 60_000  # of each part: more would only cost time
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,20 @@ class Split:
     """Stretches of time in turn; every sample belongs to one, `part` tells which."""
 
     kind: Kind
-    edges_s: tuple[float, ...]  # of the blocks, in time since the record's start, gaps between segments closed
     fit: NDArray[np.bool_]  # (n,)
     heldout: NDArray[np.bool_]  # (n,)
     block: NDArray[np.int64]  # (n,)
     time_s: Float64Array  # (n,) of the log
+
+    @property
+    def looked_at(self) -> NDArray[np.bool_]:
+        """Samples that the diagnosis looks at, (n,)."""
+        return self.fit | self.heldout
+
+    def of_looked_at(self) -> Split:
+        """The same over the samples looked at alone."""
+        kept = self.looked_at
+        return Split(self.kind, self.fit[kept], self.heldout[kept], self.block[kept], self.time_s[kept])
 
     def document(self) -> dict[str, Any]:
         """The `split` object of the diagnosis document, in the log's own time."""
@@ -53,8 +62,8 @@ def split_record(
 ) -> Split:
     """Cut a record: every other block held out, or its second half.
 
-    Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of a very long
-    record only as many blocks are searched, evenly spread, as make 60,000 samples; all others are held out.
+    Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of a record
+    beyond 120,000 samples only so many blocks are looked at, in pairs evenly spread; `looked_at` tells which.
     """
     elapsed = running_time(time_s, segment)
     duration = float(elapsed[-1]) if elapsed.size else 0.0
@@ -69,11 +78,17 @@ def split_record(
     edges = np.linspace(0.0, duration, count + 1)
     block = np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1).astype(np.int64)
     fit = block % 2 == 0
-    if kind == "blocks" and int(fit.sum()) > _MOST_SAMPLES:
-        keep = max(1, round(_MOST_SAMPLES / elapsed.size * count))
-        chosen = np.unique(np.linspace(0, count - 2, keep).astype(int) // 2 * 2)
-        fit = np.isin(block, chosen)
-    return Split(kind, tuple(float(v) for v in edges), fit, ~fit, block, time_s)
+    heldout = ~fit
+    if elapsed.size > 2 * _MOST_SAMPLES:
+        heldout = heldout.copy()
+        if kind == "halves":  # the beginning of each half: what comes later is not looked at
+            fit &= np.cumsum(fit) <= _MOST_SAMPLES
+            heldout &= np.cumsum(heldout) <= _MOST_SAMPLES
+        else:
+            keep = max(1, round(_MOST_SAMPLES / elapsed.size * count))
+            chosen = np.unique(np.linspace(0, count - 2, keep).astype(int) // 2 * 2)
+            fit, heldout = np.isin(block, chosen), np.isin(block, chosen + 1)
+    return Split(kind, fit, heldout, block, time_s)
 
 
 def reversals(speed_rad_s: Float64Array, noise_rad_s: float) -> int:

@@ -23,6 +23,7 @@ from rw_ekf.loop.loop import Issue, Sink, run_loop
 from rw_ekf.loop.safety import SafetyLimits
 from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, TerminalSink
 from rw_ekf.loop.stop_signal import StopSignal
+from rw_ekf.loop.watch_sink import WatchSink, watch_sink_of
 from rw_ekf.model_file import WheelModel
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
 from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
@@ -78,6 +79,7 @@ class RunOutcome:
     stopped_by: str | None
     lost: bool  # the link was down, or the wheel silent, at the end
     zero_confirmed: bool
+    alarms: tuple[str, ...] = ()  # what the watch said, in sentences, oldest first
 
 
 def run_daemon(
@@ -105,6 +107,7 @@ def run_daemon(
     request, profile_s = request_of(configuration.command) if writes else (None, None)
     lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
     statistics = StatisticsSink()
+    watch = watch_sink_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port))
         live = LiveWheel(
@@ -118,7 +121,7 @@ def run_daemon(
         confirmed = False
         try:
             files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
-            sinks = _sinks(stack, files, configuration, statistics, setup.state_names)
+            sinks = _sinks(stack, files, configuration, statistics, setup.state_names, watch)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
             samples = _with_metadata(live, live.samples(lasts_s), files, configuration)
             if request is None:
@@ -148,6 +151,7 @@ def run_daemon(
             stop.requested,
             live.lost or live.silent,
             confirmed,
+            () if watch is None else tuple(watch.warnings),
         )
 
 
@@ -157,13 +161,15 @@ def _sinks(
     configuration: Configuration,
     statistics: StatisticsSink,
     names: tuple[str, ...],
+    watch: WatchSink | None,
 ) -> list[Sink]:
     log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates, names))
     about = {"schema": "rw_ekf.state/1", "wheel": configuration.wheel.name, "log": files.log.name}
     sinks: list[Sink] = [
         log,
         statistics,
-        StateFileSink(files.state, about, names=names),
+        *([] if watch is None else [watch]),
+        StateFileSink(files.state, about, names=names, alarms=None if watch is None else watch.active),
         SyncSink([files.log, files.estimates]),
         TerminalSink(),
     ]

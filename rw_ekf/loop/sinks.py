@@ -76,9 +76,16 @@ class StateFileSink:
     """
 
     def __init__(
-        self, path: Path, about: dict[str, Any], every_s: float = 1.0, names: tuple[str, ...] = STATE_NAMES
+        self,
+        path: Path,
+        about: dict[str, Any],
+        every_s: float = 1.0,
+        names: tuple[str, ...] = STATE_NAMES,
+        alarms: Callable[[], list[dict[str, Any]]] | None = None,
     ) -> None:
+        """alarms: gives those that are on, as they are to be published; None: nobody watches."""
         self.path = path
+        self._alarms = alarms
         self._names = names
         self._about = about
         self._every_s = every_s
@@ -101,6 +108,8 @@ class StateFileSink:
             "current_command_A": None if command is None else command.current_A,
             "temperature_degC": sample.temperature_degC,
         }
+        if self._alarms is not None:
+            document["alarms"] = [dict(alarm) for alarm in self._alarms()]
         now = time.monotonic()
         with self._wake:
             self._latest = document

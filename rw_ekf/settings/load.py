@@ -102,6 +102,8 @@ def _yaml_value(value: object) -> str:
         import json
 
         return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, bool):
+        return "true" if value else "false"
     return "null" if value is None else repr(value)
 
 

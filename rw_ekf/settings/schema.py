@@ -101,6 +101,21 @@ class FilterSection(Section):
     prior: PriorSection | None = Field(None, description="priors of the four parameters; null: the built-in ones")
 
 
+class WatchSection(Section):
+    """The watch over the running estimator: alarms when the residual is not noise, and on drag spikes."""
+
+    enabled: bool = Field(True, description="whether the daemon watches its own residual")
+    false_alarms_per_1000_h: float = Field(
+        1.0, gt=0, le=1e3, description="false alarms put up with on a healthy wheel; sets the thresholds [1/1000 h]"
+    )
+    window_s: float = Field(
+        600.0, ge=60, le=86_400, description="longest stretch of residual that is judged at once [s]"
+    )
+    smallest_spike_percent: float = Field(
+        15.0, gt=0, le=1e4, description="smallest drag spike that is reported, share of Coulomb friction [%]"
+    )
+
+
 class CommandSection(Section):
     """The current that `run` commands."""
 
@@ -144,6 +159,7 @@ class Configuration(Section):
     limits: LimitsSection = Field(description="what may never be exceeded")
     loop: LoopSection = Field(default_factory=LoopSection, description="the cycle")
     filter: FilterSection = Field(default_factory=FilterSection, description="the extended Kalman filter")
+    watch: WatchSection = Field(default_factory=WatchSection, description="the watch over the running estimator")
     command: CommandSection = Field(default_factory=CommandSection, description="the current that run commands")
     output: OutputSection = Field(default_factory=OutputSection, description="where the runs go")
     simulation: SimulationSection = Field(default_factory=SimulationSection, description="the wheel of simulate")
@@ -154,6 +170,7 @@ SECTIONS: dict[str, type[Section]] = {
     "limits": LimitsSection,
     "loop": LoopSection,
     "filter": FilterSection,
+    "watch": WatchSection,
     "command": CommandSection,
     "output": OutputSection,
     "simulation": SimulationSection,

@@ -35,7 +35,9 @@ class Alarm:
 
 def _residual_sentence(alarm: Alarm, since: str, ended: str) -> str:
     dependence = alarm.details.get("largest_dependence")
-    said = f"largest dependence: {dependence}" if dependence else "no single dependence, it is correlated in time"
+    said = f"largest dependence: {dependence}"
+    if alarm.details.get("after") is not None:
+        said += f", after {alarm.details['after']}"
     if alarm.ended_s is not None:
         return f"residual is noise again since {ended} (it was not since {since}; {said})"
     return f"residual is not noise since {since}, {said}"
@@ -43,7 +45,7 @@ def _residual_sentence(alarm: Alarm, since: str, ended: str) -> str:
 
 def _spike_sentence(alarm: Alarm, since: str, ended: str) -> str:
     amplitude, std = alarm.details["amplitude_rad_s2"], alarm.details["std_rad_s2"]
-    size = f"{amplitude:.3g} +- {std:.1g} rad/s^2"
+    size = f"{amplitude:.3g} rad/s^2 at least" if std is None else f"{amplitude:.3g} +- {std:.1g} rad/s^2"
     torque = alarm.details.get("amplitude_mNm")
     if torque is not None:
         size += f" ({torque:.2g} mNm)"

@@ -1,8 +1,8 @@
 """What a residual can depend on: torques per unit inertia, each with the name that an alarm gives it.
 
-A torque phi(t) that the model lacks shows in the innovations as the filter's response to it, g (docs/watch.md eq. 10). The
-first three are the model's own terms: the estimator absorbs them, so that a lasting lack of another kind is seen beside
-them only, and a sudden change of one of them by itself.
+A torque phi(t) that the model lacks shows in the innovations as the filter's response to it, g (docs/watch.md eq. 10).
+The first three are the model's own terms: the estimator absorbs them, so that a lasting lack of another kind is seen
+beside them only, and a sudden change of one of them by itself.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ class Responses:
             responses[i] = g
         self._g, self._left = g, float(left[-1])
         root = np.sqrt(variance)
-        normalised = np.where((direction != 0.0) & ~restart, innovation / root, np.nan)
+        used = (direction != 0.0) & (gain > 0.0) & ~restart  # a wild reading is a matter of the line, not of the wheel
+        normalised = np.where(used, innovation / root, np.nan)
         return responses / root[:, None], normalised
 
     def _torques(

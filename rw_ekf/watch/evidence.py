@@ -11,6 +11,10 @@ from typing import NamedTuple
 from rw_ekf.model.state import StateIndex
 from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
 
+# Break-away friction is the parameter the estimator knows worst, and is too sure of (docs/filter.md): what happens at
+# low speed under a drive hardly above it is no evidence of anything else.
+_CREEP_SPEED = 3.0  # Stribeck speeds
+_CREEP_DRIVE = 0.25  # of Coulomb friction, beyond break-away
 _LONGEST_STEP_IN_PERIODS = 3.5  # after a longer one the watch begins anew: the line, not the wheel, is in question
 
 
@@ -37,9 +41,10 @@ class Evidence(NamedTuple):
 class EvidenceReader:
     """Turns the stream of a loop's sinks into evidence. One of these per run."""
 
-    def __init__(self, speed_variance: float, period_s: float) -> None:
+    def __init__(self, speed_variance: float, period_s: float, stribeck_speed_rad_s: float) -> None:
         """speed_variance: R of the filter [rad^2/s^2]; period_s: nominal, of the loop."""
         self._speed_variance = speed_variance
+        self._creep_speed = _CREEP_SPEED * stribeck_speed_rad_s
         self._longest_s = _LONGEST_STEP_IN_PERIODS * period_s
         self._last: WheelSample | None = None
         self._belief: tuple[float, ...] = ()
@@ -60,8 +65,10 @@ class EvidenceReader:
         restart = test is None and outcome in (Outcome.FIRST, Outcome.RESEEDED)
         restart = restart or not 0.0 < dt_s < self._longest_s
         predicted = result.predicted_speed_rad_s
+        turned = predicted * belief[StateIndex.SPEED] <= 0.0
+        keep = _turned(belief, current_A, predicted) if turned else 1.0 - belief[StateIndex.VISCOUS] * dt_s
         direction = 0.0
-        if sure and predicted * belief[StateIndex.SPEED] > 0.0:
+        if sure and not turned and not (abs(predicted) < self._creep_speed and _creeps(belief, current_A)):
             direction = 1.0 if predicted > 0.0 else -1.0
         if sample.temperature_degC is not None:
             self._temperature_degC = sample.temperature_degC
@@ -70,7 +77,6 @@ class EvidenceReader:
             innovation, variance = test.innovation_rad_s, test.std_rad_s * test.std_rad_s
             if test.accepted:
                 gain = 1.0 - self._speed_variance / variance
-        keep = 1.0 - belief[StateIndex.VISCOUS] * dt_s if direction != 0.0 else _turned(belief, current_A, predicted)
         self._last, self._belief, self._following = sample, result.mean, command
         return Evidence(
             sample.time_s, dt_s, direction, predicted, current_A, self._temperature_degC,
@@ -89,8 +95,14 @@ class EvidenceReader:
 
 
 def _turned(belief: tuple[float, ...], current_A: float, predicted_rad_s: float) -> float:
-    """Share of a deviation that outlives a reversal: the saltation factor (docs/model.md eq. 13); none outlives rest."""
+    """Share of a deviation that outlives a reversal: the saltation factor (docs/model.md eq. 13); at rest, none."""
     drive, static = abs(belief[StateIndex.MOTOR_GAIN] * current_A), abs(belief[StateIndex.STATIC])
     if predicted_rad_s == 0.0 or drive <= static:
         return 0.0
     return (drive - static) / (drive + static)
+
+
+def _creeps(belief: tuple[float, ...], current_A: float) -> bool:
+    """Whether the drive is too little beyond break-away friction to tell a slow wheel's drag from an error in that."""
+    drive = abs(belief[StateIndex.MOTOR_GAIN] * current_A)
+    return drive < belief[StateIndex.STATIC] + _CREEP_DRIVE * abs(belief[StateIndex.COULOMB])

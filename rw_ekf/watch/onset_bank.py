@@ -19,6 +19,7 @@ from rw_ekf.watch.evidence import Evidence
 
 _CLIP = 4.0  # standard deviations that one reading may speak with: no single wild one, nor two or three, raise an alarm
 _PER_OCTAVE = 4  # onsets kept per doubling of age
+_THIN_EVERY = 6  # samples
 
 
 @dataclass(slots=True)
@@ -63,7 +64,10 @@ class OnsetBank:
         self._left = 1.0
 
     def add(self, e: Evidence, drag_gain: float = 0.0) -> Onset | None:
-        """Weigh one sample; the best onset so far, if any speaks for more drag. drag_gain: L of a filter with a drag state."""
+        """Weigh one sample; the best onset so far, if any speaks for more drag.
+
+        drag_gain: L of a filter that has a drag state.
+        """
         if e.restart:
             self.clear()
         self._respond(e, drag_gain)
@@ -73,7 +77,7 @@ class OnsetBank:
                 onset.lag = onset.step = 0.0
         self._tick += 1
         self._onsets.append(_Onset(self._tick, e.time_s))
-        if self._tick % _PER_OCTAVE == 0:
+        if self._tick % _THIN_EVERY == 0:
             self._thin()
         return best
 
@@ -103,16 +107,13 @@ class OnsetBank:
             information = onset.information + weight * lag * lag
             score = onset.score + told * lag
             onset.information, onset.score = information, score
-            if score > 0.0:
-                square = score * score / information
-                if square > best_square:
-                    best, best_square = onset, square
+            if score > 0.0 and score * score > best_square * information:
+                best, best_square = onset, score * score / information
             information = onset.step_information + weight * step * step
             score = onset.step_score + told * step
             onset.step_information, onset.step_score = information, score
-            if information > 0.0:
-                square = score * score / information
-                rival_square = max(rival_square, square)
+            if score * score > rival_square * information:
+                rival_square = score * score / information
         if best is None:
             return None
         return Onset(best.time_s, math.sqrt(best_square), best_square - rival_square)
@@ -123,7 +124,7 @@ class OnsetBank:
         kept = []
         for onset in self._onsets:
             age = now - onset.tick
-            spacing = 1 << max((age // _PER_OCTAVE).bit_length() - 1, 0)
-            if age <= self._longest and onset.tick % spacing == 0:
+            octaves = (age // _PER_OCTAVE).bit_length() - 1
+            if octaves <= 0 or (age <= self._longest and onset.tick % (1 << octaves) == 0):
                 kept.append(onset)
         self._onsets = kept

@@ -1,4 +1,4 @@
-"""When exactly did it set in, and how large is it? Generalised least squares over the last few seconds, once per spike."""
+"""When exactly did it set in, and how large is it? Generalised least squares over the last seconds, once per spike."""
 
 from __future__ import annotations
 
@@ -31,28 +31,43 @@ def fit_onset(
 ) -> OnsetFit | None:
     """Try onsets between `earliest_s` and the last sample; None where no drag above zero explains anything.
 
-    recent: evidence without a gap, oldest first; drag_gains: L of each (docs/watch.md eq. 3), all zero for the estimator.
+    recent: evidence without a gap, oldest first; drag_gains: L of each (docs/watch.md eq. 3), zero for the estimator.
     Readings count in full: once a spike is sure there is no wild one among them. A reading below `near_rest_rad_s` may
     be that of a wheel at rest, which tells no more than that its drag holds it.
     """
-    latest_s = recent[-1].time_s
     first_s = max(earliest_s, recent[0].time_s - recent[0].dt_s)
-    step_s = (latest_s - first_s) / _CANDIDATES
-    best: OnsetFit | None = None
-    best_square = 0.0
+    step_s = (recent[-1].time_s - first_s) / _CANDIDATES
+    tried = []
     for number in range(_CANDIDATES):
         onset_s = first_s + number * step_s
         lag, information, score = _response(recent, drag_gains, onset_s, near_rest_rad_s)
-        if score > 0.0 and score * score > best_square * information:
-            best_square = score * score / information
-            amplitude = score / information
-            sized = best_square > _SURE_SQUARE
-            best = OnsetFit(onset_s, amplitude, 1.0 / math.sqrt(information), lag * amplitude, sized, at_least=False)
+        if score > 0.0:
+            tried.append((score * score / information, onset_s, score / information, 1.0 / information, lag))
+    best = _weighed(tried) if tried else None
     held = _held(recent, first_s, near_rest_rad_s)
     if held > 0.0 and (best is None or not best.sized or best.amplitude_rad_s2 < held):
         since_s, lag = (first_s, 0.0) if best is None else (best.time_s, best.lag_rad_s)
         return OnsetFit(since_s, held, held, lag, sized=False, at_least=True)
     return best
+
+
+def _weighed(tried: Sequence[tuple[float, float, float, float, float]]) -> OnsetFit:
+    """Mean over the onsets by likelihood: (square, onset, amplitude, its variance, lag per amplitude) of each.
+
+    So the amplitude's standard deviation holds what the uncertain onset adds.
+    """
+    square = max(tried)[0]
+    onset_s = amplitude = squares = lag = total = 0.0
+    for its_square, its_onset_s, its_amplitude, its_variance, its_lag in tried:
+        weight = math.exp(0.5 * (its_square - square))
+        total += weight
+        onset_s += weight * its_onset_s
+        amplitude += weight * its_amplitude
+        squares += weight * (its_amplitude * its_amplitude + its_variance)
+        lag += weight * its_lag * its_amplitude
+    mean = amplitude / total
+    std = math.sqrt(max(squares / total - mean * mean, 0.0))
+    return OnsetFit(onset_s / total, mean, std, lag / total, sized=square > _SURE_SQUARE, at_least=False)
 
 
 def _response(
@@ -86,7 +101,7 @@ def _held(recent: Sequence[Evidence], first_s: float, near_rest_rad_s: float) ->
         if e.time_s <= first_s or math.isnan(e.innovation_rad_s):
             continue
         beyond = abs(e.belief[StateIndex.MOTOR_GAIN] * e.current_A) - static
-        if beyond <= 0.0 or abs(e.speed_rad_s + e.innovation_rad_s) > near_rest_rad_s:
+        if e.direction == 0.0 or beyond <= 0.0 or abs(e.speed_rad_s + e.innovation_rad_s) > near_rest_rad_s:
             largest, impulse, readings = 0.0, 0.0, 0
             continue
         readings += 1

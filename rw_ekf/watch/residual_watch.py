@@ -34,6 +34,7 @@ from rw_ekf.watch.residual_window import (
 BLOCK_S = 10.0
 _MOST_ROWS = 128  # of one piece of a block
 _SHORT_BLOCKS = 6
+_SLOW_BLOCKS = 18  # temperature and time are no explanation within three minutes
 _LEARNT_GAIN = 0.05  # the estimator is past its first readings
 _FEWEST = 100  # samples of a window that is judged
 _FEWEST_FOR_SIZE = 300
@@ -68,6 +69,7 @@ class ResidualWatch:
         self._blocks: deque[BlockSums] = deque(maxlen=max(round(window_s / BLOCK_S), _SHORT_BLOCKS))
         self._learnt = False
         self.active: Alarm | None = None
+        self.context: str | None = None  # what went before and may explain an alarm
         self.forget()
 
     def forget(self) -> None:
@@ -106,6 +108,9 @@ class ResidualWatch:
 
     def _judge(self, time_s: float) -> list[Alarm]:
         blocks = list(self._blocks)
+        if self.active is not None:  # what was before the change would blur what it is
+            begun_s = self.active.since_s
+            blocks = [b for b in blocks if b.begin_s >= begun_s] or blocks[-1:]
         windows = [blocks[-_SHORT_BLOCKS:]]
         if len(blocks) > _SHORT_BLOCKS:
             windows.append(blocks)
@@ -150,6 +155,7 @@ class ResidualWatch:
                 "deviation": round(verdict.deviation, 2),
                 "whiteness": round(verdict.whiteness, 1),
                 "noise_ratio": round(verdict.noise_ratio, 3),
+                "after": self.context,
             },
         )
         return self.active
@@ -158,9 +164,10 @@ class ResidualWatch:
         window = total(blocks)
         if window.samples < _FEWEST:
             return Verdict(0.0, IN_TIME, None, 0.0, 0.0, 1.0, window.begin_s)
-        finding = largest_dependence(window)
+        finding = largest_dependence(window, slow_too=len(blocks) >= _SLOW_BLOCKS)
         white, ratio = whiteness(window), spread(window)
-        name, torque = DEPENDENCES[finding.column]
+        name: str = DEPENDENCES[finding.column].name
+        torque: str | None = DEPENDENCES[finding.column].torque
         way = math.copysign(1.0, window.score[finding.column])
         weight = [way * float(b.score[finding.column]) for b in blocks]
         dependent = finding.deviation / self._threshold

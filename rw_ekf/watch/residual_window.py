@@ -16,6 +16,7 @@ Float64Array = NDArray[np.float64]
 
 LAGS = 8
 _CLIP = 4.0  # standard deviations that one reading may speak with
+_SLOW = [i for i, d in enumerate(DEPENDENCES) if d.name in ("temperature", "time")]
 _COLLINEAR = 0.02  # share of a torque that must be left beside the model's own
 _BETTER = 1.1  # what the model lacks must explain more than a change of what it has by this, ...
 _BETTER_BY = 10.0  # ... and by this in chi-square
@@ -91,10 +92,15 @@ def chi_square_limit(deviation: float) -> float:
     return float(1.2 * LAGS * (1.0 - share + normal * math.sqrt(share)) ** 3)
 
 
-def largest_dependence(window: BlockSums) -> Finding:
-    """The dependence that explains most, in standard deviations scaled by the spread found (docs/watch.md eq. 11)."""
+def largest_dependence(window: BlockSums, *, slow_too: bool) -> Finding:
+    """The dependence that explains most, in standard deviations scaled by the spread found (docs/watch.md eq. 11).
+
+    slow_too: the window is long enough for temperature and time, which in a short one are nothing but its slope.
+    """
     scale = spread(window)
     alone, beside = explained(window)
+    if not slow_too:
+        alone[_SLOW] = beside[_SLOW] = 0.0
     own = int(np.argmax(alone[:MODEL_TERMS]))
     lacking = np.maximum(alone, beside)
     lacking[:MODEL_TERMS] = 0.0

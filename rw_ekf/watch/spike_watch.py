@@ -1,7 +1,7 @@
 """Drag spikes [L17 IV]: abrupt onset, exponential decay. Found within seconds, followed until they are over.
 
-Waiting: the bank looks for an onset in the estimator's innovations. Sure, but not sized: up to four seconds are given to
-the amplitude. Following: a tracker holds the extra drag against the parameters from before the onset, and the bank
+Waiting: the bank looks for an onset in the estimator's innovations. Sure, but not sized: up to four seconds are given
+to the amplitude. Following: a tracker holds the extra drag against the parameters from before the onset, and the bank
 goes on looking, in the tracker's innovations, for the next spike of a train.
 """
 
@@ -19,7 +19,7 @@ from rw_ekf.watch.onset_fit import OnsetFit, fit_onset
 
 FADED = "faded"
 LONGEST_ONSET_S = 15.0
-_MARGIN = 6.0  # twice the log likelihood ratio to a step of the speed
+_MARGIN = 10.0  # twice the log likelihood ratio to a step of the speed: three sigma of that ratio when it decides
 _STILL_SURE = 0.8  # of the threshold
 _LEARNT_GAIN = 0.05  # the estimator is past its first readings
 _SIZED = 12.0  # amplitude in standard deviations at which it is reported ...
@@ -204,6 +204,7 @@ class _Course:
         self.amplitude_rad_s2 = amplitude_rad_s2
         self._bound = bound
         self._elapsed_s = 0.0
+        self._turning_s = 0.0
         self._low_s = 0.0
         self._wrong_s = 0.0
         self._mean = math.inf  # of the estimator's normalised innovations
@@ -226,8 +227,10 @@ class _Course:
         self._watch_estimator(e)
         if seen.direction == 0.0:
             return None
+        self._turning_s += e.dt_s
         drag, std = tracker.drag_rad_s2, tracker.std_rad_s2
-        if self.decay_s is None and not self._bound and _KNOWN_BY * std < drag < self.amplitude_rad_s2 / math.e:
+        known = not self._bound and drag > _KNOWN_BY * std and self._turning_s > 0.3 * self._elapsed_s
+        if self.decay_s is None and known and drag < self.amplitude_rad_s2 / math.e:
             self.decay_s = self._elapsed_s / math.log(self.amplitude_rad_s2 / drag)
         wrong = drag < -max(_WRONG_WAY_SHARE * self.amplitude_rad_s2, 3.0 * std)
         self._wrong_s = self._wrong_s + e.dt_s if wrong else 0.0

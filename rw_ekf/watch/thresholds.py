@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 _SECONDS = 3.6e6  # of 1000 h
-# How many independent tests a tick of a bank amounts to, and a test of the residual: measured over healthy simulated wheels
-# (docs/watch.md, table 1), rounded up.
+# How many independent tests a tick of the bank amounts to, and a block of the residual: measured over healthy simulated
+# wheels (docs/watch.md), rounded up.
 _TESTS_PER_TICK = 0.5
 _TESTS_PER_BLOCK = 12.0
 

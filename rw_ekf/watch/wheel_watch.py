@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from rw_ekf.records import IssuedCommand, StepResult, WheelSample
@@ -10,6 +11,9 @@ from rw_ekf.watch.evidence import Evidence, EvidenceReader
 from rw_ekf.watch.residual_watch import BLOCK_S, ResidualWatch
 from rw_ekf.watch.spike_watch import SpikeWatch
 from rw_ekf.watch.thresholds import dependence_threshold, onset_threshold
+
+AFTER_SPIKE = "a drag spike that the estimator has to unlearn"
+_UNLEARNS_S = 7200.0
 
 
 class WatchedFilter(NamedTuple):
@@ -34,7 +38,7 @@ class WheelWatch:
     """Takes the loop's stream and says what begins and what ends. Time comes with the data."""
 
     def __init__(self, about: WatchedFilter, knobs: WatchKnobs) -> None:
-        self._reader = EvidenceReader(about.speed_variance, about.period_s)
+        self._reader = EvidenceReader(about.speed_variance, about.period_s, about.stribeck_speed_rad_s)
         self._spikes = SpikeWatch(
             about.speed_variance,
             about.acceleration_noise,
@@ -48,6 +52,7 @@ class WheelWatch:
             knobs.window_s,
             dependence_threshold(knobs.false_alarms_per_1000_h, BLOCK_S),
         )
+        self._unlearns_until_s = -math.inf
 
     @property
     def active(self) -> list[Alarm]:
@@ -70,5 +75,9 @@ class WheelWatch:
         if self._spikes.following:
             if news:
                 self._residual.forget()
+                self._residual.context = AFTER_SPIKE
+                self._unlearns_until_s = evidence.time_s + _UNLEARNS_S
             return news
+        if evidence.restart or evidence.time_s > self._unlearns_until_s:
+            self._residual.context = None
         return news + self._residual.add(evidence)

@@ -1,0 +1,41 @@
+"""What an event in time is worth on data that did not shape it: every other five seconds inside it.
+
+An event lives in one stretch of the record, so that blocks can neither find nor judge it. Here its coefficients are
+fitted with every other five seconds of it left out, and those readings are predicted from what surrounds them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.frame import Fit, Prior, fit_model
+from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.one_step import Reference
+
+Float64Array = NDArray[np.float64]
+
+_STRIDE_S = 5.0
+_DECAYS = 3.0  # how long an event is, in its own time constants
+
+
+def event_gain_percent(whole: Fit, name: str, prior: Prior, seen: Reference) -> float | None:
+    """Percent by which the error on the seconds left out falls with the event in the model; None if there are none."""
+    record = whole.frame.record
+    column = next(c for c in whole.model.columns if c.id == name)
+    onset, decay = column.shape[0], column.shape[1]
+    since = record.data.time_s - onset
+    inside = (since >= 0.0) & (since < max(_DECAYS * decay, 2.0 * _STRIDE_S))
+    left_out = inside & (np.floor(since / _STRIDE_S) % 2.0 == 1.0) & np.isfinite(record.data.speed_rad_s)
+    if not left_out.any():
+        return None
+    with_it = _error(whole, whole.model.settled(name), prior, seen, left_out)
+    without = _error(whole, whole.model.without(name), prior, seen, left_out)
+    return float(100.0 * (1.0 - with_it / without)) if without > 0.0 else None
+
+
+def _error(whole: Fit, model: Model, prior: Prior, seen: Reference, left_out: NDArray[np.bool_]) -> float:
+    """Root mean square of readings less the speed smoothed without them [rad/s]."""
+    fit = fit_model(whole.frame.record, model, prior, seen, whole.noise, whole.omit | left_out, turns=4)
+    error = (whole.frame.record.data.speed_rad_s - fit.reference.speed)[left_out & ~whole.omit]
+    return float(np.sqrt(np.mean(error**2))) if error.size else 0.0

@@ -1,0 +1,105 @@
+"""The watch in the daemon's loop: alarms go to the log as they begin and end, to the state file, and to the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf.logs.metadata import utc_text
+from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.watch.alarms import Alarm
+from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
+
+if TYPE_CHECKING:
+    from rw_ekf.filter.constants import FilterConstants
+    from rw_ekf.settings.schema import Configuration
+
+_MOST_SENTENCES = 50  # kept for the report of a run; the log has them all
+
+
+class WatchSink:
+    """Feeds the watch and says what it finds. The only place that knows the hour of the day."""
+
+    def __init__(self, watch: WheelWatch, logger: Any, now: Callable[[], datetime] = lambda: datetime.now(UTC)) -> None:
+        self._watch: WheelWatch | None = watch
+        self._logger = logger
+        self._now = now
+        self._active: dict[str, dict[str, Any]] = {}
+        self._sentences: list[str] = []
+        self._more = 0
+
+    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+        """Let the watch take one sample; log what began, changed or ended."""
+        if self._watch is None:
+            return
+        try:
+            news = self._watch.step(sample, command, result)
+        except (ArithmeticError, ValueError) as error:  # whoever watches must never end what is watched
+            self._watch = None
+            self._active.clear()
+            self._logger.error("watch_failed", reason=str(error), do="the run goes on without alarms")
+            return
+        for alarm in news:
+            self._say(alarm, sample.time_s)
+
+    def close(self) -> None:
+        """Nothing to finish."""
+
+    def active(self) -> list[dict[str, Any]]:
+        """Return the alarms that are on, for the state file."""
+        alarms = list(self._active.values())
+        left = None if self._watch is None else self._watch.remaining_drag
+        if left is not None:
+            for alarm in alarms:
+                if "amplitude_rad_s2" in alarm:
+                    alarm["remaining_rad_s2"], alarm["remaining_std_rad_s2"] = left
+        return alarms
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was said over the run, in sentences, oldest first."""
+        return [*self._sentences, f"{self._more} more alarms: see the log"] if self._more else list(self._sentences)
+
+    def _say(self, alarm: Alarm, time_s: float) -> None:
+        since = self._utc(alarm.since_s, time_s)
+        known = self._active.get(alarm.name)
+        if known is not None and known["since_s"] == alarm.since_s:
+            since = known["since_utc"]
+        entry = {"since_utc": since, "since_s": alarm.since_s, **alarm.details}
+        if alarm.ended_s is None:
+            sentence = alarm.sentence(since)
+            self._active[alarm.name] = {"name": alarm.name, "text": sentence, **entry}
+        else:
+            ended = self._utc(alarm.ended_s, time_s)
+            sentence = alarm.sentence(since, ended)
+            entry |= {"ended_utc": ended, "ended_s": alarm.ended_s}
+            self._active.pop(alarm.name, None)
+        told = {key: value for key, value in entry.items() if value is not None}
+        self._logger.warning(alarm.event, text=sentence, **told)
+        if len(self._sentences) < _MOST_SENTENCES:
+            self._sentences.append(sentence)
+        else:
+            self._more += 1
+
+    def _utc(self, time_s: float, now_s: float) -> str:
+        """UTC of a time of the log [s], given that it is now_s at this moment."""
+        return utc_text((self._now() - timedelta(seconds=now_s - time_s)).replace(microsecond=0))
+
+
+def watch_sink_of(
+    configuration: Configuration, constants: FilterConstants, inertia_kg_m2: float | None, logger: Any
+) -> WatchSink | None:
+    """Return the watch that a configuration asks for; None where it is switched off."""
+    section = configuration.watch
+    if not section.enabled:
+        return None
+    about = WatchedFilter(
+        constants.speed_variance,
+        constants.acceleration_noise,
+        constants.omega_s,
+        1.0 / configuration.loop.rate_hz,
+        inertia_kg_m2,
+    )
+    knobs = WatchKnobs(section.false_alarms_per_1000_h, section.window_s, section.smallest_spike_percent)
+    return WatchSink(WheelWatch(about, knobs), logger)

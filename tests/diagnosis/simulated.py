@@ -1,0 +1,86 @@
+"""Records of the simulated plant, made ready for the diagnosis; the plant shares no code with the estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.plant_batch import PlantRun, simulate_run
+from drivers.plant_effect_text import parse_effects
+from drivers.plant_parameters import PlantNoise
+from rw_ekf.diagnosis.frame import Fit, Noise, Prior, fit_model
+from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.one_step import Record, Reference
+from rw_ekf.excitation import make_profile, sample_profile
+from rw_ekf.filter.belief import DEFAULT_PRIOR
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.truth import OMEGA_S
+
+Float64Array = NDArray[np.float64]
+
+RATE_HZ = 10.0
+MAX_GAP_S = 2.0
+TRUTH = Model(CK13_STATISTICAL, OMEGA_S, 0)  # the healthy plant
+PRIOR = Prior.of(DEFAULT_PRIOR.mean[1:], DEFAULT_PRIOR.covariance[1:, 1:])
+
+
+def simulated(
+    effects: Sequence[str] = (),
+    *,
+    seed: int,
+    profile: str = "identification",
+    samples: int | None = None,
+    noise_rpm: float = 1.0,
+    process_rpm: float = 0.0,
+) -> PlantRun:
+    """One run; the seed draws the noise and, for P1 and P2, the profile."""
+    times, currents = sample_profile(make_profile(profile, seed=seed), RATE_HZ)
+    noise = PlantNoise(noise_rpm * RAD_S_PER_RPM, process_rpm * RAD_S_PER_RPM)
+    return simulate_run(parse_effects(list(effects)), currents[:samples], times[:samples], noise, seed=seed)
+
+
+def record_of(run: PlantRun) -> Record:
+    """The whole run as a record, temperature and angle as the plant has them."""
+    data = FilterInput.of(
+        run.time_s, run.measured_speed_rad_s, run.current_command_A, None, None, run.temperature_degC, run.angle_rad
+    )
+    everything = np.ones(run.time_s.size, dtype=bool)
+    return Record.of(data, everything, MAX_GAP_S, run.temperature_degC, run.angle_rad)
+
+
+def raw_reference(record: Record) -> Reference:
+    """The readings themselves, where a fit begins."""
+    speed = record.data.speed_rad_s
+    return Reference.of_speed(speed.copy(), np.full(speed.size, RAD_S_PER_RPM))
+
+
+def fitted(record: Record, model: Model = TRUTH, start: Fit | None = None) -> Fit:
+    """A model fitted to a record, from its readings or from where another fit ended."""
+    omit = np.zeros(record.follows.size, dtype=bool)
+    if start is None:
+        return fit_model(record, model, PRIOR, raw_reference(record), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit)
+    return fit_model(record, model, PRIOR, start.reference, start.noise, omit)
+
+
+def log_of(run: PlantRun, *, angle: bool = False) -> WheelLog:
+    """The run as `read_log` would give it: temperature logged, the angle where it is asked for."""
+    channels = {"current_command_A": run.current_command_A, "temperature_degC": run.temperature_degC}
+    if angle:
+        channels["angle_rad"] = run.angle_rad
+    n = run.time_s.size
+    return WheelLog(
+        "simulated.csv",
+        run.time_s.copy(),
+        run.measured_speed_rad_s,
+        run.current_command_A.copy(),
+        "current_command_A",
+        np.zeros(n),
+        np.zeros(n, dtype=np.int64),
+        channels,
+        rows_read=n,
+    )

@@ -1,0 +1,202 @@
+"""Frames and fits against the simulated plant: slopes, likelihoods, coefficients, and the law that statistics follow."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import chi2, kstest
+
+from rw_ekf.diagnosis.candidates import Scorer
+from rw_ekf.diagnosis.conditions import facts_of
+from rw_ekf.diagnosis.frame import Noise, fit_model, likelihood, linearise, smoothed_reference
+from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.one_step import Record, Reference, predict
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.effect import NO_SHAPE, Shape
+from rw_ekf.effects.table import Column
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.diagnosis.simulated import PRIOR, TRUTH, fitted, record_of, simulated
+
+Float64Array = NDArray[np.float64]
+
+QUIET = Noise(RAD_S_PER_RPM**2, 1.0e-4)
+
+
+def column(name: str, value: float, shape: Shape = NO_SHAPE) -> Column:
+    """An effect of this size in use; its shape stays as it is."""
+    return Column(CATALOGUE[name], value, 0.0, shape, settled=True)
+
+
+# As many kinds of contribution as there are: torque, viscous, factors, current, in angle, in time.
+STATIC = [
+    column("offset_torque", 0.02),
+    column("viscous_asymmetry", 2.0e-4),
+    column("quadratic_drag", 1.0e-6),
+    column("viscous_temperature", -0.02),
+    column("coulomb_temperature", -0.01),
+    column("motor_saturation", 0.1),
+    column("torque_ripple", 0.03, (2.0, 0.4, 0.0)),
+    column("drag_spike", 0.04, (50.0, 30.0, 0.0)),
+]
+
+
+def along_truth(samples: int, seed: int) -> tuple[Record, Reference]:
+    """A record, and the plant's own speed as the reference."""
+    run = simulated(seed=seed, samples=samples)
+    return record_of(run), Reference.of_speed(run.speed_rad_s.copy(), np.full(samples, 0.1 * RAD_S_PER_RPM))
+
+
+def differences(record: Record, model: Model, reference: Reference, sizes: Float64Array) -> Float64Array:
+    """Slopes of every prediction by the model's coefficients, from two predictions each, (n, p)."""
+    found = []
+    for j, size in enumerate(sizes):
+        up, down = model.coefficients, model.coefficients
+        up[j] += size
+        down[j] -= size
+        ends = [
+            predict(record, point, model.effects, model.omega_s, model.law, reference, with_slopes=False).end
+            for point in (up, down)
+        ]
+        found.append((ends[0] - ends[1]) / (2.0 * size))
+    return np.column_stack(found)
+
+
+def test_written_slopes_are_the_derivative() -> None:
+    """Parameters and static effects together: slopes by the chain rule are those of two predictions each.
+
+    One prediction in a thousand may stop, or break loose, at one of the two only.
+    """
+    record, reference = along_truth(1500, 1)
+    model = TRUTH.with_effect(STATIC)
+    frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
+    checked = differences(record, model, reference, 1.0e-5 * np.abs(model.coefficients))
+    scale = np.max(np.abs(checked), axis=0)
+    assert np.all(scale > 0.0)
+    assert np.mean(np.abs(frame.columns - checked) < 1.0e-5 * scale) > 0.999
+    assert np.all(frame.columns[~record.follows] == 0.0)
+
+
+@pytest.mark.parametrize(
+    "added", [column("transport_delay", 0.05), column("stribeck_shape", 0.8), column("actuator_lag", 0.06)]
+)
+def test_slopes_by_differences_hardly_depend_on_the_step(added: Column) -> None:
+    """What has no written slopes gets those of a difference; one of a tenth of its width says the same."""
+    record, reference = along_truth(1500, 2)
+    model = TRUTH.with_effect([added])
+    frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
+    checked = differences(record, model, reference, 1.0e-4 * np.abs(model.coefficients))
+    away = np.linalg.norm(frame.columns - checked, axis=0) / np.linalg.norm(checked, axis=0)
+    assert np.all(away < 0.05), away
+
+
+def test_the_truth_is_beaten_by_chance_alone() -> None:
+    """Twice the log-likelihood that a fit gains over the plant's own parameters is a chi-square of four."""
+    gains = []
+    for seed in range(12):
+        record = record_of(simulated(seed=seed, profile="P2", samples=1500))
+        fit = fitted(record)
+        reference = fit.reference
+        for _ in range(2):  # the truth is judged along its own reference, as the fit is
+            frame = linearise(record, TRUTH, reference, fit.noise, fit.omit, with_columns=False)
+            own = likelihood(frame, None, fit.noise)
+            reference = smoothed_reference(frame, np.zeros(0), own.noise)
+        gains.append(2.0 * (fit.likelihood.value - own.value))
+    assert max(gains) < chi2(4).ppf(1.0 - 1.0e-4)
+    assert min(gains) > -0.5
+    assert 2.0 < np.mean(gains) < 7.0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "truth", "start"),
+    [
+        ("quadratic_drag", "coefficient_1_rad=1.5e-6", 1.5e-6, 0.0),
+        ("transport_delay", "delay_s=0.06", 0.06, 0.1),
+        ("friction_lag", "time_constant_s=0.15", 0.15, 0.3),
+    ],
+)
+def test_a_fit_recovers_what_was_injected(name: str, text: str, truth: float, start: float) -> None:
+    """One linear effect, one delay, one memory: the plant's value within 4 sigma, the four parameters too."""
+    for seed in range(3):
+        record = record_of(simulated([f"{name}:{text}"], seed=seed, samples=3000))
+        base = fitted(record)
+        fit = fitted(record, base.model.with_effect([Column(CATALOGUE[name], start, 0.0)]), base)
+        assert abs(fit.model.columns[0].value - truth) < 4.0 * fit.std[4]
+        assert fit.std[4] < 0.25 * truth
+        assert np.all(np.abs(fit.model.coefficients[:4] - TRUTH.coefficients) < 4.0 * fit.std[:4])
+        assert fit.likelihood.value > base.likelihood.value + 20.0
+
+
+def test_fits_start_again_to_the_same_place() -> None:
+    """A fit begun where another ended neither moves nor gains: it had converged."""
+    record = record_of(simulated(["quadratic_drag:coefficient_1_rad=1e-6"], seed=3, samples=2000))
+    first = fitted(record, TRUTH.with_effect([column("quadratic_drag", 0.0)]))
+    again = fitted(record, first.model, first)
+    assert np.all(np.abs(again.model.vector - first.model.vector) < 0.1 * first.std)
+    assert abs(again.likelihood.value - first.likelihood.value) < 0.1
+
+
+def test_readings_left_out_do_not_count() -> None:
+    """A fit that is told to leave out spiked readings is the fit of a record in which they are missing."""
+    run = simulated(seed=4, samples=1200)
+    speed = run.measured_speed_rad_s
+    spikes = np.zeros(1200, dtype=bool)
+    spikes[[200, 500, 900]] = True
+    record = record_of(run)
+    clean = fitted(record)
+    speed[spikes] += 100.0 * RAD_S_PER_RPM
+    left_out = fit_model(record, TRUTH, PRIOR, clean.reference, clean.noise, spikes)
+    assert left_out.likelihood.count == clean.likelihood.count - 3
+    assert math.sqrt(left_out.noise.variance / clean.noise.variance) == pytest.approx(1.0, abs=0.01)
+    assert np.all(np.abs(left_out.model.vector - clean.model.vector) < clean.std)
+
+
+@pytest.fixture(scope="module")
+def healthy() -> tuple[dict[str, list[float]], list[float]]:
+    """Statistics by effect, and the noise found in rpm, over 40 healthy logs of their own profiles."""
+    names = ("offset_torque", "quadratic_drag")
+    statistics: dict[str, list[float]] = {name: [] for name in names}
+    noises = []
+    for seed in range(40):
+        record = record_of(simulated(seed=seed, profile="P2", samples=1500))
+        fit = fitted(record)
+        everything = np.ones(record.follows.size, dtype=bool)
+        sigma = math.sqrt(fit.noise.variance)
+        facts = facts_of(record.data, fit.model, sigma, record.temperature_degC, everything, frozenset())
+        scorer = Scorer(fit.frame, PRIOR, fit.noise.variance, fit.noise.ratio)
+        for name, score in scorer.best_of_each(facts, [CATALOGUE[name] for name in names], lambda: None).items():
+            statistics[name].append(score.statistic)
+        noises.append(sigma / RAD_S_PER_RPM)
+    return statistics, noises
+
+
+@pytest.mark.parametrize("name", ["offset_torque", "quadratic_drag"])
+def test_statistics_of_healthy_wheels_are_chi_square(
+    name: str, healthy: tuple[dict[str, list[float]], list[float]]
+) -> None:
+    """Nothing being there, the gain of one coefficient follows chi-square(1): by Kolmogorov and Smirnov, and in size."""
+    found = np.array(healthy[0][name])
+    assert found.size == 40
+    assert kstest(found, chi2(1).cdf).pvalue > 0.01
+    assert 0.5 < np.mean(found) < 1.6
+
+
+def test_the_noise_of_the_readings_is_found(healthy: tuple[dict[str, list[float]], list[float]]) -> None:
+    """R comes out of the profile likelihood: 1 rpm but for the chance of 1500 readings."""
+    noises = np.array(healthy[1])
+    expected = 1.0 / math.sqrt(2.0 * 1500.0)
+    assert np.mean(noises) == pytest.approx(1.0, abs=0.01)
+    assert np.max(np.abs(noises - 1.0)) < 4.0 * expected
+
+
+def test_the_ratio_of_noises_is_found() -> None:
+    """Process noise of the plant comes back within a factor of two, and R beside it does not suffer."""
+    ratios, noises = [], []
+    for seed in range(6):
+        fit = fitted(record_of(simulated(seed=seed, profile="P2", samples=3000, process_rpm=0.1)))
+        ratios.append(fit.noise.ratio)
+        noises.append(math.sqrt(fit.noise.variance) / RAD_S_PER_RPM)
+    assert 0.5 < np.exp(np.mean(np.log(ratios))) / (0.1**2 * 0.1) < 2.0
+    assert np.mean(noises) == pytest.approx(1.0, abs=0.02)

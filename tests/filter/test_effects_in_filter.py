@@ -1,0 +1,263 @@
+"""Effects as states of the filter: online and compiled alike, learnt from the plant, absent without a trace."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from drivers.plant_batch import simulate_run
+from drivers.plant_effect_text import parse_effects
+from drivers.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.diagnosis.model import columns_of_candidate
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.effect import RecordFacts, Shape
+from rw_ekf.effects.propagation import effect_interval
+from rw_ekf.effects.table import NO_EFFECTS, Column, EffectSet
+from rw_ekf.excitation import make_profile, sample_profile
+from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief
+from rw_ekf.filter.estimator import Estimator
+from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.transition import interval
+from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.filter.replay import OUTCOMES, Columns
+from tests.truth import OMEGA_S, constants_for, prior_drawn_around
+
+Float64Array = NDArray[np.float64]
+Injected = tuple[str, str, EffectSet, Float64Array]
+
+SEEDS = range(6)
+WHEEL = RecordFacts(
+    first_s=0.0, last_s=90.0, period_s=0.1, top_speed_rad_s=60.0, top_current_A=0.15, friction=CK13_STATISTICAL,
+    stribeck_speed_rad_s=OMEGA_S, stribeck_law=0, speed_noise_rad_s=RAD_S_PER_RPM, reversals=8,
+    temperature_range_K=10.0, angle=True, channels=frozenset({"temperature_degC", "angle_rad"}),
+)  # fmt: skip
+TOGETHER = ("quadratic_drag", "actuator_lag", "presliding_hysteresis")
+
+
+def in_use(*ids: str) -> EffectSet:
+    """Effects at a size that shows, as uncertain as they are large."""
+    columns: list[Column] = []
+    for name in ids:
+        effect = CATALOGUE[name]
+        for column in columns_of_candidate(effect, effect.candidates(WHEEL)[0]):
+            value = 5.0 * effect.smallest(WHEEL) if effect.linear else column.value
+            columns.append(replace(column, value=value, std=abs(value)))
+    return EffectSet(tuple(columns))
+
+
+def believed(effects: EffectSet, base: Belief = DEFAULT_PRIOR) -> Belief:
+    """A belief with the effects' coefficients behind the five states, and their hidden states behind those."""
+    size = effects.table().size
+    mean, covariance = np.zeros(size), np.zeros((size, size))
+    mean[:5], covariance[:5, :5] = base.mean, base.covariance
+    for at, column in enumerate(effects.state_columns, start=5):
+        mean[at], covariance[at, at] = column.value, column.std**2
+    return Belief(mean, covariance)
+
+
+def rough_log(seed: int, *, burst: bool = False, first_A: float = 0.0) -> tuple[Columns, Float64Array, Float64Array]:
+    """Columns, temperature and angle, with everything that happens on a line; a constant current at every seeding.
+
+    Readings missing alone and after a gap, a spike, a new segment whose clock restarts; burst: a run of bad readings
+    too. first_A: commanded where the log and the segment begin.
+    """
+    rng = np.random.default_rng(seed)
+    times, currents = sample_profile(make_profile("P2", seed=seed), 10.0)
+    n = 700
+    current = np.array(currents[:n])
+    for seeded in (0, 200, 400, 550):
+        current[max(seeded - 25, 0) : seeded + 25] = 0.0
+    for begins in (0, 400):
+        current[begins : begins + 25] = first_A
+    run = simulate_run(PlantParameters(), current, times[:n], seed=seed, initial_speed_rad_s=30.0)
+    time_s, speed = run.time_s.copy(), run.measured_speed_rad_s.copy()
+    segment = np.where(np.arange(n) < 400, 0, 1)
+    speed[rng.choice(n, n // 20, replace=False)] = np.nan
+    speed[0], speed[120] = np.nan, speed[119] + 60.0 * RAD_S_PER_RPM
+    time_s[200:] += 7.0
+    time_s[400:] -= time_s[400] - 3.0
+    if burst:
+        speed[550:557] += 80.0 * RAD_S_PER_RPM
+    temperature = 25.0 + 5.0 * np.sin(0.005 * np.arange(n))
+    temperature[rng.random(n) < 0.3] = np.nan
+    angle = np.where(np.arange(n) % 40 == 0, rng.uniform(0.0, 6.0, n), np.nan)
+    return Columns(time_s, speed, current, np.zeros(n), segment), temperature, angle
+
+
+def both(
+    log: Columns, temperature: Float64Array, angle: Float64Array, effects: EffectSet
+) -> tuple[list[StepResult], FilterRun]:
+    """The log sample by sample through the estimator, and through the compiled pass."""
+    belief, constants = believed(effects), constants_for()
+    drift = np.full(len(effects.state_columns), 1.0e-9)
+    estimator = Estimator(constants, belief.mean, belief.covariance, effects, drift)
+    results = []
+    for i in range(log.time_s.size):
+        reading = None if math.isnan(log.speed_rad_s[i]) else float(log.speed_rad_s[i])
+        sample = WheelSample(
+            float(log.time_s[i]),
+            reading,
+            temperature_degC=None if math.isnan(temperature[i]) else float(temperature[i]),
+            angle_rad=None if math.isnan(angle[i]) else float(angle[i]),
+            segment=int(log.segment[i]),
+        )
+        results.append(estimator.step(sample))
+        estimator.command_issued(IssuedCommand(float(log.current_A[i]), float(log.delay_s[i])))
+    data = FilterInput.of(
+        log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle
+    )  # fmt: skip
+    run = filter_log(data, constants, belief.mean, belief.covariance, effects, drift, keep_states=True)
+    return results, run
+
+
+def assert_same(results: list[StepResult], run: FilterRun) -> None:
+    """Every outcome, every mean and every sigma, to a millionth of a sigma."""
+    assert [r.outcome for r in results] == [OUTCOMES[code] for code in run.outcome]
+    shown = len(results[0].mean)
+    means, stds = np.array([r.mean for r in results]), np.array([r.std for r in results])
+    assert np.max((np.abs(means - run.states[:, :shown]) / run.stds[:, :shown])) < 1e-6
+    assert np.max(np.abs(stds / run.stds[:, :shown] - 1.0)) < 1e-6
+
+
+@pytest.mark.parametrize("ids", [*((name,) for name in CATALOGUE), TOGETHER], ids="+".join)
+def test_online_and_compiled_are_one_filter(ids: tuple[str, ...]) -> None:
+    """Every effect, and three at once, on a rough log: the same numbers and the same decisions at every sample."""
+    log, temperature, angle = rough_log(5)
+    results, run = both(log, temperature, angle, in_use(*ids))
+    assert {Outcome.FIRST, Outcome.MISSING, Outcome.GATED, Outcome.RESEEDED} <= {r.outcome for r in results}
+    assert_same(results, run)
+
+
+@pytest.mark.parametrize("name", ["actuator_lag", "friction_lag", "presliding_hysteresis"])
+def test_a_run_of_bad_readings_seeds_hidden_states_alike(name: str) -> None:
+    """Where the gate gives up and the speed starts afresh, the hidden state does so too, online and compiled."""
+    log, temperature, angle = rough_log(6, burst=True)
+    results, run = both(log, temperature, angle, in_use(name))
+    assert Outcome.RESEEDED in {r.outcome for r in results[550:557]}
+    assert_same(results, run)
+
+
+def test_a_lagging_current_starts_from_the_first_command() -> None:
+    """Nothing earlier is known, so that both filters begin with the first command of a segment as if it had held."""
+    log, temperature, angle = rough_log(7, first_A=0.1)
+    results, run = both(log, temperature, angle, in_use("actuator_lag"))
+    assert_same(results, run)
+
+
+def test_a_settled_current_keeps_the_covariance_one() -> None:
+    """Under a constant command a lag's hidden state has next to no variance: a missing reading is no error then."""
+    effects = in_use("actuator_lag")
+    belief = believed(effects)
+    estimator = Estimator(constants_for(), belief.mean, belief.covariance, effects)
+    rng = np.random.default_rng(2)
+    for i in range(300):
+        reading = None if i % 7 == 6 else 20.0 + 0.1 * float(rng.standard_normal())
+        estimator.step(WheelSample(0.1 * i, reading))
+        estimator.command_issued(IssuedCommand(0.05))
+
+
+def injected(name: str, values: str, columns: list[tuple[float, float, float, Shape]]) -> Injected:
+    """(name, plant's effect, columns to be learnt, true coefficients); columns: truth, prior mean and std, shape."""
+    effect = CATALOGUE[name]
+    made = tuple(Column(effect, mean, std, shape) for _, mean, std, shape in columns)
+    return name, f"{name}:{values}", EffectSet(made), np.array([truth for truth, *_ in columns])
+
+
+NONE: Shape = (0.0, 0.0, 0.0)
+LEARNT = (
+    injected("offset_torque", "torque_rad_s2=0.03", [(0.03, 0.0, 0.06, NONE)]),
+    injected("viscous_asymmetry", "difference_1_s=3e-4", [(3e-4, 0.0, 6e-4, NONE)]),
+    injected("quadratic_drag", "coefficient_1_rad=1.5e-6", [(1.5e-6, 0.0, 3e-6, NONE)]),
+    injected("viscous_temperature", "slope_1_K=-0.03", [(-0.03, 0.0, 0.06, NONE)]),
+    injected("motor_saturation", "slope_1_A=0.1", [(0.1, 0.0, 0.2, NONE)]),
+    injected("current_deadzone", "width_A=0.003", [(0.003, 0.001, 0.004, NONE)]),
+    injected("actuator_lag", "time_constant_s=0.08", [(0.08, 0.04, 0.06, NONE)]),
+    injected("transport_delay", "delay_s=0.08", [(0.08, 0.04, 0.06, NONE)]),
+    injected("presliding_hysteresis", "deflection_rad=0.1,damping=0.3", [(0.1, 0.05, 0.07, (0.3, 0.0, 0.0))]),
+    injected("friction_lag", "time_constant_s=0.2", [(0.2, 0.1, 0.15, NONE)]),
+    injected("stribeck_shape", "speed_rad_s=1.2", [(1.2, 0.6, 0.8, NONE)]),
+    injected(
+        "torque_ripple",
+        "order=1,amplitude_rad_s2=0.05,phase_rad=0.7",
+        [
+            (0.05 * math.cos(0.7), 0.0, 0.1, (1.0, 0.0, 0.0)),
+            (0.05 * math.sin(0.7), 0.0, 0.1, (1.0, 0.5 * math.pi, 0.0)),
+        ],
+    ),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "effects", "truth"), [case[1:] for case in LEARNT], ids=[case[0] for case in LEARNT])
+def test_the_filter_learns_what_the_plant_has(text: str, effects: EffectSet, truth: Float64Array) -> None:
+    """From 300 s of the identification profile every coefficient ends within 4 sigma of the plant's.
+
+    The sigma is neither a third nor three times of what the errors over seeds say. Plant and filter share no code.
+    """
+    times, currents = sample_profile(make_profile("identification", seed=1), 10.0)
+    noise = PlantNoise(RAD_S_PER_RPM, DEFAULT_NOISE.acceleration_noise)
+    errors, stds = [], []
+    for seed in SEEDS:
+        run = simulate_run(parse_effects([text]), currents[:3000], times[:3000], noise, seed=seed)
+        belief = believed(effects, prior_drawn_around(CK13_STATISTICAL, seed))
+        data = FilterInput.of(
+            run.time_s, run.measured_speed_rad_s, run.current_command_A, None, None, run.temperature_degC, run.angle_rad
+        )
+        found = filter_log(data, constants_for(), belief.mean, belief.covariance, effects)
+        places = slice(5, 5 + truth.size)
+        errors.append(found.mean[places] - truth)
+        stds.append(np.sqrt(np.diag(found.covariance))[places])
+    assert np.max(np.abs(np.array(errors) / stds)) < 4.0
+    ratio = np.sqrt(np.mean(np.square(stds), axis=0) / np.mean(np.square(errors), axis=0))
+    assert np.all((ratio > 1.0 / 3.0) & (ratio < 3.0)), ratio
+    assert np.all(np.mean(stds, axis=0) < 0.5 * np.array([c.std for c in effects.columns]))
+
+
+def test_without_effects_nothing_changes_at_all() -> None:
+    """No effects, and a grid of no width, which is no state, give the five-state results to the last bit."""
+    log, _, _ = rough_log(8, burst=True)
+    data = FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
+    grid = EffectSet((Column(CATALOGUE["speed_quantisation"], 0.0, 0.0, in_state=False),))
+    warm = replace(data, temperature_degC=np.full(log.time_s.size, 50.0), angle_rad=np.zeros(log.time_s.size))
+    plain = filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    for other, effects in ((data, NO_EFFECTS), (data, grid), (warm, NO_EFFECTS)):
+        run = filter_log(
+            other, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, effects, keep_states=True
+        )
+        for name in ("states", "stds", "outcome", "mean", "covariance"):
+            assert np.array_equal(getattr(run, name), getattr(plain, name)), name
+
+
+def test_an_effect_known_to_be_nothing_is_none() -> None:
+    """A torque of zero without variance leaves the five states where the filter without effects has them."""
+    log, temperature, angle = rough_log(8, burst=True)
+    data = FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle)
+    nothing = EffectSet((Column(CATALOGUE["offset_torque"], 0.0, 0.0),))
+    belief = believed(nothing)
+    plain = filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    run = filter_log(data, constants_for(), belief.mean, belief.covariance, nothing, keep_states=True)
+    assert np.max(np.abs(run.states[:, :5] - plain.states) / plain.stds) < 1e-9
+    assert np.max(np.abs(run.stds[:, :5] / plain.stds - 1.0)) < 1e-9
+    assert np.all(run.stds[:, 5] == 0.0)
+
+
+def test_the_flow_of_a_table_without_effects_is_the_models() -> None:
+    """Speed and slopes over an interval in two pieces are those of the transition, to the last bit."""
+    rng = np.random.default_rng(3)
+    table = NO_EFFECTS.table()
+    row, end = np.zeros(5), np.zeros(5)
+    for _ in range(200):
+        x = np.array([rng.normal(0.0, 2.0), *CK13_STATISTICAL])
+        cut = float(rng.uniform(0.01, 0.09))
+        begins, durations = [0.0, cut], [cut, 0.1 - cut]
+        currents = list(rng.normal(0.0, 0.05, 2))
+        effect_interval(
+            x, table, OMEGA_S, 0, 0.0, 0.1, 20.0, 0.0, begins, durations, currents, 0, 0, 2, True, row, end
+        )  # fmt: skip
+        plain = interval(x[0], x[1], x[2], x[3], x[4], OMEGA_S, 0, durations, currents, 0, 2)
+        assert (end[0], *row) == plain

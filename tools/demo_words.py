@@ -1,0 +1,112 @@
+"""What the demo prints and draws."""
+
+from __future__ import annotations
+
+import itertools
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.filter.identifiability import rounded
+from rw_ekf.logs.reader import read_log
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.pictures import run_picture
+from rw_ekf.replay import replay_log
+from rw_ekf.settings.load import load_configuration
+from tools.demo_wheel import Lot
+
+_steps = itertools.count(1)
+_METRICS = (("20 s ahead", "horizon_20s_rms_rpm"), ("free run", "free_run_rms_rpm"))
+
+
+def say(text: str) -> None:
+    """Print the heading of the next step."""
+    print(f"\n{next(_steps)}. {text}", flush=True)
+
+
+def print_link(run: dict[str, Any]) -> None:
+    """How the line and the loop behaved."""
+    loop, wire = run["loop"], run["link"]
+    print(
+        f"   {run['logs'][0]['samples']} samples; {wire['requests']} requests, {wire['timeouts']} timeouts; "
+        f"{loop['overruns']} overruns, late by {loop['late_ms_p99']:.2f} ms at the 99th percentile"
+    )
+
+
+def print_estimates(entry: dict[str, Any]) -> None:
+    """The four parameters, and whether the filter noticed that its residual is not noise."""
+    for name in PARAMETER_NAMES:
+        print(f"   {name:<12}{estimate_text(entry, name):>26}  {STATE_UNITS[name]}")
+    alarms = [text for text in entry["warnings"] if "residual is not noise" in text]
+    for text in alarms:
+        print(wrapped(f"warning: {text}"))
+    if not alarms:
+        print("   no warning: the filter believes its model. That would be wrong here.")
+
+
+def estimate_text(entry: dict[str, Any], name: str) -> str:
+    """A parameter with the digits that its sigma allows."""
+    return rounded(entry["state"][name], entry["std"][name])
+
+
+def print_verdict(document: dict[str, Any]) -> None:
+    """The verdict and its sentence."""
+    print(wrapped(f"{document['verdict']['kind']}: {document['verdict']['statement']}"))
+
+
+def print_before_after(replays: Sequence[dict[str, Any]], without: dict[str, Any], with_it: dict[str, Any]) -> bool:
+    """Errors without and with the effect, and both verdicts; whether the free-run error fell."""
+    rows = [("one step ahead", *(entry["innovation"]["rms_rpm"] for entry in replays))]
+    rows += [(words, without["before"][key], with_it["before"][key]) for words, key in _METRICS]
+    print(f"   {'error, RMS':<16}{'without':>10}{'with':>10}")
+    for words, before, after in rows:
+        texts = ("-" if value is None else f"{value:.3f}" for value in (before, after))
+        print("   {:<16}{:>10}{:>10} rpm".format(words, *texts))
+    print(
+        wrapped(f"diagnosed without the model, it is {without['verdict']['kind']}: {without['verdict']['statement']}")
+    )
+    print(wrapped(f"diagnosed with the model, it is {with_it['verdict']['kind']}: {with_it['verdict']['statement']}"))
+    _, before, after = rows[-1]
+    return before is not None and after is not None and after < before
+
+
+def print_truth(lot: Lot, runs: Sequence[tuple[str, dict[str, Any]]], found: dict[str, Any]) -> bool:
+    """Open the seal: estimates of each run beside the truth, and the effect; whether the diagnosis named it."""
+    print(f"   {'':<14}{'truth':>10}" + "".join(f"{title:>26}{'off by':>14}" for title, _ in runs))
+    for name in PARAMETER_NAMES:
+        line = f"   {name:<14}{lot.parameters[name]:>10.5g}"
+        for _, entry in runs:
+            off = (entry["state"][name] - lot.parameters[name]) / entry["std"][name]
+            line += f"{estimate_text(entry, name):>26}{off:>+8.1f} sigma"
+        print(f"{line}  {STATE_UNITS[name]}")
+    verdict = found["verdict"]
+    alike = {name for group in verdict["indistinguishable"] for name in group}
+    named = lot.effect in {*verdict["effects"], *alike}
+    print(
+        f"   the effect: {lot.effect}, {lot.name} = {lot.value:g}; named by the diagnosis: {'yes' if named else 'NO'}"
+    )
+    effects = runs[-1][1]["effects"]
+    if lot.effect in effects:
+        state = effects[lot.effect]
+        off = (state["value"] - lot.value) / state["std"]
+        print(
+            f"   now a state of the filter: {rounded(state['value'], state['std'])} {state['unit']}, "
+            f"off by {off:+.1f} sigma"
+        )
+    return named
+
+
+def wrapped(text: str) -> str:
+    """A sentence in lines that a terminal holds."""
+    return textwrap.fill(text, 116, initial_indent="   ", subsequent_indent="     ", break_on_hyphens=False)
+
+
+def draw_run(path: Path, log: str, config: Path, truth: dict[str, float], title: str) -> None:
+    """Replay a log as its run went, and draw it beside the truth."""
+    configuration = load_configuration(config)
+    record = read_log(log)
+    again = replay_log(record, configuration, read_wheel_model(None, configuration), with_columns=True)
+    assert again.columns is not None
+    run_picture(path, record, again.columns, truth=truth, title=title)
