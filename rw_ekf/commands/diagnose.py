@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -51,6 +52,8 @@ def execute(args: argparse.Namespace) -> int:
     configuration = read_configuration(args.config)
     model = read_wheel_model(args.model, configuration)
     (log,) = read_logs([args.log], args.columns)
+    if directory is not None:
+        _make_ready(directory)
 
     from rw_ekf.diagnosis.diagnose import diagnose_log
     from rw_ekf.diagnosis.report import write_report
@@ -73,3 +76,16 @@ def execute(args: argparse.Namespace) -> int:
     else:
         sys.stdout.write(diagnosis_text(found.document, directory=directory, wheel_units=inertia is not None) + "\n")
     return 0
+
+
+def _make_ready(directory: Path) -> None:
+    """Make the place of the report, or refuse it, before the work that would have nowhere to go."""
+    from rw_ekf.errors import BadInputError
+
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        reason = None if os.access(directory, os.W_OK | os.X_OK) else "Permission denied"
+    except OSError as error:
+        reason = error.strerror or str(error)
+    if reason is not None:
+        raise BadInputError(f"{directory}: cannot be a directory to write in ({reason}): give another place to --out")

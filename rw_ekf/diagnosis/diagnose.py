@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import testable
 from rw_ekf.diagnosis.event import event_gain_percent
-from rw_ekf.diagnosis.evidence import EXPLAINED_SHARE, INDISTINGUISHABLE, MAP_P, threshold
+from rw_ekf.diagnosis.evidence import EXPLAINED_SHARE, INDISTINGUISHABLE, MAP_P, WHOLE_P, threshold
 from rw_ekf.diagnosis.frame import Fit
 from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
 from rw_ekf.diagnosis.preparation import Prepared, prepare, unfit
@@ -82,8 +82,6 @@ def diagnose_log(
     if split == "blocks" and not _news(found) and left_over(found.left, MAP_P):
         # What acts may have acted in the held-out blocks alone: then they are searched, and the others held out.
         other = _look(found.prepared.swapped(), advance)
-        if not _news(other):
-            other = _look_everywhere(found.prepared, advance)
         if _news(other):
             found = other
     advance("judging on the held-out part")
@@ -105,36 +103,46 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
 
 
 def _look(prepared: Prepared, advance: Advance) -> _Found:
-    """Search the fit part, keep what the held-out part confirms, and map what is left on the whole record."""
+    """Search the fit part, then the whole record for what one part shows too little of; keep what is confirmed."""
     search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
     selection = search.run(prepared.base)
     if _new_ids(selection):
         search.with_rivals(selection)
         _settle_rivals(search, selection)
-        _confirm(prepared, search, selection)
+        _confirm(prepared, search, selection, _new_ids(selection))
+    _widen(prepared, search, selection, advance)
     advance("mapping the residual")
     whole = search.on_whole(selection.final)
     return _Found(prepared, search, selection, whole, residual_map(whole, prepared.prior, prepared.facts))
 
 
-def _look_everywhere(prepared: Prepared, advance: Advance) -> _Found:
-    """Search the whole record where its parts show too little each; coefficients are the fit part's all the same.
+def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Advance) -> None:
+    """Look at the whole record for more, at a stricter level; coefficients are the fit part's all the same.
 
-    The held-out part then had a share in finding the effect, but none in its size; it must still be predicted better.
+    The held-out part then has a share in finding an effect, but none in its size, and must still be predicted better.
     """
-    everywhere = Search(prepared.whole, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
-    part = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
-    wide = everywhere.run(part.on_whole(prepared.base))
-    if _new_ids(wide):
-        everywhere.with_rivals(wide)
-        _settle_rivals(everywhere, wide)
-    fit = prepared.base
-    for name in _new_ids(wide):
-        fit = part.told(fit, name)
-    selection = Selection(prepared.base, fit, wide.trials, wide.rivals, whole_record=True)
-    _confirm(prepared, part, selection)
-    whole = part.on_whole(selection.final)
-    return _Found(prepared, part, selection, whole, residual_map(whole, prepared.prior, prepared.facts))
+    advance("searching the whole record")
+    whole, facts = prepared.whole, prepared.facts
+    everywhere = Search(whole, whole, prepared.seen, prepared.prior, facts, advance, enough=WHOLE_P)
+    wide = everywhere.run(search.on_whole(selection.final))
+    names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
+    if not names:
+        return
+    everywhere.with_rivals(wide)
+    _settle_rivals(everywhere, wide)
+    names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
+    fit = selection.final
+    for name in [name for name in fit.model.effects.ids if name not in wide.final.model.effects.ids]:
+        fit = search.without(fit, name)
+        selection.trials[name].decision = f"explained by {', '.join(names)}"
+    for name in names:
+        fit = search.told(fit, name)
+        selection.trials[name] = wide.trials[name]
+    before = set(fit.model.effects.ids)
+    selection.final = fit
+    _confirm(prepared, search, selection, [name for name in names if name in before])
+    selection.rivals |= {name: fits for name, fits in wide.rivals.items() if name in selection.final.model.effects.ids}
+    selection.whole_record = [name for name in names if name in selection.final.model.effects.ids]
 
 
 def _new_ids(selection: Selection) -> list[str]:
@@ -162,9 +170,9 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
             selection.rivals[name] = near
 
 
-def _confirm(prepared: Prepared, search: Search, selection: Selection) -> None:
+def _confirm(prepared: Prepared, search: Search, selection: Selection, names: list[str]) -> None:
     """Drop what worsens the held-out part, by its likelihood or by its free run; an event is not judged there."""
-    for name in _new_ids(selection):
+    for name in names:
         if CATALOGUE[name].local_in_time:
             continue
         less = search.without(selection.final, name)
@@ -316,7 +324,9 @@ def _verdict(
     groups = grouped(found.selection, names)
     seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
-    where = " (sought on the whole record)" if found.selection.whole_record else ""
+    where = ""
+    if found.selection.whole_record:
+        where = f" ({', '.join(found.selection.whole_record)} sought on the whole record)"
     if any(CATALOGUE[name].local_in_time for name in names):
         where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
     better = improvement(

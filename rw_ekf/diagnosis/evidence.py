@@ -2,9 +2,9 @@
 
 Under a model that lacks nothing, twice the gain in log-likelihood is chi-square with as many degrees of freedom as the
 effect has coefficients (Wilks); the best of N independent places exceeds x with probability 1 - (1 - p(x))^N. What is
-not independent is counted by its resolution: onsets a decay apart, frequencies a line apart. Thresholds are calibrated
-with healthy simulated wheels (tools/calibrate_diagnosis.py, docs/diagnosis-proof.md), whose statistics follow this law
-but for a factor: crossings of zero speed are not perfectly Gaussian.
+not independent is counted by its resolution: onsets a decay apart, frequencies a line apart. Healthy simulated wheels
+follow this law but for a factor, because crossings of zero speed are not perfectly Gaussian (`python -m
+tools.prove_diagnosis --only healthy`, docs/diagnosis-proof.md).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from rw_ekf.effects.effect import Effect, RecordFacts
 from rw_ekf.filter.consistency import chi_square_tail
 
 SIGNIFICANT_P = 5.0e-4  # of one effect on the part that is searched; the held-out part must confirm it
+WHOLE_P = 1.0e-5  # the same on the whole record, where nothing independent is left to confirm it
 LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
 INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
 INDISTINGUISHABLE = 9.0  # two explanations whose log-likelihoods differ by less than half of this: three sigma

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from rw_ekf.diagnosis.candidates import Score, Scorer
 from rw_ekf.diagnosis.evidence import LOCAL_P, SIGNIFICANT_P, p_value
 from rw_ekf.diagnosis.frame import Fit, Prior, fit_model
-from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.model import Model, columns_of_candidate
 from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.effect import Effect, ReadingEffect, RecordFacts, StribeckEffect
+from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts, StribeckEffect
 from rw_ekf.effects.table import Column
 
 Float64Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Selection:
     final: Fit
     trials: dict[str, Trial] = field(default_factory=dict)
     rivals: dict[str, list[Fit]] = field(default_factory=dict)  # chosen id -> fits with another in its place
-    whole_record: bool = False  # sought on the whole record, held-out part included
+    whole_record: list[str] = field(default_factory=list)  # ids sought there, held-out part included
 
 
 class Search:
@@ -67,11 +67,13 @@ class Search:
         prior: Prior,
         facts: RecordFacts,
         advance: Callable[[str], object],
+        enough: float = SIGNIFICANT_P,
     ) -> None:
-        """seen: the whole record's speed, smoothed under the base model."""
+        """seen: the whole record's speed, smoothed under the base model; enough: p-value at which an effect enters."""
         self.fit_part = fit_part
         self.whole = whole
         self.seen = seen
+        self.enough = enough
         self.prior = prior
         self.facts = facts
         self.advance = advance
@@ -148,10 +150,13 @@ class Search:
         )
         return fit_model(self.whole, fit.model, self.prior, reference, fit.noise, fit.omit, turns=8)
 
+    def _enough(self, effect: type[Effect]) -> float:
+        return min(LOCAL_P, self.enough) if effect.local_in_time else self.enough
+
     def _significant(self, score: Score) -> bool:
         """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
         effect = score.hypothesis.effect
-        enough = _enough(effect) if effect.linear else _WORTH_A_FIT_P
+        enough = self._enough(effect) if effect.linear else _WORTH_A_FIT_P
         return p_value(effect, score.statistic, self.facts) < enough and (
             not effect.linear or score.size >= effect.smallest(self.facts)
         )
@@ -190,7 +195,7 @@ class Search:
             trial = replace(self._trial(score), statistic=statistic)
             trial.p_value = p_value(effect, statistic, self.facts)
             selection.trials[score.id] = trial
-            if not local and trial.p_value >= _enough(effect):
+            if not local and trial.p_value >= self._enough(effect):
                 continue
             if not (matters(fit.model, score.id, self.facts) and determined(fit, score.id)):
                 trial.decision = "too small to matter"
@@ -220,31 +225,45 @@ class Search:
 
     def with_rivals(self, selection: Selection) -> None:
         """For each effect chosen, those that fit nearly as well in its place; all fitted in full."""
-        for name in selection.final.model.effects.ids:
+        final = selection.final
+        for name in final.model.effects.ids:
             if name in selection.base.model.effects.ids or CATALOGUE[name].local_in_time:
                 continue
-            statistic = selection.trials[name].statistic
-            near = [
-                trial
-                for trial in selection.trials.values()
-                if trial.effect.id not in selection.final.model.effects.ids
-                and not trial.effect.local_in_time
-                and trial.statistic > _ALIAS_SHARE * statistic
-            ]
-            near = sorted(near, key=lambda trial: -trial.statistic)[:_TRIED]
+            near = self._near(selection, name)
             if not near:
                 continue
             self.advance(f"comparing rivals of {name}")
-            less = self.without(selection.final, name)
-            scores = self._scores(less, [trial.effect for trial in near])
-            for score in scores.values():
-                fits = [
-                    self._refit(less, less.model.with_effect(c)) for c in score.hypothesis.starts(score.coefficients)
-                ]
+            less = self.without(final, name)
+            scores = self._scores(less, near)
+            value = next(column.value for column in final.model.columns if column.id == name)
+            for effect in near:
+                score = scores.get(effect.id)
+                starts = [] if score is None else score.hypothesis.starts(score.coefficients)
+                if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
+                    starts.append(columns_of_candidate(effect, Candidate(value)))
+                fits = [self._refit(less, less.model.with_effect(columns)) for columns in starts]
+                if not fits:
+                    continue
                 rival = max(fits, key=lambda item: item.likelihood.value)
-                behind = 2.0 * (selection.final.likelihood.value - rival.likelihood.value)
-                if behind < _RIVAL_MARGIN:
+                if 2.0 * (final.likelihood.value - rival.likelihood.value) < _RIVAL_MARGIN:
                     selection.rivals.setdefault(name, []).append(rival)
+
+    def _near(self, selection: Selection, name: str) -> list[type[Effect]]:
+        """Effects worth comparing with one that was chosen: known aliases, and those that scored half as much."""
+        least = _ALIAS_SHARE * selection.trials[name].statistic
+        strong = sorted(selection.trials.values(), key=lambda trial: -trial.statistic)
+        names = [trial.effect.id for trial in strong if trial.statistic > least][:_TRIED]
+        names += [other for other in CATALOGUE[name].confounded if not CATALOGUE[other].linear]
+        present = set(selection.final.model.effects.ids)
+        memory = any(c.effect.flow_kind for c in selection.final.model.columns if c.id != name)
+        return [
+            effect
+            for effect in self.effects
+            if effect.id in names
+            and effect.id not in present
+            and not effect.local_in_time
+            and not (effect.flow_kind and memory)
+        ]
 
     def _prune(self, fit: Fit, selection: Selection) -> Fit:
         """Leave out, one by one, what is no longer missed or no longer matters."""
@@ -259,7 +278,7 @@ class Search:
             if not losses:
                 break
             statistic, name, less = min(losses, key=lambda item: item[0])
-            if p_value(CATALOGUE[name], statistic, self.facts) < _enough(CATALOGUE[name]) and matters(
+            if p_value(CATALOGUE[name], statistic, self.facts) < self._enough(CATALOGUE[name]) and matters(
                 fit.model, name, self.facts
             ):
                 break
@@ -272,10 +291,6 @@ class Search:
 def _lines(model: Model) -> set[tuple[str, float]]:
     """What is in a model: ids, each order or frequency of a periodic one for itself."""
     return {(c.id, round(c.shape[0], 6) if c.effect.quadrature else 0.0) for c in model.columns}
-
-
-def _enough(effect: type[Effect]) -> float:
-    return LOCAL_P if effect.local_in_time else SIGNIFICANT_P
 
 
 def determined(fit: Fit, name: str) -> bool:

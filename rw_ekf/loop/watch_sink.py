@@ -6,7 +6,6 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.logs.metadata import utc_text
 from rw_ekf.records import IssuedCommand, StepResult, WheelSample
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
@@ -84,7 +83,7 @@ class WatchSink:
 
     def _utc(self, time_s: float, now_s: float) -> str:
         """UTC of a time of the log [s], given that it is now_s at this moment."""
-        return utc_text((self._now() - timedelta(seconds=now_s - time_s)).replace(microsecond=0))
+        return f"{self._now() - timedelta(seconds=now_s - time_s):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def watch_sink_of(

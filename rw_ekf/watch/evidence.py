@@ -14,7 +14,8 @@ from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
 # Break-away friction is the parameter the estimator knows worst, and is too sure of (docs/filter.md): what happens at
 # low speed under a drive hardly above it is no evidence of anything else.
 _CREEP_SPEED = 3.0  # Stribeck speeds
-_CREEP_DRIVE = 0.25  # of Coulomb friction, beyond break-away
+_CREEP_DRIVE = 0.25  # of Coulomb friction, beyond break-away, ...
+_CREEP_SIGMAS = 3.0  # ... or as many of its standard deviations
 _LONGEST_STEP_IN_PERIODS = 3.5  # after a longer one the watch begins anew: the line, not the wheel, is in question
 
 
@@ -34,6 +35,7 @@ class Evidence(NamedTuple):
     gain: float  # share of the innovation that the filter's speed took over [-]; 0 where the reading was not used
     keep: float  # share of a deviation in speed that is left at the end of the interval, before the update [-]
     belief: tuple[float, ...]  # the estimator's state at the interval's start, in the order of StateIndex
+    coulomb_std: float  # of the estimator's Coulomb friction [rad/s^2], after the sample
     reseeded: bool  # the speed was set to this reading after its innovation had been gated time and again
     restart: bool  # first sample, gap or new segment: what was before says nothing about what follows
 
@@ -48,6 +50,7 @@ class EvidenceReader:
         self._longest_s = _LONGEST_STEP_IN_PERIODS * period_s
         self._last: WheelSample | None = None
         self._belief: tuple[float, ...] = ()
+        self._static_std = 0.0
         self._temperature_degC = math.nan
         self._in_force_A = 0.0
         self._following: IssuedCommand | None = None
@@ -68,7 +71,7 @@ class EvidenceReader:
         turned = predicted * belief[StateIndex.SPEED] <= 0.0
         keep = _turned(belief, current_A, predicted) if turned else 1.0 - belief[StateIndex.VISCOUS] * dt_s
         direction = 0.0
-        if sure and not turned and not (abs(predicted) < self._creep_speed and _creeps(belief, current_A)):
+        if sure and not turned and not (abs(predicted) < self._creep_speed and self._creeps(belief, current_A)):
             direction = 1.0 if predicted > 0.0 else -1.0
         if sample.temperature_degC is not None:
             self._temperature_degC = sample.temperature_degC
@@ -78,9 +81,11 @@ class EvidenceReader:
             if test.accepted:
                 gain = 1.0 - self._speed_variance / variance
         self._last, self._belief, self._following = sample, result.mean, command
+        self._static_std = result.std[StateIndex.STATIC]
         return Evidence(
             sample.time_s, dt_s, direction, predicted, current_A, self._temperature_degC,
-            innovation, variance, gain, keep, belief, outcome is Outcome.RESEEDED, restart,
+            innovation, variance, gain, keep, belief, result.std[StateIndex.COULOMB],
+            outcome is Outcome.RESEEDED, restart,
         )  # fmt: skip
 
     def _current_over(self, dt_s: float) -> tuple[float, bool]:
@@ -93,6 +98,17 @@ class EvidenceReader:
         self._in_force_A = command.current_A
         return mean_A, command.acknowledged
 
+    def _creeps(self, belief: tuple[float, ...], current_A: float) -> bool:
+        """Whether the drive is too little beyond break-away to tell a slow wheel's drag from an error in that."""
+        drive = abs(belief[StateIndex.MOTOR_GAIN] * current_A)
+        unsure = max(_CREEP_DRIVE * abs(belief[StateIndex.COULOMB]), _CREEP_SIGMAS * self._static_std)
+        return drive < breakaway(belief) + unsure
+
+
+def breakaway(belief: tuple[float, ...]) -> float:
+    """Break-away friction [rad/s^2]: what the estimator believes, but never less than Coulomb friction."""
+    return max(belief[StateIndex.STATIC], belief[StateIndex.COULOMB])
+
 
 def _turned(belief: tuple[float, ...], current_A: float, predicted_rad_s: float) -> float:
     """Share of a deviation that outlives a reversal: the saltation factor (docs/model.md eq. 13); at rest, none."""
@@ -100,9 +116,3 @@ def _turned(belief: tuple[float, ...], current_A: float, predicted_rad_s: float)
     if predicted_rad_s == 0.0 or drive <= static:
         return 0.0
     return (drive - static) / (drive + static)
-
-
-def _creeps(belief: tuple[float, ...], current_A: float) -> bool:
-    """Whether the drive is too little beyond break-away friction to tell a slow wheel's drag from an error in that."""
-    drive = abs(belief[StateIndex.MOTOR_GAIN] * current_A)
-    return drive < belief[StateIndex.STATIC] + _CREEP_DRIVE * abs(belief[StateIndex.COULOMB])

@@ -22,7 +22,7 @@ _PER_OCTAVE = 4  # onsets kept per doubling of age
 _THIN_EVERY = 6  # samples
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Onset:
     """One hypothesis: its time, its rate of response, and what the innovations say of it and of its rival."""
 
@@ -55,6 +55,10 @@ class OnsetBank:
         self._longest = max(round(longest_s / period_s), 4 * _PER_OCTAVE)
         self._onsets: list[_Onset] = []
         self._tick = 0
+        self._leaders: tuple[_Onset | None, _Onset | None] = (
+            None,
+            None,
+        )  # the best onset, and the best step of the speed
         self._left = 1.0  # 1 - K of the last sample
         self._drag_gain = 0.0  # L
 
@@ -101,7 +105,7 @@ class OnsetBank:
         weight = 1.0 / e.variance
         limit = _CLIP * math.sqrt(e.variance)
         told = weight * min(max(e.innovation_rad_s, -limit), limit)
-        best, best_square, rival_square = None, 0.0, 0.0
+        best, rival, best_square, rival_square = None, None, 0.0, 0.0
         for onset in self._onsets:
             lag, step = onset.lag, onset.step
             information = onset.information + weight * lag * lag
@@ -113,18 +117,19 @@ class OnsetBank:
             score = onset.step_score + told * step
             onset.step_information, onset.step_score = information, score
             if score * score > rival_square * information:
-                rival_square = score * score / information
+                rival, rival_square = onset, score * score / information
+        self._leaders = best, rival
         if best is None:
             return None
         return Onset(best.time_s, math.sqrt(best_square), best_square - rival_square)
 
     def _thin(self) -> None:
-        """Keep onsets at multiples of a power of two that grows with their age."""
-        now = self._tick
+        """Keep the leaders, and onsets at multiples of a power of two that grows with their age."""
+        now, leaders = self._tick, self._leaders
         kept = []
         for onset in self._onsets:
             age = now - onset.tick
             octaves = (age // _PER_OCTAVE).bit_length() - 1
-            if octaves <= 0 or (age <= self._longest and onset.tick % (1 << octaves) == 0):
+            if octaves <= 0 or (age <= self._longest and (onset.tick % (1 << octaves) == 0 or onset in leaders)):
                 kept.append(onset)
         self._onsets = kept

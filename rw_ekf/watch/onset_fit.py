@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rw_ekf.model.state import StateIndex
-from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.evidence import Evidence, breakaway
 
 _CANDIDATES = 64
 _SURE_SQUARE = 16.0  # an amplitude of fewer than four standard deviations is no number to report
@@ -95,7 +95,7 @@ def _held(recent: Sequence[Evidence], first_s: float, near_rest_rad_s: float) ->
 
     It stood, and did not just pass through zero slowly, where that drive would have moved it well away meanwhile.
     """
-    static = recent[0].belief[StateIndex.STATIC]
+    static = breakaway(recent[0].belief)
     held, largest, impulse, readings = 0.0, 0.0, 0.0, 0
     for e in recent:
         if e.time_s <= first_s or math.isnan(e.innovation_rad_s):

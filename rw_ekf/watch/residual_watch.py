@@ -35,7 +35,6 @@ BLOCK_S = 10.0
 _MOST_ROWS = 128  # of one piece of a block
 _SHORT_BLOCKS = 6
 _SLOW_BLOCKS = 18  # temperature and time are no explanation within three minutes
-_LEARNT_GAIN = 0.05  # the estimator is past its first readings
 _FEWEST = 100  # samples of a window that is judged
 _FEWEST_FOR_SIZE = 300
 _NOISE_TOLERANCE = math.log(1.25)  # a spread wrong by more is worth an alarm
@@ -67,7 +66,6 @@ class ResidualWatch:
         self._threshold = threshold
         self._white_limit = chi_square_limit(threshold)
         self._blocks: deque[BlockSums] = deque(maxlen=max(round(window_s / BLOCK_S), _SHORT_BLOCKS))
-        self._learnt = False
         self.active: Alarm | None = None
         self.context: str | None = None  # what went before and may explain an alarm
         self.forget()
@@ -82,12 +80,10 @@ class ResidualWatch:
         self._block_s = 0.0
         self._other_name = 0  # blocks running in which another dependence than the alarm's was clearly larger
         self._blocks_since_named = self._name_lasts = 0
+        self._begun_s = -math.inf  # of the active alarm, in the time of these blocks
 
     def add(self, e: Evidence) -> list[Alarm]:
         """Take one sample; return the alarm that began, changed its name or ended with it."""
-        if not self._learnt:
-            self._learnt = 0.0 < e.gain < _LEARNT_GAIN
-            return []
         self._rows.append(e)
         self._block_s += min(e.dt_s, BLOCK_S)
         full = self._block_s >= BLOCK_S - 0.5 * e.dt_s
@@ -109,8 +105,7 @@ class ResidualWatch:
     def _judge(self, time_s: float) -> list[Alarm]:
         blocks = list(self._blocks)
         if self.active is not None:  # what was before the change would blur what it is
-            begun_s = self.active.since_s
-            blocks = [b for b in blocks if b.begin_s >= begun_s] or blocks[-1:]
+            blocks = [b for b in blocks if b.begin_s >= self._begun_s] or blocks[-1:]
         windows = [blocks[-_SHORT_BLOCKS:]]
         if len(blocks) > _SHORT_BLOCKS:
             windows.append(blocks)
@@ -145,6 +140,7 @@ class ResidualWatch:
     def _name(self, verdict: Verdict, since_s: float) -> Alarm:
         self._other_name = self._blocks_since_named = 0
         if self.active is None:
+            self._begun_s = since_s
             self._name_lasts = _SHORT_BLOCKS  # the first name, of a short record, may soon be bettered; later ones hold
         self.active = Alarm(
             RESIDUAL,

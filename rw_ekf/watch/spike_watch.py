@@ -16,29 +16,20 @@ from rw_ekf.watch.drag_tracker import DragTracker
 from rw_ekf.watch.evidence import Evidence
 from rw_ekf.watch.onset_bank import Onset, OnsetBank
 from rw_ekf.watch.onset_fit import OnsetFit, fit_onset
+from rw_ekf.watch.spike_course import FADED, SpikeCourse
 
-FADED = "faded"
 LONGEST_ONSET_S = 15.0
 _MARGIN = 10.0  # twice the log likelihood ratio to a step of the speed: three sigma of that ratio when it decides
 _STILL_SURE = 0.8  # of the threshold
-_LEARNT_GAIN = 0.05  # the estimator is past its first readings
 _SIZED = 12.0  # amplitude in standard deviations at which it is reported ...
 _SIZED_AFTER_S = 1.0  # ... not before so long after the onset, ...
 _REPORTED_AFTER_S = 4.0  # ... and as it is after so long
 _AGAIN_AFTER_S = 5.0  # an onset too small to matter is not looked at again for so long
 _RETRY_S = 0.5  # a wheel at rest gives an amplitude no sooner by being asked more often
-_KEPT = 256  # samples for the exact onset
-_SHORTEST_S = 60.0  # a drag spike decays in minutes or hours; what is gone sooner is another thing, ...
-_USUAL_S = 1800.0  # ... and for so long only what is so much larger is called a spike
-_ABOVE_USUAL = 2.0
-_OVER_SHARE = 0.1  # of the amplitude; a spike is over below it, or below two standard deviations, ...
-_OVER_FOR_S = 5.0  # ... for so long of a turning wheel
+_KEPT = 512  # samples for the exact onset
 _NEAR_REST = 4.0  # reading noises: below, the wheel may stand still
-_BACK_TIME_S = 10.0  # the estimator's own innovations are trusted again when their mean over this time ...
-_BACK_MEAN = 0.25  # ... is below so many standard deviations of one of them, ...
-_BACK_FOR_S = 30.0  # ... for so long of a turning wheel
-_KNOWN_BY = 4.0  # standard deviations that the extra drag must be above zero to tell the decay by
-_WRONG_WAY_SHARE = 0.5  # of the amplitude, speeding the wheel up: no drag
+_USUAL_S = 1800.0  # for so long after what began like a spike and was none ...
+_ABOVE_USUAL = 2.0  # ... only what is so much larger is called a spike
 
 
 class SpikeWatch:
@@ -63,13 +54,12 @@ class SpikeWatch:
         self._bank = OnsetBank(LONGEST_ONSET_S, period_s)
         self._recent: deque[Evidence] = deque(maxlen=_KEPT)
         self._gains: deque[float] = deque(maxlen=_KEPT)
-        self._learnt = False
         self._sure = False
         self._quiet_until_s = -math.inf
         self._usual_rad_s2 = 0.0  # amplitude of what began like a spike and was none, lately
         self._usual_until_s = -math.inf
         self._tracker: DragTracker | None = None
-        self._course = _Course(0.0)
+        self._course = SpikeCourse(0.0)
         self.active: Alarm | None = None
 
     @property
@@ -86,9 +76,6 @@ class SpikeWatch:
 
     def add(self, e: Evidence) -> list[Alarm]:
         """Take one sample; return the spikes that began or ended with it."""
-        if not self._learnt:
-            self._learnt = 0.0 < e.gain < _LEARNT_GAIN
-            return []
         if e.restart:
             self._recent.clear()
             self._gains.clear()
@@ -108,11 +95,12 @@ class SpikeWatch:
         """Decide whether an onset is sure, and sized; its fit once it is to be reported."""
         if not self._sure:
             self._sure = onset.statistic > self._threshold and onset.margin > _MARGIN
-        elif onset.statistic < _STILL_SURE * self._threshold:
+        elif onset.statistic < _STILL_SURE * self._threshold or onset.margin < 0.0:
             self._sure = False
         age_s = e.time_s - onset.time_s
         sized = onset.statistic > _SIZED and age_s >= _SIZED_AFTER_S
-        if not self._sure or not (sized or age_s >= _REPORTED_AFTER_S):
+        due = sized or age_s >= _REPORTED_AFTER_S
+        if not (self._sure and due and onset.margin > _STILL_SURE * _MARGIN):
             return None
         fit = fit_onset(self._recent, self._gains, e.time_s - 1.5 * age_s - 0.5, self._near_rest_rad_s)
         smallest = self._smallest * abs(e.belief[StateIndex.COULOMB])
@@ -138,7 +126,7 @@ class SpikeWatch:
             drag, std = max(drag, self._tracker.drag_rad_s2), drag
         noises = self._variance, self._noise, self._near_rest_rad_s
         self._tracker = DragTracker(reference, speed, drag, std, *noises)
-        self._course = _Course(drag, bound=fit.at_least)
+        self._course = SpikeCourse(drag, bound=fit.at_least)
         self.active = Alarm(
             DRAG_SPIKE,
             fit.time_s,
@@ -157,12 +145,12 @@ class SpikeWatch:
         """See whether the spike is over; then, whether the estimator has got over it."""
         over = self._course.over(tracker, e, seen)
         if self.active is not None and over is not None:
-            ended = self._ended(e.time_s, over)
+            ended = self._ended(e.time_s - self._course.low_s, over)
             self.active = None
             if over != FADED:
                 self._remember(e.time_s)
             return [ended]
-        if self.active is None and self._course.recovered:
+        if self.active is None and self._course.recovered(e.dt_s):
             self._tracker = None
             self._start_afresh()
         return []
@@ -194,58 +182,3 @@ class SpikeWatch:
 
     def _torque_mNm(self, acceleration_rad_s2: float) -> float | None:
         return None if self._inertia is None else 1.0e3 * self._inertia * acceleration_rad_s2
-
-
-class _Course:
-    """How a spike fades, when it is over, and when the estimator has got over it."""
-
-    def __init__(self, amplitude_rad_s2: float, *, bound: bool = False) -> None:
-        """bound: the amplitude is only known to be larger; then there is no decay time."""
-        self.amplitude_rad_s2 = amplitude_rad_s2
-        self._bound = bound
-        self._elapsed_s = 0.0
-        self._turning_s = 0.0
-        self._low_s = 0.0
-        self._wrong_s = 0.0
-        self._mean = math.inf  # of the estimator's normalised innovations
-        self._calm_s = 0.0
-        self.decay_s: float | None = None  # by what was left when it first was below 1/e
-
-    @property
-    def is_short(self) -> bool:
-        """Whether it has not lasted as long yet as a drag spike does."""
-        return self._elapsed_s < _SHORTEST_S + _OVER_FOR_S
-
-    @property
-    def recovered(self) -> bool:
-        """Whether the estimator's innovations have had no mean for a while."""
-        return self._calm_s > _BACK_FOR_S
-
-    def over(self, tracker: DragTracker, e: Evidence, seen: Evidence) -> str | None:
-        """Take one sample, as the estimator and as the tracker saw it; why the spike is over, or None."""
-        self._elapsed_s += e.dt_s
-        self._watch_estimator(e)
-        if seen.direction == 0.0:
-            return None
-        self._turning_s += e.dt_s
-        drag, std = tracker.drag_rad_s2, tracker.std_rad_s2
-        known = not self._bound and drag > _KNOWN_BY * std and self._turning_s > 0.3 * self._elapsed_s
-        if self.decay_s is None and known and drag < self.amplitude_rad_s2 / math.e:
-            self.decay_s = self._elapsed_s / math.log(self.amplitude_rad_s2 / drag)
-        wrong = drag < -max(_WRONG_WAY_SHARE * self.amplitude_rad_s2, 3.0 * std)
-        self._wrong_s = self._wrong_s + e.dt_s if wrong else 0.0
-        low = drag < max(_OVER_SHARE * self.amplitude_rad_s2, 2.0 * std)
-        self._low_s = self._low_s + e.dt_s if low else 0.0
-        if self._wrong_s > 1.0:
-            return "acts in one direction only: no drag"
-        if self._low_s <= _OVER_FOR_S or wrong:
-            return None
-        return "gone within a minute: no spike" if self.is_short else FADED
-
-    def _watch_estimator(self, e: Evidence) -> None:
-        if e.restart or e.direction == 0.0 or math.isnan(e.innovation_rad_s):
-            return
-        share = min(e.dt_s / _BACK_TIME_S, 1.0)
-        value = e.innovation_rad_s / math.sqrt(e.variance)
-        self._mean = value if math.isinf(self._mean) else self._mean + share * (value - self._mean)
-        self._calm_s = self._calm_s + e.dt_s if abs(self._mean) < _BACK_MEAN else 0.0

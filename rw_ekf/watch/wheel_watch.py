@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rw_ekf.model.state import StateIndex
 from rw_ekf.records import IssuedCommand, StepResult, WheelSample
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.evidence import Evidence, EvidenceReader
@@ -14,6 +15,11 @@ from rw_ekf.watch.thresholds import dependence_threshold, onset_threshold
 
 AFTER_SPIKE = "a drag spike that the estimator has to unlearn"
 _UNLEARNS_S = 7200.0
+# The estimator's first innovations show how it learns. It has settled when a reading hardly moves the speed any more
+# and Coulomb friction is known, or, at steady speed, which never shows that by itself, after a minute's turning.
+_SETTLED_GAIN = 0.05
+_SETTLED_COULOMB = 0.02
+_SETTLED_AFTER_S = 60.0
 
 
 class WatchedFilter(NamedTuple):
@@ -52,7 +58,9 @@ class WheelWatch:
             knobs.window_s,
             dependence_threshold(knobs.false_alarms_per_1000_h, BLOCK_S),
         )
-        self._unlearns_until_s = -math.inf
+        self._unlearns_until_s = self._last_s = -math.inf
+        self._settled = False
+        self._turned_s = 0.0
 
     @property
     def active(self) -> list[Alarm]:
@@ -71,6 +79,9 @@ class WheelWatch:
 
     def add(self, evidence: Evidence) -> list[Alarm]:
         """Take one sample as evidence."""
+        if not self._settled:
+            self._settled = self._settles(evidence)
+            return []
         news = self._spikes.add(evidence)
         if self._spikes.following:
             if news:
@@ -78,6 +89,15 @@ class WheelWatch:
                 self._residual.context = AFTER_SPIKE
                 self._unlearns_until_s = evidence.time_s + _UNLEARNS_S
             return news
-        if evidence.restart or evidence.time_s > self._unlearns_until_s:
+        if evidence.time_s > self._unlearns_until_s:
             self._residual.context = None
+        if evidence.time_s < self._last_s:  # a new segment's clock
+            self._residual.forget()
+        self._last_s = evidence.time_s
         return news + self._residual.add(evidence)
+
+    def _settles(self, e: Evidence) -> bool:
+        if e.direction != 0.0:
+            self._turned_s += e.dt_s
+        known = e.coulomb_std < _SETTLED_COULOMB * abs(e.belief[StateIndex.COULOMB])
+        return 0.0 < e.gain < _SETTLED_GAIN and (known or self._turned_s > _SETTLED_AFTER_S)

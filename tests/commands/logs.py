@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.plant_batch import simulate_run
+from drivers.plant_effect_text import parse_effects
+from rw_ekf.excitation import make_profile, sample_profile
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from tests.truth import Float64Array, fine_trajectory, run_of
 
@@ -24,6 +27,22 @@ def profile_log(path: Path, profile: str = "P2", seed: int = 4, samples: int | N
     """A published profile on the wheel of [CK13], readings with 1 rpm of noise."""
     run = run_of(profile, seed)
     return write_log(path, [v[:samples] for v in (run.time_s, run.reading_rad_s, run.current_A)])
+
+
+def plant_columns(
+    profile: str = "P2", effects: Sequence[str] = (), *, seed: int = 4, initial_speed_rad_s: float = 0.0
+) -> dict[str, Float64Array]:
+    """The driver's plant, which shares no line with the estimator, through a profile at 10 Hz, 1 rpm of noise."""
+    time_s, current_A = (np.array(v) for v in sample_profile(make_profile(profile, seed=seed), 10.0, 300.0))
+    run = simulate_run(
+        parse_effects(list(effects)), current_A, time_s, seed=seed, initial_speed_rad_s=initial_speed_rad_s
+    )
+    return {"time_s": time_s, "speed_rad_s": run.measured_speed_rad_s, "current_command_A": current_A}
+
+
+def write_columns(path: Path, columns: dict[str, Float64Array]) -> Path:
+    """Write columns under their names."""
+    return write_log(path, list(columns.values()), ",".join(columns))
 
 
 def coast_log(path: Path, seed: int = 1) -> Path:

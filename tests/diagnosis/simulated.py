@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.plant_batch import PlantRun, simulate_run
 from drivers.plant_effect_text import parse_effects
 from drivers.plant_parameters import PlantNoise
-from rw_ekf.diagnosis.frame import Fit, Noise, Prior, fit_model
+from rw_ekf.diagnosis.frame import Fit, Noise, Prior, fit_model, linearise, smoothed_reference
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.excitation import make_profile, sample_profile
@@ -53,17 +53,20 @@ def record_of(run: PlantRun) -> Record:
     return Record.of(data, everything, MAX_GAP_S, run.temperature_degC, run.angle_rad)
 
 
-def raw_reference(record: Record) -> Reference:
-    """The readings themselves, where a fit begins."""
+def first_reference(record: Record, model: Model) -> Reference:
+    """The readings smoothed once under a model: along the readings themselves no likelihood means anything."""
     speed = record.data.speed_rad_s
-    return Reference.of_speed(speed.copy(), np.full(speed.size, RAD_S_PER_RPM))
+    noise = Noise(RAD_S_PER_RPM**2, 1.0e-2)
+    raw = Reference.of_speed(speed.copy(), np.full(speed.size, RAD_S_PER_RPM))
+    frame = linearise(record, model, raw, noise, np.zeros(speed.size, dtype=bool), with_columns=False)
+    return smoothed_reference(frame, np.zeros(0), noise)
 
 
 def fitted(record: Record, model: Model = TRUTH, start: Fit | None = None) -> Fit:
     """A model fitted to a record, from its readings or from where another fit ended."""
     omit = np.zeros(record.follows.size, dtype=bool)
     if start is None:
-        return fit_model(record, model, PRIOR, raw_reference(record), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit)
+        return fit_model(record, model, PRIOR, first_reference(record, model), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit)
     return fit_model(record, model, PRIOR, start.reference, start.noise, omit)
 
 

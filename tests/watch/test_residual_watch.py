@@ -73,7 +73,7 @@ def test_the_alarm_says_since_when() -> None:
 
 
 def test_the_alarm_ends_when_the_cause_is_gone() -> None:
-    """A torque that is there for 200 s only: the alarm ends once the estimator has unlearnt it, well within the hour."""
+    """A torque that is there for 200 s only: the alarm ends once the estimator has unlearnt it."""
     time_s, current_A = commands("P2", 0.7, 3)
     wheel = drawn_wheel(13, 0.3)
     with_torque = simulated(wheel, time_s, current_A, 3, effect="offset_torque:torque_rad_s2=0.03", from_s=CHANGE_S)

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.plant_batch import PlantRun
 from rw_ekf.watch.alarms import DRAG_SPIKE
-from rw_ekf.watch.spike_watch import FADED
+from rw_ekf.watch.spike_course import FADED
 from tools.watch_runs import INERTIA_KG_M2, Heard, commands, drawn_wheel, heard, simulated
 
 ONSET_S = 247.03
@@ -123,7 +123,7 @@ def test_a_jump_of_the_speed_is_no_spike() -> None:
 
 
 def test_a_torque_that_sets_in_is_not_followed_as_drag() -> None:
-    """An abrupt constant torque brakes one way and drives the other: called a spike it is taken back on the reversal."""
+    """An abrupt constant torque brakes one way and drives the other: taken for a spike, it is taken back."""
     time_s, current_A = commands("P2", 0.2, 2)
     effect = "offset_torque:torque_rad_s2=0.15"
     run = simulated(drawn_wheel(2, 0.3), time_s, current_A, 2, effect=effect, from_s=310.0)

@@ -1,0 +1,75 @@
+"""The daemon on a simulated wheel behind a pty: a spike in mid-run is logged, published and reported."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rw_ekf.commands.run import _warnings
+from rw_ekf.logs.metadata import read_metadata
+from tests.loop.bench import Bench, served_wheel
+from tests.loop.daemon import run
+
+# The wheel is known well, so that the estimator has settled before the spike: a test cannot wait for minutes.
+PRIOR = {
+    "motor_gain": {"value": 15.205, "std": 0.01},
+    "viscous": {"value": 0.00322, "std": 0.0001},
+    "coulomb": {"value": 0.5863, "std": 0.002},
+    "static": {"value": 0.6037, "std": 0.01},
+}
+AMPLITUDE_RAD_S2 = 1.5
+SPIKE_S = 5.0
+
+
+def spike(bench: Bench) -> None:
+    """From now on the wheel drags, less and less."""
+    plant = bench.registers.plant
+    plant.parameters = plant.parameters._replace(
+        spike_rad_s2=AMPLITUDE_RAD_S2, spike_onset_s=plant.time_s, spike_decay_s=5.0
+    )
+
+
+@pytest.mark.slow
+def test_a_spike_in_a_run_is_logged_published_and_reported(tmp_path: Path) -> None:
+    """Said as `drag_spike` with amplitude and hour, it is in the state file while it lasts, ends, and is reported."""
+    published: list[list[dict[str, Any]]] = []
+    with served_wheel(tmp_path, initial_speed_rad_s=30.0) as bench:
+
+        def look() -> None:
+            path = next(bench.runs.glob("*.state.json"))
+            published.append(json.loads(path.read_text(encoding="utf-8"))["alarms"])
+
+        ran = run(
+            bench, 30.0, (SPIKE_S - 1.0, look), (SPIKE_S, lambda: spike(bench)), (SPIKE_S + 4.0, look),
+            filter={"prior": PRIOR}, command={"profile": "sine", "amplitude_A": 0.0, "bias_A": 0.15},
+        )  # fmt: skip
+    assert published[0] == []
+    (entry,) = published[1]
+    assert entry["name"] == "drag_spike"
+    alarms = [(event, fields) for event, fields in ran.notes.said if event.startswith("drag_spike")]
+    assert [event for event, _ in alarms] == ["drag_spike", "drag_spike_over"]
+    first, last = alarms[0][1], alarms[1][1]
+    began_s = ran.log.time_s[0]
+    assert SPIKE_S - 0.3 < first["since_s"] - began_s < SPIKE_S + 1.0
+    assert first["amplitude_rad_s2"] == pytest.approx(
+        AMPLITUDE_RAD_S2, rel=0.35
+    )  # it has half decayed when it is sized
+    assert first["amplitude_mNm"] == pytest.approx(1.5 * first["amplitude_rad_s2"])
+    assert last["ended_s"] - last["since_s"] < 24.0
+    metadata = read_metadata(ran.outcome.files.log)
+    assert metadata is not None
+    assert first["since_utc"][:13] >= metadata.first_sample_utc[:13]
+    assert any("drag spike" in text for text in ran.outcome.alarms)
+    assert any("drag spike" in text for text in _warnings(ran.outcome))
+
+
+def test_a_watch_that_is_switched_off_says_nothing(tmp_path: Path) -> None:
+    """`watch.enabled: false`: the run works, and its state file has no alarms."""
+    with served_wheel(tmp_path) as bench:
+        ran = run(bench, 0.6, watch={"enabled": False})
+        state = json.loads(ran.outcome.files.state.read_text(encoding="utf-8"))
+    assert "alarms" not in state
+    assert ran.outcome.alarms == ()

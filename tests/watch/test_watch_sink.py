@@ -1,0 +1,126 @@
+"""What the daemon's sink says of the watch: hour of the day, state file, report; and that it never ends a run."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from rw_ekf.loop.watch_sink import WatchSink
+from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.watch.alarms import DRAG_SPIKE, RESIDUAL, Alarm
+from rw_ekf.watch.wheel_watch import WheelWatch
+from tests.loop.daemon import Notes
+from tools.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream, watch_of
+
+NOON = datetime(2024, 5, 17, 12, 0, tzinfo=UTC)
+
+
+class Told(WheelWatch):
+    """A watch that says what it is told to."""
+
+    def __init__(self, *news: Alarm | Exception) -> None:
+        self._news = list(news)
+
+    def step(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> list[Alarm]:
+        item = self._news.pop(0)
+        if isinstance(item, Exception):
+            raise item
+        return [item]
+
+    @property
+    def remaining_drag(self) -> tuple[float, float] | None:
+        return 0.1, 0.01
+
+
+def spike(ended_s: float | None = None) -> Alarm:
+    details: dict[str, Any] = {
+        "amplitude_rad_s2": 0.3, "std_rad_s2": 0.02, "amplitude_mNm": 0.45, "std_mNm": 0.03, "bound": None,
+    }  # fmt: skip
+    if ended_s is not None:
+        details |= {"decay_s": 61.0, "end": "faded"}
+    return Alarm(DRAG_SPIKE, 95.0, details, ended_s)
+
+
+def residual() -> Alarm:
+    return Alarm(RESIDUAL, 60.0, {"largest_dependence": "temperature", "deviation": 7.0, "after": None})
+
+
+def fed(*news: Alarm | Exception) -> tuple[WatchSink, Notes]:
+    notes = Notes()
+    sink = WatchSink(Told(*news), notes, now=lambda: NOON)
+    for _ in news:
+        sink.write(WheelSample(100.0, 1.0), None, StepResult(100.0, "updated", (), ()))  # type: ignore[arg-type]
+    return sink, notes
+
+
+def test_times_of_the_log_become_hours_of_the_day() -> None:
+    """An onset 5 s before a sample that comes at noon was at 11:59:55; nothing undefined is logged."""
+    _, notes = fed(spike())
+    (event, fields) = notes.said[0]
+    assert event == "drag_spike"
+    assert fields["since_utc"].startswith("2024-05-17T11:59:55")
+    assert fields["since_s"] == 95.0
+    assert fields["amplitude_mNm"] == 0.45
+    assert "bound" not in fields
+    assert "0.45 mNm" in fields["text"]
+
+
+def test_the_issue_s_sentence() -> None:
+    """The alarm reads as it was asked for."""
+    sink, notes = fed(residual())
+    assert "residual is not noise since 2024-05-17T11:59:20" in notes.said[0][1]["text"]
+    assert notes.said[0][1]["text"].endswith("largest dependence: temperature")
+    assert sink.warnings == [notes.said[0][1]["text"]]
+
+
+def test_active_alarms_are_published_until_they_end() -> None:
+    """The state file's list has the alarm with what is left of the drag, is JSON, and is empty after the end."""
+    sink, _ = fed(spike())
+    (entry,) = sink.active()
+    assert entry["name"] == DRAG_SPIKE
+    assert entry["remaining_rad_s2"] == 0.1
+    assert json.loads(json.dumps(sink.active(), allow_nan=False)) == sink.active()
+    sink, notes = fed(spike(), spike(ended_s=98.0))
+    assert sink.active() == []
+    assert notes.events == ["drag_spike", "drag_spike_over"]
+    assert notes.said[1][1]["ended_utc"].startswith("2024-05-17T11:59:58")
+    assert notes.said[1][1]["since_utc"] == notes.said[0][1]["since_utc"]
+    assert len(sink.warnings) == 2
+
+
+def test_a_broken_watch_does_not_end_the_run() -> None:
+    """An arithmetic error within the watch is reported once; the samples go on without alarms."""
+    sink, notes = fed(residual(), ZeroDivisionError("float division by zero"))
+    assert notes.events == ["residual_not_noise", "watch_failed"]
+    sink.write(WheelSample(101.0, 1.0), None, StepResult(101.0, "updated", (), ()))  # type: ignore[arg-type]
+    assert sink.active() == []
+
+
+def test_the_report_stays_short() -> None:
+    """A hundred alarms give fifty sentences and a count."""
+    sink, _ = fed(*[spike() for _ in range(100)])
+    assert len(sink.warnings) == 51
+    assert sink.warnings[-1].startswith("50 more")
+
+
+@pytest.mark.parametrize("segment_s", [150.0])
+def test_a_restarted_clock_raises_nothing(segment_s: float) -> None:
+    """A wheel whose clock begins anew in mid-run, speed seeded afresh: no alarm."""
+    time_s, current_A = commands("P2", 0.1, 4)
+    run = simulated(drawn_wheel(4, 0.3), time_s, current_A, 4)
+    constants, done = filtered(run)
+    watch = watch_of(constants)
+    assert constants.omega_s == OMEGA_S
+    said = []
+    for sample, command, result in stream(run, constants, done):
+        if sample.time_s >= segment_s:
+            late = WheelSample(
+                sample.time_s - segment_s, sample.speed_rad_s, temperature_degC=sample.temperature_degC, segment=1
+            )
+            said += watch.step(late, command, result)
+        else:
+            said += watch.step(sample, command, result)
+    assert said == []
