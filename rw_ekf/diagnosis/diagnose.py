@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import testable
 from rw_ekf.diagnosis.event import event_gain_percent
-from rw_ekf.diagnosis.evidence import EXPLAINED_SHARE, INDISTINGUISHABLE, MAP_P, WHOLE_P, threshold
+from rw_ekf.diagnosis.evidence import (
+    EXPLAINED_SHARE,
+    INDISTINGUISHABLE,
+    MAP_P,
+    MEMORY_MAP_P,
+    WHOLE_P,
+    threshold,
+)
 from rw_ekf.diagnosis.frame import Fit
 from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
 from rw_ekf.diagnosis.preparation import Prepared, prepare, unfit
@@ -79,7 +86,7 @@ def diagnose_log(
         return _unjudged(log, reason, split)
     advance("fitting the base model")
     found = _look(prepare(log, configuration, model, split), advance)
-    if split == "blocks" and not _news(found) and left_over(found.left, MAP_P):
+    if split == "blocks" and not _news(found) and _left(found):
         # What acts may have acted in the held-out blocks alone: then they are searched, and the others held out.
         other = _look(found.prepared.swapped(), advance)
         if _news(other):
@@ -143,6 +150,12 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     _confirm(prepared, search, selection, [name for name in names if name in before])
     selection.rivals |= {name: fits for name, fits in wide.rivals.items() if name in selection.final.model.effects.ids}
     selection.whole_record = [name for name in names if name in selection.final.model.effects.ids]
+
+
+def _left(found: _Found) -> list[Dependence]:
+    """What noise does not explain in the map, which is coarser near rest for a friction with a memory."""
+    memory = any(column.effect.flow_kind for column in found.selection.final.model.columns)
+    return left_over(found.left, MEMORY_MAP_P if memory else MAP_P)
 
 
 def _new_ids(selection: Selection) -> list[str]:
@@ -222,7 +235,7 @@ def _conclude(
     inertia = prepared.setup.inertia_kg_m2 if configuration is None else configuration.wheel.inertia_kg_m2
     before = _judge(prepared, selection.base, inertia)
     names = _new_ids(selection)
-    left = left_over(found.left, MAP_P)
+    left = _left(found)
     share = _share(found, left)
     unexplained = bool(left) and share < EXPLAINED_SHARE
     after = _judge(prepared, selection.final, inertia) if names else before

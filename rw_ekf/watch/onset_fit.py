@@ -23,6 +23,7 @@ class OnsetFit(NamedTuple):
     std_rad_s2: float
     lag_rad_s: float  # of the wheel behind the filter's speed after the last update
     sized: bool  # the amplitude is at least four standard deviations
+    is_step: bool  # a sudden step of the speed explains the readings better
     at_least: bool  # the wheel stands still under a current that would move it: the amplitude is a lower bound
 
 
@@ -38,20 +39,22 @@ def fit_onset(
     first_s = max(earliest_s, recent[0].time_s - recent[0].dt_s)
     step_s = (recent[-1].time_s - first_s) / _CANDIDATES
     tried = []
+    rival = 0.0
     for number in range(_CANDIDATES):
         onset_s = first_s + number * step_s
-        lag, information, score = _response(recent, drag_gains, onset_s, near_rest_rad_s)
+        lag, information, score, step_square = _response(recent, drag_gains, onset_s, near_rest_rad_s)
+        rival = max(rival, step_square)
         if score > 0.0:
             tried.append((score * score / information, onset_s, score / information, 1.0 / information, lag))
-    best = _weighed(tried) if tried else None
+    best = _weighed(tried, rival) if tried else None
     held = _held(recent, first_s, near_rest_rad_s)
     if held > 0.0 and (best is None or not best.sized or best.amplitude_rad_s2 < held):
         since_s, lag = (first_s, 0.0) if best is None else (best.time_s, best.lag_rad_s)
-        return OnsetFit(since_s, held, held, lag, sized=False, at_least=True)
+        return OnsetFit(since_s, held, held, lag, sized=False, is_step=False, at_least=True)
     return best
 
 
-def _weighed(tried: Sequence[tuple[float, float, float, float, float]]) -> OnsetFit:
+def _weighed(tried: Sequence[tuple[float, float, float, float, float]], rival: float) -> OnsetFit:
     """Mean over the onsets by likelihood: (square, onset, amplitude, its variance, lag per amplitude) of each.
 
     So the amplitude's standard deviation holds what the uncertain onset adds.
@@ -67,27 +70,34 @@ def _weighed(tried: Sequence[tuple[float, float, float, float, float]]) -> Onset
         lag += weight * its_lag * its_amplitude
     mean = amplitude / total
     std = math.sqrt(max(squares / total - mean * mean, 0.0))
-    return OnsetFit(onset_s / total, mean, std, lag / total, sized=square > _SURE_SQUARE, at_least=False)
+    return OnsetFit(
+        onset_s / total, mean, std, lag / total, sized=square > _SURE_SQUARE, is_step=rival > square, at_least=False
+    )
 
 
 def _response(
     recent: Sequence[Evidence], drag_gains: Sequence[float], onset_s: float, near_rest_rad_s: float
-) -> tuple[float, float, float]:
-    """(lag after the last update, sum m^2/S, sum m nu/S) of a unit of drag from `onset_s` on; eq. 2-6."""
+) -> tuple[float, float, float, float]:
+    """(lag after the last update, sum m^2/S, sum m nu/S, square of the rival) of a unit of drag from `onset_s` on."""
     lag, missing, information, score = 0.0, 1.0, 0.0, 0.0
+    step, step_information, step_score = 1.0, 0.0, 0.0
     for e, drag_gain in zip(recent, drag_gains, strict=True):
         if e.time_s <= onset_s:
             continue
         lag = e.keep * lag - e.direction * min(e.dt_s, e.time_s - onset_s) * missing
+        step *= e.keep
         if not math.isnan(e.innovation_rad_s):
             if e.direction * (e.speed_rad_s + e.innovation_rad_s) > near_rest_rad_s:
                 information += lag * lag / e.variance
                 score += lag * e.innovation_rad_s / e.variance
+                step_information += step * step / e.variance
+                step_score += step * e.innovation_rad_s / e.variance
             missing -= drag_gain * lag
             lag *= 1.0 - e.gain
+            step *= 1.0 - e.gain
         if e.reseeded:
-            lag = 0.0
-    return lag, information, score
+            lag = step = 0.0
+    return lag, information, score, step_score * step_score / step_information if step_information > 0.0 else 0.0
 
 
 def _held(recent: Sequence[Evidence], first_s: float, near_rest_rad_s: float) -> float:

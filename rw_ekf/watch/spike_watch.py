@@ -24,7 +24,7 @@ _STILL_SURE = 0.8  # of the threshold
 _SIZED = 12.0  # amplitude in standard deviations at which it is reported ...
 _SIZED_AFTER_S = 1.0  # ... not before so long after the onset, ...
 _REPORTED_AFTER_S = 4.0  # ... and as it is after so long
-_AGAIN_AFTER_S = 5.0  # an onset too small to matter is not looked at again for so long
+_AGAIN_AFTER_S = 5.0  # an onset that was none, or too small, is not looked at again for so long
 _RETRY_S = 0.5  # a wheel at rest gives an amplitude no sooner by being asked more often
 _KEPT = 512  # samples for the exact onset
 _NEAR_REST = 4.0  # reading noises: below, the wheel may stand still
@@ -106,11 +106,11 @@ class SpikeWatch:
         smallest = self._smallest * abs(e.belief[StateIndex.COULOMB])
         if e.time_s < self._usual_until_s:
             smallest = max(smallest, _ABOVE_USUAL * self._usual_rad_s2)
-        if fit is not None and fit.amplitude_rad_s2 > smallest and (fit.sized or fit.at_least):
+        if fit is not None and fit.amplitude_rad_s2 > smallest and (fit.sized or fit.at_least) and not fit.is_step:
             return fit
-        small = fit is not None and fit.sized
-        self._sure = not small
-        self._quiet_until_s = e.time_s + (_AGAIN_AFTER_S if small else _RETRY_S)
+        none = fit is not None and (fit.sized or fit.is_step)  # too small, or no drag at all
+        self._sure = not none
+        self._quiet_until_s = e.time_s + (_AGAIN_AFTER_S if none else _RETRY_S)
         return None
 
     def _begin(self, e: Evidence, fit: OnsetFit) -> list[Alarm]:

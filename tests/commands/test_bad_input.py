@@ -65,16 +65,17 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 2
     return errors
 
 
-@pytest.mark.parametrize("verb", ["replay", "fit", "export"])
+@pytest.mark.parametrize("verb", ["replay", "fit", "diagnose", "export"])
 @pytest.mark.parametrize("name", BAD_LOGS)
 def test_a_bad_log_is_refused_with_its_place(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, verb: str
 ) -> None:
     """Every verb that reads logs says file, place and what was found, in one sentence, and leaves no output behind."""
     file_name, content, expected = BAD_LOGS[name]
-    if verb == "export" and name == "no speed at all":
-        pytest.skip("a log without a speed can be converted: the contract's columns are there")
-    log, out = tmp_path / file_name, tmp_path / ("out.csv" if verb != "fit" else "out.yaml")
+    if verb in {"export", "diagnose"} and name == "no speed at all":
+        pytest.skip("a log without a speed can be converted, and a diagnosis says that it cannot be judged")
+    names = {"fit": "out.yaml", "diagnose": "out"}
+    log, out = tmp_path / file_name, tmp_path / names.get(verb, "out.csv")
     log.write_bytes(content)
     target = [str(out)] if verb == "export" else ["--out", str(out)]
     message = refused(capsys, verb, str(log), *target)
@@ -84,7 +85,7 @@ def test_a_bad_log_is_refused_with_its_place(
     assert not out.exists()
 
 
-@pytest.mark.parametrize("verb", ["replay", "fit"])
+@pytest.mark.parametrize("verb", ["replay", "fit", "diagnose"])
 def test_a_log_that_is_not_there_or_a_directory(tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str) -> None:
     """A name that leads nowhere, and one that leads to a directory, are named."""
     assert "nowhere.csv" in refused(capsys, verb, str(tmp_path / "nowhere.csv"))
