@@ -40,9 +40,9 @@ def print_estimates(entry: dict[str, Any]) -> None:
     for name in PARAMETER_NAMES:
         print(f"   {name:<12}{estimate_text(entry, name):>26}  {STATE_UNITS[name]}")
     alarms = [text for text in entry["warnings"] if "residual is not noise" in text]
-    for text in alarms:
-        print(wrapped(f"warning: {text}"))
-    if not alarms:
+    if alarms:  # those of the run's course come first, the judgement of the whole run last
+        print(wrapped(f"warning: {alarms[-1]}"))
+    else:
         print("   no warning: the filter believes its model. That would be wrong here.")
 
 

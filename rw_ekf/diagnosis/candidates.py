@@ -22,6 +22,7 @@ from rw_ekf.diagnosis.whitening import adjoint
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts, StaticEffect, StribeckEffect
 from rw_ekf.effects.table import Column, EffectSet
+from rw_ekf.model.friction import LAW_CODES
 
 Float64Array = NDArray[np.float64]
 
@@ -48,7 +49,9 @@ class Hypothesis:
         found = [replace(c, value=float(v) * self.unit) for c, v in zip(made, coefficients, strict=True)]
         if self.effect.linear:
             return [found]
-        return [made] if issubclass(self.effect, StribeckEffect) else [found, made]
+        if issubclass(self.effect, StribeckEffect):  # the laws are near each other: each deserves a fit
+            return [[replace(made[0], shape=(float(law), 0.0, 0.0))] for law in sorted(LAW_CODES.values())]
+        return [found, made]
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def two_segments() -> Columns:
 
 
 def riddled() -> Columns:
-    """A fifth of every column but the time is missing, here and there; the currents are slow, so that holding one is fair."""
+    """A fifth of every column but the time is missing; the currents are slow, so that holding one over is fair."""
     rng = np.random.default_rng(3)
     columns = plant_columns("P1")
     columns |= {

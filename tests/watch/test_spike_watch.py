@@ -144,9 +144,9 @@ def test_a_wheel_that_a_spike_stops_is_reported_with_a_bound() -> None:
 
 
 def test_five_times_the_noise_only_takes_longer() -> None:
-    """At 5 rpm noise 1 mNm is still reported within 5 s, 0.2 mNm within 15 s."""
+    """At 5 rpm noise 1 mNm is reported within 8 s, 0.2 mNm within 15 s."""
     for seed in range(3):
-        for size_mNm, within_s in ((1.0, 5.0), (0.2, 15.0)):
+        for size_mNm, within_s in ((1.0, 8.0), (0.2, 15.0)):
             run = spiked("steady", seed, size_mNm, 400.0, noise_rpm=5.0)
             begun = [h for h in spikes(run, 5.0) if h.alarm.ended_s is None]
             assert begun, (seed, size_mNm)
