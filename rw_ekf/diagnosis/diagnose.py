@@ -26,7 +26,7 @@ from rw_ekf.diagnosis.quantisation import Lattice, find_lattice
 from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.residual_tests import residual_tests
-from rw_ekf.diagnosis.selection import Search, Selection
+from rw_ekf.diagnosis.selection import Search, Selection, determined
 from rw_ekf.diagnosis.split import Kind, split_record
 from rw_ekf.diagnosis.verdict import (
     Verdict,
@@ -54,6 +54,7 @@ SCHEMA = "rw_ekf.diagnosis/1"
 MODEL_FILE = "augmented-model.yaml"
 _QUANTISATION = "speed_quantisation"
 _WORST_GAIN_PERCENT = -2.0  # an effect that matters does not make the free run worse; a small one may not better it
+_LEAST_SIGMAS_OF_PART = 1.0  # what the whole record found, one part must know at least so well
 _REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which nobody calls an effect
 
 
@@ -143,8 +144,12 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
         fit = search.without(fit, name)
         selection.trials[name].decision = f"explained by {', '.join(names)}"
     for name in names:
-        fit = search.told(fit, name)
+        told = search.told(fit, name)
         selection.trials[name] = wide.trials[name]
+        if determined(told, name, _LEAST_SIGMAS_OF_PART):
+            fit = told
+        else:
+            selection.trials[name].decision = "not confirmed: the searched part knows no size of it"
     before = set(fit.model.effects.ids)
     selection.final = fit
     _confirm(prepared, search, selection, [name for name in names if name in before])

@@ -293,12 +293,12 @@ def _lines(model: Model) -> set[tuple[str, float]]:
     return {(c.id, round(c.shape[0], 6) if c.effect.quadrature else 0.0) for c in model.columns}
 
 
-def determined(fit: Fit, name: str) -> bool:
+def determined(fit: Fit, name: str, sigmas: float = _LEAST_SIGMAS) -> bool:
     """Whether the fit knows the coefficient at all: a fit that ran away claims a gain, but no size."""
     places = [i for i, column in enumerate(fit.model.columns) if column.id == name]
     value = float(np.linalg.norm([fit.model.columns[i].value for i in places]))
     std = float(np.linalg.norm([fit.std[4 + i] for i in places]))
-    return bool(value > _LEAST_SIGMAS * std / np.sqrt(len(places)))
+    return bool(value > sigmas * std / np.sqrt(len(places)))
 
 
 def matters(model: Model, name: str, facts: RecordFacts) -> bool:

@@ -201,3 +201,23 @@ def test_the_ratio_of_noises_is_found() -> None:
         noises.append(math.sqrt(fit.noise.variance) / RAD_S_PER_RPM)
     assert 0.5 < np.exp(np.mean(np.log(ratios))) / (0.1**2 * 0.1) < 2.0
     assert np.mean(noises) == pytest.approx(1.0, abs=0.02)
+
+
+def test_process_noise_does_not_pass_for_an_effect() -> None:
+    """A healthy wheel whose speed wanders a little: statistics stay near chi-square, and sigmas near the errors.
+
+    Ten minutes at 0.02 rpm per sqrt(s), which is little beside the readings' noise and much beside the sigmas.
+    """
+    statistics, squares = [], []
+    for seed in range(12):
+        record = record_of(simulated(seed=1000 + seed, process_rpm=0.02))
+        fit = fitted(record)
+        everything = np.ones(record.follows.size, dtype=bool)
+        sigma = math.sqrt(fit.noise.variance)
+        facts = facts_of(record.data, fit.model, sigma, record.temperature_degC, everything, frozenset())
+        scorer = Scorer(fit.frame, PRIOR, fit.noise.variance, fit.noise.ratio)
+        score = scorer.best_of_each(facts, [CATALOGUE["offset_torque"]], lambda: None)["offset_torque"]
+        statistics.append(score.statistic)
+        squares.append(np.mean(((fit.model.coefficients - TRUTH.coefficients) / fit.std)[:3] ** 2))
+    assert np.mean(statistics) < 3.0
+    assert np.mean(squares) < 4.0

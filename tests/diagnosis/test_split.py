@@ -91,16 +91,6 @@ def test_time_runs_on_where_the_clock_restarts() -> None:
     assert running_time(np.zeros(0), np.zeros(0, np.int64)).size == 0
 
 
-def test_a_block_across_a_restart_has_a_span_for_each_clock() -> None:
-    """A span runs forward in the log's own time: where the clock restarts within a block, a new one begins."""
-    time_s = np.concatenate((np.arange(700), np.arange(700))) / 10.0 + np.repeat([50.0, 0.0], 700)
-    segment = np.repeat([0, 1], 700)
-    speed = 100.0 * np.sin(np.arange(1400))
-    document = split_record(time_s, segment, speed, "blocks", 0.1).document()
-    for a, b in document["fit_s"] + document["heldout_s"]:
-        assert a <= b
-
-
 @pytest.mark.parametrize("period_s", [20.0, 150_000.0, 1.0e6])
 @pytest.mark.parametrize("kind", ["blocks", "halves"])
 def test_a_long_record_is_looked_at_in_part(period_s: float, kind: str) -> None:

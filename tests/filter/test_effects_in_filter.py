@@ -121,7 +121,7 @@ def assert_same(results: list[StepResult], run: FilterRun) -> None:
     assert [r.outcome for r in results] == [OUTCOMES[code] for code in run.outcome]
     shown = len(results[0].mean)
     means, stds = np.array([r.mean for r in results]), np.array([r.std for r in results])
-    assert np.max((np.abs(means - run.states[:, :shown]) / run.stds[:, :shown])) < 1e-6
+    assert np.max(np.abs(means - run.states[:, :shown]) / run.stds[:, :shown]) < 1e-6
     assert np.max(np.abs(stds / run.stds[:, :shown] - 1.0)) < 1e-6
 
 

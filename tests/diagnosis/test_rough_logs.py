@@ -1,0 +1,75 @@
+"""Diagnoses of logs with something odd about them that is no effect: the verdict does not change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.split import split_record
+from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.state import FrictionParameters
+from rw_ekf.model_file import WheelModel
+from tests.diagnosis.simulated import TRUTH, log_of, simulated
+
+DRAG = "quadratic_drag:coefficient_1_rad=1.2e-6"
+
+
+def diagnosed(log: WheelLog, model: WheelModel | None = None) -> dict[str, Any]:
+    """The document."""
+    return diagnose_log(log, model=model).document
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["fit", "heldout"])
+def test_a_few_spiked_readings_hide_nothing(part: str) -> None:
+    """Ten readings in six thousand that no wheel can have, on either part: drag is named, figures are sane."""
+    log = log_of(simulated([DRAG], seed=21))
+    split = split_record(log.time_s, log.segment, log.speed_rad_s, "blocks", 0.1)
+    speed = log.speed_rad_s.copy()
+    speed[np.flatnonzero(getattr(split, part))[100::300]] += 30.0
+    document = diagnosed(replace(log, speed_rad_s=speed))
+    assert document["verdict"]["effects"] == ["quadratic_drag"], document["verdict"]["statement"]
+    assert document["after"]["free_run_rms_rpm"] < 1.3
+    assert document["after"]["one_step_rms_rpm"] < 1.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "text", ["external_torque:amplitude_rad_s2=0.04,frequency_Hz=0.05", "drag_spike:onset_s=250,amplitude_rad_s2=0.05"]
+)
+def test_the_clock_of_a_log_may_begin_anywhere(text: str) -> None:
+    """Seconds since 1970 or since the start: the same effect with the same size, an onset on the log's own clock."""
+    log = log_of(simulated([text], seed=2))
+    name = text.split(":", maxsplit=1)[0]
+    sizes, onsets = [], []
+    for begins_s in (0.0, 1.76e9):
+        document = diagnosed(replace(log, time_s=log.time_s + begins_s))
+        assert document["verdict"]["effects"] == [name], document["verdict"]["statement"]
+        found = next(item for item in document["candidates"] if item["effect"] == name)["parameters"]
+        sizes.append(found["amplitude_rad_s2"]["value"])
+        onsets.append(found["onset_s"]["value"] - begins_s if "onset_s" in found else 0.0)
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.02)
+    assert onsets[1] == pytest.approx(onsets[0], abs=0.2)
+
+
+@pytest.mark.slow
+def test_readings_without_noise_are_no_accusation() -> None:
+    """A healthy wheel read perfectly differs from the model by the integration's own error, which is no structure."""
+    document = diagnosed(log_of(simulated(seed=1, noise_rpm=0.0)))
+    assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
+
+
+@pytest.mark.slow
+def test_a_model_without_viscous_friction_is_a_place_to_start_from() -> None:
+    """A parameter that is exactly zero in a model file has a width all the same."""
+    known = TRUTH.parameters
+    covariance = tuple(tuple(float(v) for v in row) for row in np.diag([0.1, 1e-6, 1e-3, 1e-2]))
+    model = WheelModel(
+        FrictionParameters(known.motor_gain, 0.0, known.coulomb, known.static), covariance, TRUTH.omega_s
+    )
+    document = diagnosed(log_of(simulated(seed=4, samples=3000)), model)
+    assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
