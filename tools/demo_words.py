@@ -18,7 +18,11 @@ from rw_ekf.settings.load import load_configuration
 from tools.demo_wheel import Lot
 
 _steps = itertools.count(1)
-_METRICS = (("20 s ahead", "horizon_20s_rms_rpm"), ("free run", "free_run_rms_rpm"))
+METRICS = (
+    ("one step ahead", "one_step_rms_rpm"),
+    ("20 s ahead", "horizon_20s_rms_rpm"),
+    ("free run", "free_run_rms_rpm"),
+)
 
 
 def say(text: str) -> None:
@@ -56,20 +60,15 @@ def print_verdict(document: dict[str, Any]) -> None:
     print(wrapped(f"{document['verdict']['kind']}: {document['verdict']['statement']}"))
 
 
-def print_before_after(replays: Sequence[dict[str, Any]], without: dict[str, Any], with_it: dict[str, Any]) -> bool:
-    """Errors without and with the effect, and both verdicts; whether the free-run error fell."""
-    rows = [("one step ahead", *(entry["innovation"]["rms_rpm"] for entry in replays))]
-    rows += [(words, without["before"][key], with_it["before"][key]) for words, key in _METRICS]
-    print(f"   {'error, RMS':<16}{'without':>10}{'with':>10}")
-    for words, before, after in rows:
-        texts = ("-" if value is None else f"{value:.3f}" for value in (before, after))
-        print("   {:<16}{:>10}{:>10} rpm".format(words, *texts))
-    print(
-        wrapped(f"diagnosed without the model, it is {without['verdict']['kind']}: {without['verdict']['statement']}")
-    )
-    print(wrapped(f"diagnosed with the model, it is {with_it['verdict']['kind']}: {with_it['verdict']['statement']}"))
-    _, before, after = rows[-1]
-    return before is not None and after is not None and after < before
+def print_before_after(before: dict[str, Any], after: dict[str, Any]) -> bool:
+    """Errors without and with the effect; whether the free-run error fell."""
+    print("   the first run's models as they were, nothing fitted to the second; its readings have 1 rpm of noise")
+    print(f"   {'error, RMS':<16}{'four parameters':>17}{'with the effect':>17}")
+    for words, key in METRICS:
+        texts = ("-" if figures[key] is None else f"{figures[key]:.3f}" for figures in (before, after))
+        print("   {:<16}{:>17}{:>17} rpm".format(words, *texts))
+    key = METRICS[-1][1]
+    return before[key] is not None and after[key] is not None and after[key] < before[key]
 
 
 def print_truth(lot: Lot, runs: Sequence[tuple[str, dict[str, Any]]], found: dict[str, Any]) -> bool:

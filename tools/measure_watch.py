@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import time
 from collections import Counter
+from typing import NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -25,6 +26,7 @@ from tools.watch_runs import PROFILES, commands, drawn_wheel, filtered, heard, s
 AMPLITUDES_MNM = (0.2, 0.5, 1.0, 2.0, 7.0)
 INERTIA_KG_M2 = 1.5e-3
 SPIKE_PROFILES = ("steady", "biased", "S4", "P2", "random-sines", "identification")
+TURNING_RAD_S = 5.0  # a spike of 7 mNm needs a second to stop such a wheel
 EFFECTS = (
     "offset_torque:torque_rad_s2=0.03",
     "viscous_asymmetry",
@@ -58,38 +60,48 @@ def healthy(hours: float, seeds: int, noise_rpm: float, first_seed: int) -> None
 
 
 def spikes(seeds: int, noise_rpm: float) -> None:
-    """Delay, amplitude and end of spikes of 0.2 to 7 mNm that decay in 60 s to 1.5 h."""
-    print("| profile | mNm | found | median s | 90 % s | within 5 s | amplitude ratio | end, decays |")
+    """Delay, amplitude and end of spikes of 0.2 to 7 mNm that decay in 60 to 400 s."""
+    print("| profile | mNm | median s | 90 % s | within 5 s | of those turning | amplitude ratio | end, decays |")
     for profile in SPIKE_PROFILES:
         for size_mNm in AMPLITUDES_MNM:
-            amplitude = 1.0e-3 * size_mNm / INERTIA_KG_M2
-            delays, ratios, ends = [], [], []
-            for seed in range(seeds):
-                draw = np.random.default_rng([seed, 7])
-                onset_s, decay_s = draw.uniform(400.0, 500.0), float(draw.choice([60.0, 150.0, 400.0]))
-                time_s, current_A = commands(profile, (520.0 + 6.0 * decay_s) / 3600.0, seed + 1)
-                effect = f"drag_spike:amplitude_rad_s2={amplitude},onset_s={onset_s},decay_s={decay_s}"
-                run = simulated(
-                    drawn_wheel(seed + 10), time_s, current_A, seed + 100, noise_rpm=noise_rpm, effect=effect
-                )
-                said = [h for h in heard(run, noise_rpm) if h.alarm.name == DRAG_SPIKE and h.time_s > onset_s]
-                begun = [h for h in said if h.alarm.ended_s is None]
-                if not begun:
-                    continue
-                turning = abs(run.speed_rad_s[int(10 * onset_s)]) > 2.0
-                delays.append(begun[0].time_s - onset_s)
-                if begun[0].alarm.details["std_rad_s2"] is not None and turning:
-                    ratios.append(float(str(begun[0].alarm.details["amplitude_rad_s2"])) / amplitude)
-                over = [h for h in said if h.alarm.ended_s is not None]
-                if over:
-                    ends.append((over[0].time_s - onset_s) / decay_s)
-            row = np.array(delays)
-            size = f"{np.mean(ratios):.2f} +- {np.std(ratios):.2f}"
+            fates = [_fate(profile, size_mNm, seed, noise_rpm) for seed in range(seeds)]
+            delay = np.array([fate.delay_s for fate in fates])
+            free = np.array([fate.turning for fate in fates])
+            ratio = [fate.ratio for fate in fates if fate.turning and fate.ratio is not None]
             print(
-                f"| {profile} | {size_mNm:g} | {row.size}/{seeds} | {np.median(row):.1f} | {np.quantile(row, 0.9):.1f} "
-                f"| {np.mean(row <= 5.0):.0%} | {size} | {np.median(ends):.1f} |",
+                f"| {profile} | {size_mNm:g} | {np.median(delay):.1f} | {np.quantile(delay, 0.9):.1f} "
+                f"| {np.mean(delay <= 5.0):.0%} | {np.sum(delay[free] <= 5.0)} of {free.sum()} "
+                f"| {np.mean(ratio):.2f} +- {np.std(ratio):.2f} | {np.median([f.ended for f in fates]):.1f} |",
                 flush=True,
             )
+
+
+class Fate(NamedTuple):
+    """What became of one spike."""
+
+    delay_s: float  # infinite: never reported
+    turning: bool  # the wheel turned at its onset
+    ratio: float | None  # amplitude found over true; None: only a bound
+    ended: float  # after so many decay times; infinite: not within the record
+
+
+def _fate(profile: str, size_mNm: float, seed: int, noise_rpm: float) -> Fate:
+    draw = np.random.default_rng([seed, 7])
+    onset_s, decay_s = draw.uniform(400.0, 500.0), float(draw.choice([60.0, 150.0, 400.0]))
+    amplitude = 1.0e-3 * size_mNm / INERTIA_KG_M2
+    time_s, current_A = commands(profile, (520.0 + 6.0 * decay_s) / 3600.0, seed + 1)
+    effect = f"drag_spike:amplitude_rad_s2={amplitude},onset_s={onset_s},decay_s={decay_s}"
+    run = simulated(drawn_wheel(seed + 10), time_s, current_A, seed + 100, noise_rpm=noise_rpm, effect=effect)
+    turning = abs(float(run.speed_rad_s[int(10 * onset_s)])) > TURNING_RAD_S
+    said = [h for h in heard(run, noise_rpm) if h.alarm.name == DRAG_SPIKE and h.time_s > onset_s]
+    begun = [h for h in said if h.alarm.ended_s is None]
+    over = [h for h in said if h.alarm.ended_s is not None]
+    if not begun:
+        return Fate(np.inf, turning, None, np.inf)
+    details = begun[0].alarm.details
+    ratio = None if details["std_rad_s2"] is None else float(str(details["amplitude_rad_s2"])) / amplitude
+    ended = (over[0].time_s - onset_s) / decay_s if over else np.inf
+    return Fate(begun[0].time_s - onset_s, turning, ratio, ended)
 
 
 def names(seeds: int, from_s: float) -> None:

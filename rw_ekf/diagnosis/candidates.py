@@ -253,7 +253,7 @@ class Scorer:
                 turn = np.exp(-2j * math.pi * np.outer(frequency[first : first + 64], middle[used]))
                 power[first : first + 64] = np.abs(turn @ moving[used]) ** 2
             power *= frequency**2 + frequency[0] ** 2  # a torque moves the speed by one over its frequency
-            level = np.convolve(power, np.ones(_NEIGHBOURS), "same")
+            level = np.maximum(np.convolve(power, np.ones(_NEIGHBOURS), "same"), 1.0e-300)
             chosen |= {int(j) for j in np.argsort(power / level)[-_SCREENED // 2 :]}
             chosen |= {int(j) for j in np.argsort(power)[-_SCREENED // 2 :]}
         return [candidates[j] for j in sorted(chosen)]

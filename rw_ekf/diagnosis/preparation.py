@@ -96,7 +96,7 @@ def unfit(log: WheelLog, data: FilterInput) -> str | None:
     top = max(abs(low), abs(high))
     third = np.diff(speed, 3)
     noise = float(np.median(np.abs(third))) / 0.6745 / math.sqrt(20.0)
-    if high - low < _LEAST_MOVE * top or high - low < 8.0 * noise:
+    if high - low <= _LEAST_MOVE * top or high - low <= 8.0 * noise:
         return "the speed hardly changes in this log, so that any friction fits it"
     return None
 

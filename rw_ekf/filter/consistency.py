@@ -52,8 +52,8 @@ class Consistency:
                 f"p = {self.whiteness_p:.1g})"
             )
             said.append(
-                f"the residual is not noise: {what}. The model lacks something; the estimates are biased by it and their "
-                "sigmas too small. `rw-ekf diagnose LOG` says what it is."
+                f"the residual is not noise: {what}. The model lacks something; the estimates are biased by it and "
+                "their sigmas too small. `rw-ekf diagnose LOG` says what it is."
             )
         if self.noise_ratio is not None and abs(math.log(self.noise_ratio)) > math.log1p(_NOISE_TOLERANCE):
             word = "larger" if self.noise_ratio > 1.0 else "smaller"

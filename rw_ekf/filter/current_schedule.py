@@ -89,6 +89,11 @@ class CurrentSchedule:
         self._pending: deque[tuple[float, float]] = deque()  # (takes force at [s], current [A]), in order of time
 
     @property
+    def knows_current(self) -> bool:
+        """Whether a command has been issued since the start, or the last restart."""
+        return self._in_force is not None
+
+    @property
     def in_force_A(self) -> float:
         """The current in force now [A]; 0 before any is known."""
         return 0.0 if self._in_force is None else self._in_force

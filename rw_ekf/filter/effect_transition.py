@@ -11,6 +11,8 @@ from typing import Any
 from rw_ekf.effects.propagation import effect_interval
 from rw_ekf.filter.transition import _REACH, _SPREAD, factor_covariance
 
+_SETTLED_VARIANCE = 1.0e-14  # of a hidden state [A^2 or rad^2/s^4]: a tenth of a microampere
+
 
 def turn_root(x: Any, L: Any, current: float, n: int) -> None:
     """Turn the root L (n, n) so that its first column is the direction in which |k I| - s varies (filter.md eq. 7).
@@ -177,6 +179,16 @@ def predict_covariance_full(P: Any, F: Any, noise: Any, work: Any) -> None:
             P[i, j] = total
             P[j, i] = total
         P[i, i] += noise[i]
+
+
+def drop_settled(P: Any, hidden: int) -> None:
+    """Take a hidden state that has settled for known: of a variance that is mere rounding, rounding would decide."""
+    n = P.shape[0]
+    for j in range(n - hidden, n):
+        if P[j, j] < _SETTLED_VARIANCE:
+            for m in range(n):
+                P[j, m] = 0.0
+                P[m, j] = 0.0
 
 
 def seed_hidden(x: Any, P: Any, table: Any, current: float, omega_s: float) -> None:

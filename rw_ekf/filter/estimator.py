@@ -73,6 +73,8 @@ class Estimator:
         if not (math.isfinite(command.current_A) and math.isfinite(command.delay_s)):
             raise FilterError(f"a current of {command.current_A} A, {command.delay_s} s late, reached the filter")
         if self._last is not None:
+            if not self._gatherer.schedule.knows_current:
+                self.ekf.settle_current(command.current_A)
             self._gatherer.schedule.issue(self._last.time_s, command.current_A, command.delay_s)
 
     def step(self, sample: WheelSample) -> StepResult:

@@ -30,7 +30,7 @@ from rw_ekf.filter.decisions import (
     gating,
     timing,
 )
-from rw_ekf.filter.effect_transition import effect_transition, predict_covariance_full, seed_hidden
+from rw_ekf.filter.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
 from rw_ekf.filter.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
 from rw_ekf.model import friction as _friction
 from rw_ekf.model import propagation as _propagation
@@ -70,6 +70,7 @@ make_jitable(
         _effect_transition._differences,
         effect_transition,
         predict_covariance_full,
+        drop_settled,
         seed_hidden,
     ]
 )
@@ -237,15 +238,15 @@ def _filter_pass(
                 seeded = False
             if continuous and table.hidden > 0:
                 predict_covariance_full(P, F, noise, product)
+                drop_settled(P, table.hidden)
             else:
                 _predict_covariance(P, row, noise, work)
             if not continuous and has_speed:
                 what = RESEEDED if ever_seeded else FIRST
                 _seed_speed(x, P, speed, R)
                 if table.hidden > 0:
-                    seed_hidden(
-                        x, P, table, piece_current_A[min(piece_start[i], piece_current_A.size - 1)], constants.omega_s
-                    )
+                    held = max(piece_start[i] - 1, first_piece)  # in force when the speed was read
+                    seed_hidden(x, P, table, piece_current_A[min(held, piece_current_A.size - 1)], constants.omega_s)
                 seeded = ever_seeded = True
                 gated_in_a_row = 0
             if keep_all:
@@ -262,6 +263,9 @@ def _filter_pass(
                     gated_in_a_row = 0
                 elif what == RESEEDED:
                     _seed_speed(x, P, speed, R)
+                    if table.hidden > 0:
+                        held = max(piece_start[i] - 1, first_piece)
+                        seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
                     gated_in_a_row = 0
                     if keep_all:
                         row[:] = 0.0
