@@ -10,7 +10,7 @@ INSTALLED := $(VENV)/.installed
 .PHONY: help demo test check install clean
 
 help:
-	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, and the proof; four minutes"
+	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, and the proof; three minutes"
 	@echo "make test     lint, types, import contracts and all tests, as CI runs them"
 	@echo "make check    the same without the slow tests"
 	@echo "make install  .venv with everything; then: source $(BIN)/activate && rw-ekf --help"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.effect import Shape
+from rw_ekf.effects.effect import Coefficient, Shape, StaticEffect
 from rw_ekf.effects.table import NO_EFFECTS, Column, EffectSet, columns_of
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.friction import LAW_CODES
@@ -167,15 +167,27 @@ class _Checker:
 
     def effects(self) -> EffectSet:
         """The effects, each known to the catalogue, with all its constants, or findings."""
-        entries = self.data.get("effects") or []
+        entries = self.data.get("effects")
+        if entries is None:
+            return NO_EFFECTS
         if not isinstance(entries, list):
             self.find(("effects",), "must be a list of effects")
             return NO_EFFECTS
-        return EffectSet(tuple(c for i in range(len(entries)) if (c := self._effect(("effects", i))) is not None))
+        columns: list[Column] = []
+        for i in range(len(entries)):
+            column = self._effect(("effects", i))
+            if column is None:
+                continue
+            for other in columns:
+                same_kind = column.effect is other.effect and not issubclass(column.effect, StaticEffect)
+                if same_kind or (column.effect.flow_kind and other.effect.flow_kind):
+                    self.find(("effects", i), f"is {column.id} beside {other.id}; a model holds one of the kind")
+            columns.append(column)
+        return EffectSet(tuple(columns))
 
     def _effect(self, path: tuple[str | int, ...]) -> Column | None:
         name = self.get((*path, "effect"))
-        if name not in CATALOGUE:
+        if not isinstance(name, str) or name not in CATALOGUE:
             self.find(path, f"names the effect {name!r}; the catalogue has: {', '.join(CATALOGUE)}")
             return None
         effect = CATALOGUE[name]
@@ -189,9 +201,27 @@ class _Checker:
         if not effect.coefficient.lower <= value <= effect.coefficient.upper:
             low, high = effect.coefficient.lower, effect.coefficient.upper
             self.find((*path, "coefficient", "value"), f"is {value:g}; {name} allows {low:g} to {high:g}")
-        numbers = [self.number((*path, "constants", constant.name)) for constant in effect.constants]
+        if std < 0.0:
+            self.find((*path, "coefficient", "std"), f"is {std:g}; a standard deviation is not below zero")
+        for key in self.get(path):
+            if key not in {"effect", "coefficient", "constants"}:
+                self.find((*path, key), "is not a key of an effect")
+        known = {constant.name for constant in effect.constants}
+        for key in self.get((*path, "constants")) or ():
+            if key not in known:
+                self.find((*path, "constants", key), f"is not a constant of {name}")
+        numbers = [self._constant((*path, "constants", constant.name), constant) for constant in effect.constants]
         shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
         return columns_of(name, value, std, shape)
+
+    def _constant(self, path: tuple[str | int, ...], constant: Coefficient) -> float:
+        """A shape constant within its bounds, or a finding."""
+        value = self.number(path)
+        if not constant.lower <= value <= constant.upper:
+            self.find(path, f"is {value:g}; {constant.name} allows {constant.lower:g} to {constant.upper:g}")
+        if constant.name == "law" and value != round(value):
+            self.find(path, f"is {value:g}; law is the code of a law: {LAW_CODES}")
+        return value
 
     def covariance(self, size: int) -> tuple[tuple[float, ...], ...]:
         """A symmetric matrix (size, size) with non-negative eigenvalues, or a finding."""

@@ -168,7 +168,8 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
             continue
         places.append(place)
         if column.effect.quadrature:
-            size = math.hypot(*(c.value for c in model.effects.state_columns if c.same_line(column)))
+            line = [c for c in model.effects.state_columns if c.same_line(column)]
+            size = max(math.hypot(*(c.value for c in line)), *(c.std for c in line))
             column = Column(column.effect, 0.0, size, column.shape)  # noqa: PLW2901
             covariance[place, :] = covariance[:, place] = 0.0
             covariance[place, place] = size**2

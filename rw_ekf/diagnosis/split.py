@@ -87,7 +87,9 @@ def split_record(
         else:
             keep = max(1, round(_MOST_SAMPLES / elapsed.size * count))
             chosen = np.unique(np.linspace(0, count - 2, keep).astype(int) // 2 * 2)
-            fit, heldout = np.isin(block, chosen), np.isin(block, chosen + 1)
+            place = np.arange(block.size) - np.searchsorted(block, block)  # within its block
+            short = place < _MOST_SAMPLES // chosen.size
+            fit, heldout = np.isin(block, chosen) & short, np.isin(block, chosen + 1) & short
     return Split(kind, fit, heldout, block, time_s)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.cli import main
-from tests.commands.documents import replay_document
+from tests.commands.documents import diagnosis_document, replay_document
 from tests.commands.logs import profile_log
 from tests.loop.bench import document_of
 
@@ -135,6 +135,21 @@ def test_fits_of_spoilt_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str])
                 document_of(out)
 
 
+@pytest.mark.slow
+def test_diagnoses_of_spoilt_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same through `diagnose`, with a report: a whole document, or a sentence."""
+    text = profile_log(tmp_path / "good.csv", samples=240).read_text(encoding="utf-8")
+    statuses = []
+    for seed in range(200, 230):
+        log = tmp_path / "spoilt.csv"
+        log.write_bytes(mutated_log(text, random.Random(seed)))
+        status, out = status_of(capsys, "diagnose", str(log), "--json", "--out", str(tmp_path / "out"))
+        if status == 0:
+            diagnosis_document(out)
+        statuses.append(status)
+    assert {0, 2} <= set(statuses)
+
+
 def test_sixty_spoilt_configurations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Sixty configurations spoilt: check-config, run and stop agree on whether it is one, and never break."""
     statuses = []
@@ -163,3 +178,6 @@ def test_numbers_of_any_size_end_in_numbers_or_a_sentence(
     status, out = status_of(capsys, "replay", str(log), "--json")
     if status == 0:
         replay_document(out)
+    status, out = status_of(capsys, "diagnose", str(log), "--json")
+    if status == 0:
+        diagnosis_document(out)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.split import split_record
+from rw_ekf.effects.effect import NO_SHAPE
+from rw_ekf.effects.table import EffectSet, columns_of
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.model_file import WheelModel
+from rw_ekf.model_file import WheelModel, read_model
 from tests.diagnosis.simulated import TRUTH, log_of, simulated
 
 DRAG = "quadratic_drag:coefficient_1_rad=1.2e-6"
@@ -73,3 +76,27 @@ def test_a_model_without_viscous_friction_is_a_place_to_start_from() -> None:
     )
     document = diagnosed(log_of(simulated(seed=4, samples=3000)), model)
     assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
+
+
+@pytest.mark.slow
+def test_a_given_effect_that_is_not_missed_is_no_error() -> None:
+    """A model that claims an offset which is not there, on a log with drag: drag is found."""
+    claimed = EffectSet((columns_of("offset_torque", 0.001, 0.01, NO_SHAPE),))
+    covariance = tuple(tuple(float(v) for v in row) for row in np.diag([0.1, 1e-6, 1e-3, 1e-2, 1e-4]))
+    model = WheelModel(TRUTH.parameters, covariance, TRUTH.omega_s, effects=claimed)
+    document = diagnosed(log_of(simulated([DRAG], seed=31)), model)
+    assert "quadratic_drag" in document["verdict"]["effects"], document["verdict"]["statement"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [DRAG, "actuator_lag:time_constant_s=0.06", "drag_spike:onset_s=250"])
+def test_the_loop_closes(tmp_path: Path, text: str) -> None:
+    """Diagnosed again with the model that the diagnosis wrote, read back from its file, the log is explained."""
+    log = log_of(simulated([text], seed=41))
+    found = diagnose_log(log)
+    assert found.model is not None, found.document["verdict"]["statement"]
+    path = tmp_path / "augmented-model.yaml"
+    path.write_text(found.model.to_text(), encoding="utf-8")
+    document = diagnosed(log, read_model(path))
+    assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
+    assert document["before"]["free_run_rms_rpm"] < 1.1
