@@ -15,6 +15,7 @@ _LEAST_BLOCK_S = 40.0
 _SHORT_RECORD_S = 160.0
 _REVERSALS_A_BLOCK = 2.0
 _LEAST_BLOCKS = 4
+_SPREAD_OVER = 8  # blocks at least, where there are so many: of a long block its beginning
 _MOST_SAMPLES = 60_000  # of each part: more would only cost time
 
 
@@ -85,7 +86,7 @@ def split_record(
             fit &= np.cumsum(fit) <= _MOST_SAMPLES
             heldout &= np.cumsum(heldout) <= _MOST_SAMPLES
         else:
-            keep = max(1, round(_MOST_SAMPLES / elapsed.size * count))
+            keep = max(round(_MOST_SAMPLES / elapsed.size * count), min(count // 2, _SPREAD_OVER))
             chosen = np.unique(np.linspace(0, count - 2, keep).astype(int) // 2 * 2)
             place = np.arange(block.size) - np.searchsorted(block, block)  # within its block
             short = place < _MOST_SAMPLES // chosen.size
