@@ -19,7 +19,7 @@ from rw_ekf.starting_point import belief_of_model, carried_over
 
 SHAPES: dict[str, Shape] = {
     "torque_ripple": (6.0, 0.1, 0.0),
-    "external_torque": (1.0 / 7.0, -0.3, 0.0),
+    "external_torque": (1.0 / 7.0, -0.3, 12.0),
     "drag_spike": (123.4, 60.0, 0.0),
     "coulomb_drift": (300.0, 12.0, 0.0),
     "stribeck_shape": (1.0, 0.0, 0.0),

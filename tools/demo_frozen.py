@@ -29,7 +29,6 @@ def frozen_figures(log: str, model_file: Path) -> dict[str, Any]:
         np.ones(prepared.split.block.size, dtype=np.bool_),
         prepared.split.block,
         prepared.base.omit,
-        prepared.setup.constants,
         prepared.seen,
         None,
     )

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.frame import Fit, Noise, Prior, fit_model
+from rw_ekf.diagnosis.fitting import Fit, fit_model
+from rw_ekf.diagnosis.frame import Noise, Prior
+from rw_ekf.diagnosis.frozen_filter import run_frozen
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
-from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.noise import frozen, without_drift
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.starting_point import FilterSetup
@@ -22,7 +23,6 @@ _OUTLIER_STDS = 6.0
 _OUTLIER_SHARE = 0.01
 _LEAST_SQUARES_SAMPLES = 20_000
 _FILTER_RATIO = 1.0e-3  # q dt / R
-_OPEN_GATE = 1.0e30
 
 
 def part_of(data: FilterInput, current_A: Float64Array, delay_s: Float64Array, part: NDArray[np.bool_]) -> FilterInput:
@@ -73,16 +73,9 @@ def smoothed_by_filter(
 
     Readings outside `part` (n,) are not looked at.
     """
-    mean, covariance = frozen(parameters)
-    constants = without_drift(setup.constants)._replace(
-        gate=_OPEN_GATE,
-        speed_variance=noise_rad_s**2,
-        acceleration_noise=_FILTER_RATIO * noise_rad_s**2 / data.period_s,
-        stuck_variance=0.01 * noise_rad_s**2,
-    )
-    run = filter_log(
-        data.with_speed(np.where(part, data.speed_rad_s, np.nan)), constants, mean, covariance, keep_history=True
-    )
+    bare = model_of_setup(setup, parameters).base
+    seen = data.with_speed(np.where(part, data.speed_rad_s, np.nan))
+    run = run_frozen(seen, bare, Noise(noise_rad_s**2, _FILTER_RATIO), setup.constants, keep_history=True)
     means, stds = smooth_log(run)
     return Reference.of_speed(means[:, 0], np.maximum(stds[:, 0], 0.02 * noise_rad_s))
 

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.frame import LEAST_RATIO, Frame, Prior
+from rw_ekf.diagnosis.fitting import LEAST_RATIO
+from rw_ekf.diagnosis.frame import Frame, Prior
 from rw_ekf.diagnosis.model import Model, columns_of_candidate
 from rw_ekf.diagnosis.one_step import predict
 from rw_ekf.diagnosis.whitening import adjoint

@@ -15,11 +15,10 @@ from rw_ekf.diagnosis.evidence import (
     EXPLAINED_SHARE,
     INDISTINGUISHABLE,
     MAP_P,
-    MEMORY_MAP_P,
     WHOLE_P,
     threshold,
 )
-from rw_ekf.diagnosis.frame import Fit
+from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
 from rw_ekf.diagnosis.preparation import Prepared, prepare, unfit
 from rw_ekf.diagnosis.quantisation import Lattice, find_lattice
@@ -158,9 +157,8 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
 
 
 def _left(found: _Found) -> list[Dependence]:
-    """What noise does not explain in the map, which is coarser near rest for a friction with a memory."""
-    memory = any(column.effect.flow_kind for column in found.selection.final.model.columns)
-    return left_over(found.left, MEMORY_MAP_P if memory else MAP_P)
+    """What noise does not explain in the map."""
+    return left_over(found.left, MAP_P)
 
 
 def _new_ids(selection: Selection) -> list[str]:
@@ -227,7 +225,6 @@ def _judge(prepared: Prepared, fit: Fit, inertia: float | None) -> Judged:
         prepared.split.heldout,
         prepared.split.block,
         prepared.base.omit,
-        prepared.setup.constants,
         prepared.seen,
         inertia,
     )

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.frame import Fit, Prior, fit_model
+from rw_ekf.diagnosis.fitting import Fit, fit_model
+from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Reference
 

@@ -20,7 +20,6 @@ LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
 INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
 INDISTINGUISHABLE = 9.0  # two explanations whose log-likelihoods differ by less than half of this: three sigma
 MAP_P = 1.0e-5  # structure left in the residual's map
-MEMORY_MAP_P = 1.0e-10  # the same where the model has a friction with a memory: the map's probes have none
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
 
 

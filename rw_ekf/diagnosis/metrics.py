@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.ahead import simulate_ahead
-from rw_ekf.diagnosis.frame import Fit, Noise, likelihood, linearise, smoothed_reference
+from rw_ekf.diagnosis.fitting import Fit, likelihood, smoothed_reference
+from rw_ekf.diagnosis.frame import Noise, linearise
+from rw_ekf.diagnosis.frozen_filter import filtered_reference, run_frozen
 from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference, state_vector
+from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.diagnosis.records import ModelTrace
 from rw_ekf.effects.table import ABSENT
-from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.identify.noise import frozen, without_drift
 from rw_ekf.units import rpm_from_rad_s
 
 Float64Array = NDArray[np.float64]
@@ -25,7 +24,6 @@ Float64Array = NDArray[np.float64]
 _STARTS = 400  # of a horizon: more would add nothing but time
 _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
 _STEPS_AT_MOST = 4_000_000
-_OPEN_GATE = 1.0e30
 _TURNS, _MEMORY_TURNS = 2, 5  # of smoothing a reference under another model
 
 
@@ -45,25 +43,13 @@ def judge_model(
     heldout: NDArray[np.bool_],
     block: NDArray[np.int64],
     omit: NDArray[np.bool_],
-    constants: FilterConstants,
     reference: Reference,
     inertia_kg_m2: float | None,
 ) -> Judged:
     """Run the model, frozen, over the record; figures from the samples in `heldout` (n,), cut at changes of `block`."""
     data = whole.data.with_speed(np.where(omit, np.nan, whole.data.speed_rad_s))
-    start = state_vector(model.coefficients, model.effects)
-    mean, covariance = frozen(model.parameters, start)
-    steered = without_drift(constants)._replace(
-        omega_s=model.omega_s,
-        law=model.law,
-        near_zero_speed=6.0 * model.omega_s,
-        gate=_OPEN_GATE,
-        speed_variance=max(noise.variance - model.effects.reading_variance, 1.0e-3 * noise.variance),
-        acceleration_noise=noise.ratio * noise.variance / data.period_s,
-        stuck_variance=0.01 * noise.variance,
-    )
     ready = replace(data, temperature_degC=whole.temperature_degC, angle_rad=whole.angle_rad)
-    run = filter_log(ready, steered, mean, covariance, model.effects, keep_states=True)
+    run = run_frozen(ready, model, noise, whole.constants)
     free = _free_run(whole, model, run.states, block)
     observed = _observed_acceleration(whole, model, noise, omit, reference)
     errors = {seconds: _horizon(whole, model, run.states, heldout, seconds) for seconds in (1.0, 20.0)}
@@ -155,8 +141,10 @@ def heldout_likelihood(record: Record, fit: Fit, reference: Reference) -> float:
     reference: of the whole record, by whatever model; it is smoothed anew under this one.
     """
     omit = np.zeros(reference.speed.size, dtype=bool)
-    here = Reference.of_speed(reference.speed, reference.spread)
     with_memory = fit.model.effects.table().memory_state_at != ABSENT
+    here = Reference.of_speed(reference.speed, reference.spread)
+    if with_memory:
+        here = filtered_reference(record, fit.model, fit.noise, omit)
     for _ in range(_MEMORY_TURNS if with_memory else _TURNS):
         frame = linearise(record, fit.model, here, fit.noise, omit, with_columns=False)
         here = smoothed_reference(frame, np.zeros(0), likelihood(frame, None, fit.noise).noise)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rw_ekf.effects.propagation import effect_interval
 from rw_ekf.effects.table import ABSENT, EffectSet, EffectTable
 from rw_ekf.filter.compiled import compile_cached
+from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import STATE_SIZE
@@ -131,13 +132,14 @@ class Record:
     angle_rad: Float64Array
     begins_s: Float64Array  # of the pieces
     first_piece: NDArray[np.int64]
+    constants: FilterConstants  # of the filter that runs over it
 
     @classmethod
     def of(
         cls,
         data: FilterInput,
         part: NDArray[np.bool_],
-        max_gap_s: float,
+        constants: FilterConstants,
         temperature: Float64Array,
         angle: Float64Array,
     ) -> Record:
@@ -146,11 +148,13 @@ class Record:
 
         dt = np.diff(data.time_s, prepend=np.nan)
         same = np.diff(data.segment, prepend=-1) == 0
-        follows = same & (dt > 0.0) & (dt <= max_gap_s) & part & np.roll(part, 1)
+        follows = same & (dt > 0.0) & (dt <= constants.max_gap_s) & part & np.roll(part, 1)
         follows[:1] = False
         opens = np.diff(data.segment, prepend=data.segment[:1] - 1) != 0
         first_piece = data.pieces.start[np.maximum.accumulate(np.where(opens, np.arange(opens.size), 0))]
-        return cls(data, follows, temperature, angle, begins_of_pieces(data.time_s, data.pieces), first_piece)
+        return cls(
+            data, follows, temperature, angle, begins_of_pieces(data.time_s, data.pieces), first_piece, constants
+        )
 
 
 @dataclass(frozen=True)

@@ -19,16 +19,19 @@ from rw_ekf.diagnosis.base_fit import (
 )
 from rw_ekf.diagnosis.candidates import information
 from rw_ekf.diagnosis.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
-from rw_ekf.diagnosis.frame import Fit, Prior
+from rw_ekf.diagnosis.fitting import Fit
+from rw_ekf.diagnosis.frame import Prior
+from rw_ekf.diagnosis.gross_errors import gross_errors
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.diagnosis.split import Kind, Split, running_time, split_record
 from rw_ekf.effects.effect import RecordFacts
-from rw_ekf.filter.belief import prior_around
+from rw_ekf.filter.belief import Belief, prior_around
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.replay import input_of_log
 from rw_ekf.starting_point import FilterSetup, setup_of_record
+from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
@@ -37,6 +40,9 @@ if TYPE_CHECKING:
 
 Float64Array = NDArray[np.float64]
 
+_LEAST_NOISE = 0.008  # of the Stribeck speed: below it, steps of integration near rest are seen as structure
+_WIDENED, _AGEING = 3.0, 0.2
+_LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known exactly
 _LEAST_READINGS = 100
 _LEAST_SECONDS = 10.0
 _LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
@@ -104,16 +110,34 @@ def unfit(log: WheelLog, data: FilterInput) -> str | None:
 def prepare(log: WheelLog, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
     """Fit the base model to the part that is searched. The log must not be `unfit`."""
     data = with_running_time(input_of_log(log))
+    wrong = gross_errors(data.speed_rad_s, data.segment)
+    notes: tuple[str, ...] = ()
+    if wrong.any():
+        notes += (
+            f"{int(wrong.sum())} of {wrong.size} speed readings stood far from those around them and were left out, "
+            f"the first at {log.time_s[int(np.argmax(wrong))]:.10g} s",
+        )
+        data = data.with_speed(np.where(wrong, np.nan, data.speed_rad_s))
     setup = setup_of_record(data, configuration, model)
-    if model is not None:  # a model's covariance is that of its own log: here it is a place to start from
-        setup = replace(setup, prior=prior_around(model.parameters))
+    if model is not None:
+        setup = replace(setup, prior=_aged(model))
     noise = setup.noise.speed_noise_rad_s
+    own = setup if configuration is None and model is None else setup_of_record(data)
+    least = _LEAST_NOISE * own.stribeck_speed_rad_s
+    if own.noise.speed_noise_rad_s < 2.0 * least:
+        data = data.with_speed(data.speed_rad_s + least * np.random.default_rng(0).standard_normal(wrong.size))
+        if own is setup:
+            setup = setup_of_record(data)
+        noise = max(setup.noise.speed_noise_rad_s, least)
+        notes += (
+            f"the readings are cleaner than any integration of a wheel near rest: noise of {rpm_from_rad_s(least):.2g} "
+            "rpm was added to them",
+        )
     split = split_record(data.time_s, data.segment, data.speed_rad_s, kind, noise)
     kept = split.looked_at
     current, delay = log.current_A, log.command_delay_s
-    notes: tuple[str, ...] = ()
     if not kept.all():
-        notes = (
+        notes += (
             f"of {kept.size} samples {int(kept.sum())} were looked at, in stretches evenly spread over the record; "
             "what happened between them is not known",
         )
@@ -124,18 +148,17 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
     n = data.time_s.size
     temperature, warm = filled(data.temperature_degC, n, REFERENCE_DEGC)
     logged_angle, turned = filled(data.angle_rad, n, 0.0)
-    gap = setup.constants.max_gap_s
     prior = Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
     part = part_of(data, current, delay, split.fit)
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
     everything = np.ones(n, dtype=bool)
     by_filter = smoothed_by_filter(data, everything, start.parameters, setup, noise)
-    record = Record.of(data, everything, gap, temperature, logged_angle)
+    record = Record.of(data, everything, setup.constants, temperature, logged_angle)
     seen = fit_base(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
     angle = logged_angle if turned else integrated_angle(data, seen.speed)
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
-        Record.of(data, mask, gap, temperature, angle) for mask in (split.fit, everything, split.heldout)
+        Record.of(data, mask, setup.constants, temperature, angle) for mask in (split.fit, everything, split.heldout)
     )
     base = fit_base(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
     facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
@@ -143,6 +166,18 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
         log, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
     )
     return ready if kind == "halves" else _richer(ready)
+
+
+def _aged(model: WheelModel) -> Belief:
+    """Prior from a model of another log: three times as wide as it says, and as much wider as a wheel may have aged."""
+    belief = prior_around(model.parameters)
+    known = 1 + len(model.parameters)
+    covariance = np.zeros_like(belief.covariance)
+    covariance[0, 0] = belief.covariance[0, 0]
+    said = np.array(model.covariance)[: known - 1, : known - 1]
+    width = _AGEING * np.maximum(np.abs(belief.mean[1:]), [0.0, _LEAST_VISCOUS, 0.0, 0.0])
+    covariance[1:, 1:] = _WIDENED**2 * said + np.diag(width**2)
+    return Belief(belief.mean, covariance)
 
 
 def _references(data: FilterInput, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import Scorer
 from rw_ekf.diagnosis.evidence import INFLATION
-from rw_ekf.diagnosis.frame import Fit, Prior
+from rw_ekf.diagnosis.fitting import Fit
+from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.one_step import predict
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import RecordFacts

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import Score, Scorer
 from rw_ekf.diagnosis.evidence import LOCAL_P, SIGNIFICANT_P, p_value
-from rw_ekf.diagnosis.frame import Fit, Prior, fit_model
+from rw_ekf.diagnosis.fitting import Fit, fit_model
+from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.model import Model, columns_of_candidate
 from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -283,7 +284,8 @@ class Search:
             ):
                 break
             rest = [other for other in fit.model.effects.ids if other != name]
-            selection.trials[name].decision = f"explained by {', '.join(rest)}"
+            if name in selection.trials:  # else the model given had it
+                selection.trials[name].decision = f"explained by {', '.join(rest)}"
             fit = less
         return fit
 
@@ -296,6 +298,8 @@ def _lines(model: Model) -> set[tuple[str, float]]:
 def determined(fit: Fit, name: str, sigmas: float = _LEAST_SIGMAS) -> bool:
     """Whether the fit knows the coefficient at all: a fit that ran away claims a gain, but no size."""
     places = [i for i, column in enumerate(fit.model.columns) if column.id == name]
+    if not places:
+        return False
     value = float(np.linalg.norm([fit.model.columns[i].value for i in places]))
     std = float(np.linalg.norm([fit.std[4 + i] for i in places]))
     return bool(value > sigmas * std / np.sqrt(len(places)))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.diagnosis.frame import Fit
+from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.residual_map import Dependence
 from rw_ekf.diagnosis.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE

@@ -15,15 +15,20 @@ _LEAST_SAMPLES = 20.0
 
 
 class ExternalTorque(PeriodicEffect):
-    """f = a sin(2 pi frequency t + phase), t the log's time, averaged over the piece."""
+    """f = a sin(2 pi frequency (t - reference) + phase), averaged over the piece.
+
+    t is the log's time, which may count from 1970: without a reference near the record, frequency and phase could not
+    be told apart.
+    """
 
     id = "external_torque"
-    equation = "f = a sin(2 pi frequency t + phase)"
+    equation = "f = a sin(2 pi frequency (t - reference) + phase)"
     source = "contract, section 7"
     coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "amplitude of the sine")
     constants = (
         Coefficient("frequency_Hz", "Hz", 0.0, 1.0e6, "periods per second"),
-        Coefficient("phase_rad", "rad", -2.0 * math.pi, 2.0 * math.pi, "phase at time 0 of the log"),
+        Coefficient("phase_rad", "rad", -2.0 * math.pi, 2.0 * math.pi, "phase at the reference"),
+        Coefficient("reference_s", "s", -1.0e12, 1.0e12, "time of the log at which the phase counts"),
     )
     excitation = "several periods, at several speeds: `rw-ekf excite P2`"
     confounded: ClassVar[dict[str, str]] = {
@@ -51,7 +56,7 @@ class ExternalTorque(PeriodicEffect):
             ratio = top / last
             steps = min(_SPARSE, math.floor((top - last) / spacing))
             frequencies += [last * ratio ** ((i + 1) / steps) for i in range(steps)]
-        return [Candidate(1.0, (frequency, 0.0, 0.0)) for frequency in frequencies]
+        return [Candidate(1.0, (frequency, 0.0, facts.first_s)) for frequency in frequencies]
 
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
@@ -68,7 +73,7 @@ class ExternalTorque(PeriodicEffect):
         """External -f: the sine in the middle of the piece times sinc of half the phase passed."""
         half = math.pi * q1 * duration
         mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
-        return 0.0, -a * mean * math.sin(2.0 * math.pi * q1 * time + q2), 0.0, 0.0, 0.0, 0.0
+        return 0.0, -a * mean * math.sin(2.0 * math.pi * q1 * (time - q3) + q2), 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def slope(
@@ -78,7 +83,7 @@ class ExternalTorque(PeriodicEffect):
         """Linear: the contribution of a = 1."""
         half = math.pi * q1 * duration
         mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
-        return 0.0, -mean * math.sin(2.0 * math.pi * q1 * time + q2), 0.0, 0.0, 0.0, 0.0
+        return 0.0, -mean * math.sin(2.0 * math.pi * q1 * (time - q3) + q2), 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

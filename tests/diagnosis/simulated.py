@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from drivers.plant_batch import PlantRun, simulate_run
 from drivers.plant_effect_text import parse_effects
 from drivers.plant_parameters import PlantNoise
-from rw_ekf.diagnosis.frame import Fit, Noise, Prior, fit_model, linearise, smoothed_reference
+from rw_ekf.diagnosis.fitting import Fit, fit_model, smoothed_reference
+from rw_ekf.diagnosis.frame import Noise, Prior, linearise
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.excitation import make_profile, sample_profile
-from rw_ekf.filter.belief import DEFAULT_PRIOR
+from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, filter_constants
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL
@@ -50,7 +51,13 @@ def record_of(run: PlantRun) -> Record:
         run.time_s, run.measured_speed_rad_s, run.current_command_A, None, None, run.temperature_degC, run.angle_rad
     )
     everything = np.ones(run.time_s.size, dtype=bool)
-    return Record.of(data, everything, MAX_GAP_S, run.temperature_degC, run.angle_rad)
+    return Record.of(
+        data,
+        everything,
+        filter_constants(DEFAULT_NOISE, TRUTH.omega_s, max_gap_s=MAX_GAP_S),
+        run.temperature_degC,
+        run.angle_rad,
+    )
 
 
 def first_reference(record: Record, model: Model) -> Reference:

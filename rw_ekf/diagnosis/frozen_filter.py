@@ -1,0 +1,62 @@
+"""The filter itself, its parameters frozen, over a record: states to judge by, and references to linearise along."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.frame import Noise
+from rw_ekf.diagnosis.model import Model
+from rw_ekf.diagnosis.one_step import Record, Reference, state_vector
+from rw_ekf.effects.table import ABSENT
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.identify.noise import frozen, without_drift
+
+Float64Array = NDArray[np.float64]
+
+_OPEN_GATE = 1.0e30
+_STUCK_SHARE = 0.01  # of R: what a wheel believed at rest may still be off by
+_TRUSTING_RATIO = 1.0e-6  # q dt / R of a run that follows its model wherever readings allow
+_SPREAD, _MEMORY_SPREAD = 0.3, 0.1  # of the speed noise and of Coulomb friction: what a filtered state is good to
+
+
+def run_frozen(
+    data: FilterInput, model: Model, noise: Noise, constants: FilterConstants, *, keep_history: bool = False
+) -> FilterRun:
+    """Filter `data` with a model that stays as it is; states are kept, and all that a smoother needs on demand."""
+    mean, covariance = frozen(model.parameters, state_vector(model.coefficients, model.effects))
+    steered = without_drift(constants)._replace(
+        omega_s=model.omega_s,
+        law=model.law,
+        near_zero_speed=6.0 * model.omega_s,
+        gate=_OPEN_GATE,
+        speed_variance=max(noise.variance - model.effects.reading_variance, 1.0e-3 * noise.variance),
+        acceleration_noise=noise.ratio * noise.variance / data.period_s,
+        stuck_variance=_STUCK_SHARE * noise.variance,
+    )
+    return filter_log(data, steered, mean, covariance, model.effects, keep_states=True, keep_history=keep_history)
+
+
+def filtered_reference(record: Record, model: Model, noise: Noise, omit: NDArray[np.bool_]) -> Reference:
+    """Speed and friction of a model with a memory as its own filter follows them through the part that is looked at.
+
+    A reference smoothed under a model without the memory takes the wheel to rest where it was not, and a fit that
+    starts from it may never leave there.
+    """
+    part = record.follows | np.append(record.follows[1:], False)
+    data = record.data.with_speed(np.where(omit | ~part, np.nan, record.data.speed_rad_s))
+    data = replace(data, temperature_degC=record.temperature_degC, angle_rad=record.angle_rad)
+    run = run_frozen(data, model, Noise(noise.variance, _TRUSTING_RATIO), record.constants)
+    at = model.effects.table().memory_state_at
+    assert at != ABSENT
+    n = data.time_s.size
+    return Reference(
+        run.states[:, 0].copy(),
+        np.full(n, _SPREAD * math.sqrt(noise.variance)),
+        run.states[:, at].copy(),
+        np.full(n, _MEMORY_SPREAD * model.parameters.coulomb),
+    )
