@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]
 
+QUANTISATION = "speed_quantisation"
+
 _SAMPLES = 20_000
 _ON_LATTICE = 0.999  # share of readings that a grid must hold
 _TOLERANCE = 0.01  # of the grid: text with few digits is not exact

@@ -20,6 +20,7 @@ from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.model import Model, columns_of_candidate
 from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.coulomb_drift import CoulombDrift
 from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts, StribeckEffect
 from rw_ekf.effects.table import Column
 
@@ -97,7 +98,7 @@ class Search:
             if added is None:
                 break
             fit, _ = added
-            current = self._prune(fit, selection)
+            current = self.pruned(fit, selection)
             if _lines(current.model) == _lines(selection.final.model):
                 break
             selection.final = current
@@ -184,12 +185,12 @@ class Search:
             effect = score.hypothesis.effect
             start = self.on_whole(current) if local else current
             fits = [
-                self._refit(start, start.model.with_effect(columns))
+                self.refitted(start, start.model.with_effect(columns))
                 for columns in score.hypothesis.starts(score.coefficients)
             ]
             fit = max(fits, key=lambda item: item.likelihood.value)
             if local:
-                fit = self._refit(current, fit.model.settled(score.id))
+                fit = self.refitted(current, fit.model.settled(score.id))
                 statistic = score.statistic
             else:
                 statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
@@ -207,7 +208,7 @@ class Search:
 
     def without(self, fit: Fit, name: str) -> Fit:
         """The same part fitted without one effect."""
-        return self._refit(fit, fit.model.without(name))
+        return self.refitted(fit, fit.model.without(name))
 
     def told(self, fit: Fit, name: str) -> Fit:
         """The same part fitted with an effect that is known to be there; unchanged where the log cannot show it."""
@@ -217,11 +218,12 @@ class Search:
         if score is None:
             return fit
         starts = score.hypothesis.starts(score.coefficients)
-        fits = [self._refit(start, start.model.with_effect(columns)) for columns in starts]
+        fits = [self.refitted(start, start.model.with_effect(columns)) for columns in starts]
         best = max(fits, key=lambda item: item.likelihood.value)
-        return self._refit(fit, best.model.settled(name)) if effect.local_in_time else best
+        return self.refitted(fit, best.model.settled(name)) if effect.local_in_time else best
 
-    def _refit(self, start: Fit, model: Model) -> Fit:
+    def refitted(self, start: Fit, model: Model) -> Fit:
+        """Another model fitted to the part of `start`, from where that one stands."""
         return fit_model(start.frame.record, model, self.prior, start.reference, start.noise, start.omit)
 
     def with_rivals(self, selection: Selection) -> None:
@@ -242,7 +244,7 @@ class Search:
                 starts = [] if score is None else score.hypothesis.starts(score.coefficients)
                 if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
                     starts.append(columns_of_candidate(effect, Candidate(value)))
-                fits = [self._refit(less, less.model.with_effect(columns)) for columns in starts]
+                fits = [self.refitted(less, less.model.with_effect(columns)) for columns in starts]
                 if not fits:
                     continue
                 rival = max(fits, key=lambda item: item.likelihood.value)
@@ -266,7 +268,7 @@ class Search:
             and not (effect.flow_kind and memory)
         ]
 
-    def _prune(self, fit: Fit, selection: Selection) -> Fit:
+    def pruned(self, fit: Fit, selection: Selection) -> Fit:
         """Leave out, one by one, what is no longer missed or no longer matters."""
         while len(fit.model.effects.ids) > 1:
             losses = []
@@ -312,4 +314,7 @@ def matters(model: Model, name: str, facts: RecordFacts) -> bool:
     if issubclass(effect, StribeckEffect):
         other_law = any(column.shape[0] != facts.stribeck_law for column in model.columns if column.id == name)
         return other_law or abs(values[0] - facts.stribeck_speed_rad_s) >= effect.smallest(facts)
+    if name == CoulombDrift.id:  # the change that it makes within the record, whatever its shape
+        changes = [c.value * (c.shape[2] or facts.duration_s) for c in model.columns if c.id == name]
+        return float(np.max(np.abs(np.cumsum(changes)))) >= effect.smallest(facts) * facts.duration_s
     return float(np.linalg.norm(values)) >= effect.smallest(facts)

@@ -91,7 +91,10 @@ def _described_line(fit: Fit, line: list[int]) -> dict[str, Any]:
 def sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     """What was found of one effect."""
     said = []
-    for line in sorted(lines_of(fit, name), key=lambda item: -_size(fit, item)):
+    lines = lines_of(fit, name)  # pieces of a broken line are in the order of time
+    if CATALOGUE[name].quadrature:
+        lines.sort(key=lambda item: -_size(fit, item))
+    for line in lines:
         first: Column = fit.model.columns[line[0]]
         covariance = fit.likelihood.covariance[np.ix_([4 + i for i in line], [4 + i for i in line])]
         effect = first.effect

@@ -12,16 +12,18 @@ from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moves, of_coulomb
 class CoulombDrift(StaticEffect):
     """f = sgn(omega) a tau [1 - exp(-(t - start)/tau)], for tau = 0 a straight line a (t - start); s by as much as c.
 
-    A friction that wanders at random, too, is not of this shape: in the filter it is process noise of c.
+    A friction that wanders in no particular shape is a broken line: one column for each piece of it, a slope `a` from
+    the start of the piece to its end, and nothing more after that.
     """
 
     id = "coulomb_drift"
-    equation = "f = sgn(omega) a tau [1 - exp(-(t - start)/tau)]; a (t - start) for tau = 0"
+    equation = "f = sgn(omega) a tau [1 - exp(-(t - start)/tau)]; a (t - start) for tau = 0, or for one piece of a line"
     source = "contract, section 7"
     coefficient = Coefficient("rate_rad_s3", "rad/s^3", -1.0e6, 1.0e6, "rise of dry friction per second at the start")
     constants = (
         Coefficient("time_constant_s", "s", 0.0, 1.0e9, "tau, in which it settles; 0 for a straight line"),
         Coefficient("start_s", "s", -1.0e12, 1.0e12, "time of the log from which it counts; before it there is none"),
+        Coefficient("piece_s", "s", 0.0, 1.0e9, "length of a piece of a broken line; 0 where it goes on"),
     )
     excitation = "the same motion early and late, for long enough: `rw-ekf excite P1`, repeated"
     confounded: ClassVar[dict[str, str]] = {
@@ -49,6 +51,8 @@ class CoulombDrift(StaticEffect):
         omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
     ) -> Contribution:  # fmt: skip
         """Dry friction in the middle of the piece; none before the start."""
+        if q3 > 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, a * min(max(time - q2, 0.0), q3)
         passed = max(time - q2, 0.0)
         if q1 <= 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, a * passed
@@ -60,6 +64,8 @@ class CoulombDrift(StaticEffect):
         omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
     ) -> Contribution:  # fmt: skip
         """Linear: the contribution of a = 1."""
+        if q3 > 0.0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0, min(max(time - q2, 0.0), q3)
         passed = max(time - q2, 0.0)
         if q1 <= 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, passed
@@ -68,7 +74,10 @@ class CoulombDrift(StaticEffect):
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As the change over the record."""
-        tau, start, _ = shape
+        tau, start, piece = shape
+        if piece > 0.0:
+            change = of_coulomb(piece * abs(value), piece * std, facts)
+            return f"Dry friction {moves(value)} by {change} from {start:.4g} to {start + piece:.4g} s"
         passed = max(facts.last_s - start, 0.0)
         total = passed if tau <= 0.0 else -tau * math.expm1(-passed / tau)
         how = "steadily" if tau <= 0.0 else f"settling with a time constant of {tau:.3g} s"

@@ -209,9 +209,13 @@ def test_confusions_are_mutual_and_told_apart(effect: type[Effect]) -> None:
 
 @pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.id)
 def test_its_names_are_those_of_the_simulated_wheel(effect: type[Effect]) -> None:
-    """`--effect ID:name=value` and the document use the same names; start_s, reference_s are the estimator's alone."""
+    """`--effect ID:name=value` and the document use the same names; start_s, piece_s, reference_s are ours alone."""
     fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}  # type: ignore[arg-type]
-    assert {effect.coefficient.name, *(c.name for c in effect.constants)} - {"start_s", "reference_s"} <= fields
+    assert {effect.coefficient.name, *(c.name for c in effect.constants)} - {
+        "start_s",
+        "piece_s",
+        "reference_s",
+    } <= fields
 
 
 @pytest.mark.parametrize("facts", [WHEEL, CARRIAGE, AIR_BEARING], ids=["wheel", "carriage", "air_bearing"])

@@ -1,0 +1,220 @@
+"""Look at a record: search a part, then the whole, confirm on what was held out, map what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from rw_ekf.diagnosis.evidence import (
+    EXPLAINED_SHARE,
+    INDISTINGUISHABLE,
+    LOCAL_P,
+    MAP_P,
+    WHOLE_P,
+)
+from rw_ekf.diagnosis.fitting import Fit
+from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
+from rw_ekf.diagnosis.preparation import Prepared
+from rw_ekf.diagnosis.residual_map import Dependence, residual_map
+from rw_ekf.diagnosis.selection import Search, Selection, determined, matters
+from rw_ekf.diagnosis.verdict import left_over
+from rw_ekf.diagnosis.wander import WANDER, wandering
+from rw_ekf.effects.catalogue import CATALOGUE
+
+Advance = Callable[[str], object]
+
+_WORST_GAIN_PERCENT = -2.0  # an effect that matters does not make the free run worse; a small one may not better it
+_GOES_WITH_TIME = ("time", "temperature")
+_LEAST_SIGMAS_OF_PART = 1.0  # what the whole record found, one part must know at least so well
+
+
+@dataclass
+class Found:
+    """A search and what it left, on the whole record."""
+
+    prepared: Prepared
+    search: Search
+    selection: Selection
+    whole: Fit  # the final model on the whole record
+    dependences: list[Dependence]  # of what it leaves
+
+    @property
+    def left(self) -> list[Dependence]:
+        """What noise does not explain in the map."""
+        return left_over(self.dependences, MAP_P)
+
+    @property
+    def new_ids(self) -> list[str]:
+        """Effects that the record asks for beyond the model it was given."""
+        return new_ids(self.selection)
+
+    @property
+    def is_unexplained(self) -> bool:
+        """Whether structure is left that outweighs what was found.
+
+        A friction that wanders is followed only so far, and may leave whatever goes with time.
+        """
+        wanders = any(c.id == WANDER and c.shape[2] > 0.0 for c in self.selection.final.model.columns)
+        left = [item for item in self.left if not (wanders and item.name in _GOES_WITH_TIME)]
+        return bool(left) and self.share < EXPLAINED_SHARE
+
+    @property
+    def share(self) -> float:
+        """Of all the structure there was, what the effects explain."""
+        if not self.left:
+            return 1.0
+        base = self.search.on_whole(self.selection.base)
+        explained = 2.0 * (self.whole.likelihood.value - base.likelihood.value)
+        most = max(item.statistic for item in self.left)
+        return explained / (explained + most) if explained > 0.0 else 0.0
+
+
+def look(prepared: Prepared, advance: Advance) -> Found:
+    """Search the fit part, then the whole record for what one part shows too little of; keep what is confirmed."""
+    search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
+    selection = search.run(prepared.base)
+    if new_ids(selection):
+        search.with_rivals(selection)
+        _settle_rivals(search, selection)
+        _confirm(prepared, search, selection, new_ids(selection))
+    _widen(prepared, search, selection, advance)
+    _drop_trifles(search, selection)
+    advance("mapping the residual")
+    found = _mapped(prepared, search, selection)
+    return _with_wandering_friction(found) if found.left or not found.new_ids else found
+
+
+def _drop_trifles(search: Search, selection: Selection) -> None:
+    """Drop an event that the searched part has nothing of once all else is in the model."""
+    for name in new_ids(selection):
+        if CATALOGUE[name].local_in_time and not matters(selection.final.model, name, search.facts):
+            selection.trials[name].decision = "not confirmed: the searched part knows no size of it"
+            selection.final = search.without(selection.final, name)
+
+
+def _mapped(prepared: Prepared, search: Search, selection: Selection) -> Found:
+    whole = search.on_whole(selection.final)
+    return Found(prepared, search, selection, whole, residual_map(whole, prepared.prior, prepared.facts))
+
+
+def _with_wandering_friction(found: Found) -> Found:
+    """The same with a dry friction that wanders, if that leaves nothing but what goes with time.
+
+    A given model's own drift is not touched.
+    """
+    prepared, search, selection = found.prepared, found.search, found.selection
+    if WANDER in selection.base.model.effects.ids:
+        return found
+    tried = wandering(prepared, search, selection.final)
+    if tried is None or tried.trial.p_value >= LOCAL_P or not matters(tried.fit.model, WANDER, prepared.facts):
+        return found
+    trials = {**selection.trials, WANDER: tried.trial}
+    changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
+    changed.final = search.pruned(changed.final, changed)
+    _confirm(prepared, search, changed, [WANDER])
+    if WANDER not in changed.final.model.effects.ids:
+        return found
+    changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
+    other = _mapped(prepared, search, changed)
+    worst = max((item.statistic for item in found.left), default=0.0)
+    better = all(item.name in _GOES_WITH_TIME and item.statistic < 0.5 * worst for item in other.left)
+    return other if better else found
+
+
+def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Advance) -> None:
+    """Look at the whole record for more, at a stricter level; coefficients are the fit part's all the same.
+
+    The held-out part then has a share in finding an effect, but none in its size, and must still be predicted better.
+    """
+    advance("searching the whole record")
+    whole, facts = prepared.whole, prepared.facts
+    everywhere = Search(whole, whole, prepared.seen, prepared.prior, facts, advance, enough=WHOLE_P)
+    wide = everywhere.run(search.on_whole(selection.final))
+    names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
+    if not names:
+        return
+    everywhere.with_rivals(wide)
+    _settle_rivals(everywhere, wide)
+    names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
+    fit = selection.final
+    for name in [name for name in fit.model.effects.ids if name not in wide.final.model.effects.ids]:
+        fit = search.without(fit, name)
+        if name in selection.trials:  # else the model given had it
+            selection.trials[name].decision = f"explained by {', '.join(names)}"
+    for name in names:
+        told = search.told(fit, name)
+        selection.trials[name] = wide.trials[name]
+        if determined(told, name, _LEAST_SIGMAS_OF_PART):
+            fit = told
+        else:
+            selection.trials[name].decision = "not confirmed: the searched part knows no size of it"
+    before = set(fit.model.effects.ids)
+    selection.final = fit
+    _confirm(prepared, search, selection, [name for name in names if name in before])
+    selection.rivals |= {name: fits for name, fits in wide.rivals.items() if name in selection.final.model.effects.ids}
+    selection.whole_record = [name for name in names if name in selection.final.model.effects.ids]
+
+
+def new_ids(selection: Selection) -> list[str]:
+    """Effects of the final model that the base did not have."""
+    before = set(selection.base.model.effects.ids)
+    return [name for name in selection.final.model.effects.ids if name not in before]
+
+
+def _settle_rivals(search: Search, selection: Selection) -> None:
+    """Between explanations that the searched part cannot tell apart, the whole record decides where it can.
+
+    Where it cannot either, what holds at any time goes before what is tied to this record's clock.
+    """
+    for name, fits in list(selection.rivals.items()):
+        tried = [(search.on_whole(selection.final).likelihood.value, name, selection.final)]
+        for fit in fits:
+            other = next(item for item in fit.model.effects.ids if item not in selection.final.model.effects.ids)
+            tried.append((search.on_whole(fit).likelihood.value, other, fit))
+        top = max(value for value, _, _ in tried)
+        near = [item for item in tried if 2.0 * (top - item[0]) < INDISTINGUISHABLE]
+        _, winner, best = max(near, key=lambda item: (not CATALOGUE[item[1]].of_one_record, item[0]))
+        selection.rivals.pop(name)
+        if best is not selection.final:
+            selection.trials[name].decision = f"explained by {winner}"
+            selection.final = best
+        others = [fit for _, other, fit in near if other != winner]
+        if others:
+            selection.rivals[winner] = others
+
+
+def _confirm(prepared: Prepared, search: Search, selection: Selection, names: list[str]) -> None:
+    """Drop what worsens the held-out part, by its likelihood or by its free run; an event is not judged there."""
+    for name in names:
+        if CATALOGUE[name].local_in_time:
+            continue
+        less = search.without(selection.final, name)
+        with_it = heldout_likelihood(prepared.heldout, selection.final, prepared.seen)
+        likelier = with_it > heldout_likelihood(prepared.heldout, less, prepared.seen)
+        gain = gain_over(prepared, less, selection.final)
+        if not likelier or (gain is not None and gain < _WORST_GAIN_PERCENT):
+            selection.trials[name].decision = "not confirmed on the held-out part"
+            selection.final = less
+
+
+def judge(prepared: Prepared, fit: Fit, inertia: float | None) -> Judged:
+    """Figures on the held-out part, and traces, of a fit."""
+    return judge_model(
+        prepared.whole,
+        fit.model,
+        fit.noise,
+        prepared.split.heldout,
+        prepared.split.block,
+        prepared.base.omit,
+        prepared.seen,
+        inertia,
+    )
+
+
+def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
+    """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller."""
+    before, after = judge(prepared, less, None).figures, judge(prepared, more, None).figures
+    key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
+    if not before[key] or after[key] is None:
+        return None
+    return float(100.0 * (1.0 - after[key] / before[key]))
