@@ -85,10 +85,10 @@ def look(prepared: Prepared, advance: Advance) -> Found:
 
 
 def _drop_trifles(search: Search, selection: Selection) -> None:
-    """Drop an event that the searched part has nothing of once all else is in the model."""
+    """Drop what the searched part has next to nothing of once all else is in the model."""
     for name in new_ids(selection):
-        if CATALOGUE[name].local_in_time and not matters(selection.final.model, name, search.facts):
-            selection.trials[name].decision = "not confirmed: the searched part knows no size of it"
+        if not matters(selection.final.model, name, search.facts):
+            selection.trials[name].decision = "too small to matter"
             selection.final = search.without(selection.final, name)
 
 
