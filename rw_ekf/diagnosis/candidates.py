@@ -142,7 +142,11 @@ def _secant(frame: Frame, effect: type[Effect], candidate: Candidate) -> Hypothe
 
 
 class Scorer:
-    """Scores hypotheses on a frame, at a few ratios of noises from the model's own downwards."""
+    """Scores hypotheses on a frame, at a few ratios of noises from the model's own downwards.
+
+    Which ratio goes with which columns is decided by the restricted likelihood (Patterson & Thompson 1971; eq. 10):
+    columns that follow a wandering speed would otherwise make it look as if it wandered less, and gain by that.
+    """
 
     def __init__(self, frame: Frame, prior: Prior | None, variance: float, ratio: float) -> None:
         self.frame = frame
@@ -152,17 +156,21 @@ class Scorer:
         self.residuals: list[Float64Array] = []
         self.rss: list[float] = []
         self.logs: list[float] = []
+        self.restrictions: list[float] = []  # half the log-determinant of the model's own columns
         for value in self.ratios:
             r, A, logs = frame.whitened(value, variance, frame.columns, frame.memory_columns)
             self.places = frame.innovation_at
             Q = _basis(A, prior, frame.model)
+            self.restrictions.append(_restriction(A, prior))
             left = r - Q @ (Q.T @ r)
             self.bases.append(Q)
             self.residuals.append(left)
             self.rss.append(float(left @ left))
             self.logs.append(logs)
         self.count = self.residuals[0].size
-        self.without = max(self._value(i, 0.0) for i in range(len(self.ratios)))
+        own = max(range(len(self.ratios)), key=lambda i: self._value(i, 0.0) - self.restrictions[i])
+        self.own = own
+        self.without = self._value(own, 0.0)
 
     def _value(self, i: int, gain: float) -> float:
         left = max(self.rss[i] - gain, 1.0e-9)
@@ -172,7 +180,7 @@ class Scorer:
         """Scores of hypotheses that came in one chunk."""
         columns = np.concatenate([h.columns for h in group], axis=1)
         edges = np.cumsum([0, *(h.columns.shape[1] for h in group)])
-        best: list[Score | None] = [None] * len(group)
+        best: list[tuple[float, Score] | None] = [None] * len(group)
         for i, ratio in enumerate(self.ratios):
             _, A, _ = self.frame.whitened(ratio, self.variance, columns)
             Q = self.bases[i]
@@ -189,29 +197,43 @@ class Scorer:
                 if not _allowed(hypothesis, solution):
                     continue
                 gain = float(products[part] @ solution)
-                statistic = 2.0 * (self._value(i, gain) - self.without)
+                value = self._value(i, gain)
+                merit = value - self.restrictions[i] - 0.5 * float(np.linalg.slogdet(gram)[1])
                 before = best[g]
-                if before is None or statistic > before.statistic:
+                if before is None or merit > before[0]:
                     scale = max(self.rss[i] - gain, 1.0e-9) / self.count
-                    best[g] = Score(hypothesis, statistic, solution, np.sqrt(scale * np.diag(inverse)))
-        return [score for score in best if score is not None]
+                    std = np.sqrt(scale * np.diag(inverse))
+                    best[g] = merit, Score(hypothesis, 2.0 * (value - self.without), solution, std)
+        return [found[1] for found in best if found is not None]
 
     def score_group(self, columns: Float64Array) -> tuple[float, int]:
         """Statistic and degrees of freedom of many columns (n, m) taken together, those without content left out."""
-        best, freedom = 0.0, 0
-        for i, ratio in enumerate(self.ratios):
-            _, A, _ = self.frame.whitened(ratio, self.variance, columns)
-            Q = self.bases[i]
-            lengths = np.linalg.norm(A, axis=0)
-            scaled = A[:, lengths > 0.0] / lengths[lengths > 0.0]
-            G = scaled - Q @ (Q.T @ scaled)
+        columns = self._independent(columns)
+        if columns.shape[1] == 0:
+            return 0.0, 0
+        best_merit, statistic = -math.inf, 0.0
+        for i in range(len(self.ratios)):
+            G = self._beside_own(i, columns)
             U, sizes, _ = np.linalg.svd(G, full_matrices=False)
-            kept = U[:, sizes > _GROUP_RANK]
-            gain = float(np.sum((kept.T @ self.residuals[i]) ** 2))
-            statistic = 2.0 * (self._value(i, gain) - self.without)
-            if statistic > best:
-                best, freedom = statistic, kept.shape[1]
-        return best, freedom
+            value = self._value(i, float(np.sum((U.T @ self.residuals[i]) ** 2)))
+            merit = value - self.restrictions[i] - float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
+            if merit > best_merit:
+                best_merit, statistic = merit, 2.0 * (value - self.without)
+        return statistic, columns.shape[1]
+
+    def _beside_own(self, i: int, columns: Float64Array) -> Float64Array:
+        """Columns whitened at the i-th ratio, the model's own projected out."""
+        _, A, _ = self.frame.whitened(self.ratios[i], self.variance, columns)
+        Q = self.bases[i]
+        return A - Q @ (Q.T @ A)
+
+    def _independent(self, columns: Float64Array) -> Float64Array:
+        """Combinations of columns (n, m) that say something of their own, of unit length at the model's own ratio."""
+        _, A, _ = self.frame.whitened(self.ratios[self.own], self.variance, columns)
+        lengths = np.linalg.norm(A, axis=0)
+        scaled = columns[:, lengths > 0.0] / lengths[lengths > 0.0]
+        _, sizes, Vt = np.linalg.svd(self._beside_own(self.own, scaled), full_matrices=False)
+        return np.ascontiguousarray(scaled @ Vt[sizes > _GROUP_RANK].T)
 
     def best_of_each(
         self, facts: RecordFacts, effects: list[type[Effect]], advance: Callable[[], object]
@@ -283,6 +305,16 @@ def information(frame: Frame, prior: Prior | None, variance: float, facts: Recor
     Q = _basis(own, prior, frame.model)
     lengths = np.einsum("ij,ij->j", A - Q @ (Q.T @ A), A)
     return {h.effect.id: float(length) for h, length in zip(group, lengths, strict=True)}
+
+
+def _restriction(A: Float64Array, prior: Prior | None) -> float:
+    """Half the log-determinant of the information on the model's own vector."""
+    normal = A.T @ A
+    if prior is not None:
+        normal[:4, :4] += prior.root.T @ prior.root
+    scale = np.sqrt(np.maximum(np.diag(normal), 1.0e-300))
+    return float(0.5 * np.linalg.slogdet(normal / np.outer(scale, scale) + 1.0e-12 * np.eye(scale.size))[1]
+                 + np.sum(np.log(scale)))  # fmt: skip
 
 
 def _allowed(hypothesis: Hypothesis, solution: Float64Array) -> bool:

@@ -19,7 +19,7 @@ WHOLE_P = 1.0e-5  # the same on the whole record, where nothing independent is l
 LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
 INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
 INDISTINGUISHABLE = 9.0  # two explanations whose log-likelihoods differ by less than half of this: three sigma
-MAP_P = 1.0e-5  # structure left in the residual's map
+MAP_P = 3.0e-4  # structure left in the residual's map
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
 
 

@@ -38,6 +38,7 @@ class Likelihood:
     """Of one model, at its best noises and corrections of its vector."""
 
     value: float
+    restricted: float  # the same less half the log-determinant of the vector's information (REML): decides on noises
     noise: Noise
     correction: Float64Array
     covariance: Float64Array
@@ -45,7 +46,11 @@ class Likelihood:
 
 
 def likelihood(frame: Frame, prior: Prior | None, noise: Noise, *, fixed_ratio: bool = False) -> Likelihood:
-    """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`."""
+    """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`.
+
+    The ratio is that of the highest restricted likelihood (Patterson & Thompson 1971): a wandering speed that the
+    vector can follow would otherwise pass for one that wanders less.
+    """
     from scipy.optimize import minimize_scalar
 
     found: dict[float, Likelihood] = {}
@@ -53,14 +58,14 @@ def likelihood(frame: Frame, prior: Prior | None, noise: Noise, *, fixed_ratio: 
     def negative(log_ratio: float) -> float:
         ratio = math.exp(log_ratio)
         found[log_ratio] = _at_ratio(frame, prior, noise.variance, ratio)
-        return -found[log_ratio].value
+        return -found[log_ratio].restricted
 
     if fixed_ratio:
         return _at_ratio(frame, prior, noise.variance, noise.ratio)
     low, high = math.log(LEAST_RATIO), math.log(_MOST_RATIO)
     minimize_scalar(negative, bounds=(low, high), method="bounded", options={"xatol": 0.2})
     negative(low)
-    return max(found.values(), key=lambda item: item.value)
+    return max(found.values(), key=lambda item: item.restricted)
 
 
 def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> Likelihood:
@@ -72,7 +77,7 @@ def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> 
     if size == 0:
         variance = max(float(r @ r), 1.0e-12) / max(r.size, 1)
         value = -0.5 * (r.size * math.log(variance) + logs + r.size)
-        return Likelihood(value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
+        return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
     normal = (A / weights).T @ (A / weights)
     target = (A / weights).T @ r
     pull, offset = np.zeros((size, size)), np.zeros(size)
@@ -88,7 +93,8 @@ def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> 
     variance = rss / max(n, 1)  # in units of scale
     value = -0.5 * (n * math.log(variance) + logs + n)
     covariance = variance * np.linalg.inv(total) / np.outer(weights, weights)
-    return Likelihood(value, Noise(variance * scale, ratio), step / weights, covariance, n)
+    restricted = value - 0.5 * float(np.linalg.slogdet(total)[1]) - float(np.sum(np.log(weights)))
+    return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
 
 
 @dataclass(frozen=True)

@@ -96,10 +96,12 @@ def linearise(
     extra[resting] += _STUCK_SHARE**2 * noise.variance
     if with_memory and np.isnan(reference.memory).any():  # the first time: the memory carried along is its reference
         reference = replace(reference, memory=_before(centre.memory_end, record, reference, model))
+    step = np.where(record.follows, np.diff(record.data.time_s, prepend=record.data.time_s[:1]), 0.0)
     reading = np.where(omit, np.nan, record.data.speed_rad_s - reference.speed)
     chain = Chain(
         record.follows,
-        np.where(record.follows, np.diff(record.data.time_s, prepend=record.data.time_s[:1]), 0.0),
+        step,
+        np.where(resting, 0.0, step),  # a torque that does not break the wheel away does not move it
         centre.slopes,
         np.where(record.follows, centre.end - reference.speed, 0.0),
         np.where(record.follows, centre.memory_end - reference.memory, 0.0) if with_memory else np.zeros(extra.size),

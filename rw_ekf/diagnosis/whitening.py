@@ -30,6 +30,7 @@ class Chain(NamedTuple):
 
     follows: NDArray[np.bool_]  # (n,)
     step_s: Float64Array  # (n,)
+    noisy_s: Float64Array  # (n,) of the step, in which process noise moves the speed: none at rest
     slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row
     defect: Float64Array  # (n,) predicted less reference speed
     memory_defect: Float64Array  # (n,)
@@ -77,7 +78,7 @@ def _whiten(
         x, z = a * x + b * z + chain.defect[i], c * x + d * z + chain.memory_defect[i]
         mixed = a * (c * pxx + d * pxz) + b * (c * pxz + d * pzz)
         rest = c * (c * pxx + d * pxz) + d * (c * pxz + d * pzz)
-        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.step_s[i] + chain.extra[i]
+        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.noisy_s[i] + chain.extra[i]
         pxz, pzz = mixed, rest
         if with_memory:
             for j in range(m):
@@ -134,7 +135,7 @@ def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Flo
                 keep[i] = 0.0
             continue
         f = chain.slopes[i, 0]
-        P = f * f * P + q * chain.step_s[i] + chain.extra[i]
+        P = f * f * P + q * chain.noisy_s[i] + chain.extra[i]
         if has:
             gain = P / (P + R)
             root[i] = 1.0 / math.sqrt(P + R)
@@ -174,7 +175,7 @@ def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Fl
         x, z = a * x + b * z + chain.defect[i], c * x + d * z + chain.memory_defect[i]
         mixed = a * (c * pxx + d * pxz) + b * (c * pxz + d * pzz)
         rest = c * (c * pxx + d * pxz) + d * (c * pxz + d * pzz)
-        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.step_s[i] + chain.extra[i]
+        pxx = a * (a * pxx + b * pxz) + b * (a * pxz + b * pzz) + q * chain.noisy_s[i] + chain.extra[i]
         pxz, pzz = mixed, rest
         state[i] = 2
         ahead[i, 0], ahead[i, 1], ahead[i, 2], ahead[i, 3], ahead[i, 4] = x, z, pxx, pxz, pzz

@@ -6,6 +6,7 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, CurrentEffect, RecordFacts, Shape
+from rw_ekf.effects.measures import lacks_current
 
 
 class ActuatorLag(CurrentEffect):
@@ -19,6 +20,11 @@ class ActuatorLag(CurrentEffect):
     confounded: ClassVar[dict[str, str]] = {
         "transport_delay": "current steps read at a rate faster than one over the lag"
     }
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """A coast-down has no current to lag behind."""
+        return super().untestable(facts) or lacks_current(facts)
 
     @staticmethod
     def smallest(facts: RecordFacts) -> float:

@@ -71,7 +71,7 @@ class Candidate(NamedTuple):
 
 
 class Effect(ABC):
-    """One entry of the catalogue. Class attributes only: an effect in use is an `ActiveEffect` (catalogue.py)."""
+    """One entry of the catalogue. Class attributes only: an effect in use is a `Column` (table.py)."""
 
     id: ClassVar[str]
     equation: ClassVar[str]

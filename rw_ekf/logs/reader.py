@@ -30,6 +30,7 @@ from rw_ekf.logs.wheel_log import CHANNELS, READABLE_COLUMNS, Drive, FloatArray,
 from rw_ekf.units import rad_s_from_rpm
 
 MAX_SKIPPED_SHARE = 0.01
+_GAPS_UNSAID = 0.01  # of the rows: a run misses a reply now and then
 _CURRENTS = ("current_command_A", "current_A")
 
 
@@ -158,9 +159,12 @@ def _drive(
     if name != candidates[0]:
         warnings.append(f"{table.path}: column '{candidates[0]}' is empty throughout; '{name}' drives the model")
     current_A, leading = held_current(values[name], segment)
+    held = int(np.isnan(values[name]).sum()) - leading
     if leading:
         rows = "1 row" if leading == 1 else f"{leading} rows"
         warnings.append(f"{table.path}: no {name} in {rows} at the start of a segment; 0 A was taken there")
+    if held > _GAPS_UNSAID * len(segment):
+        warnings.append(f"{table.path}: no {name} in {held} of {len(segment)} rows; the value before was held there")
     if name in mapped.constant:
         return "constant", current_A
     return ("current_command_A" if name == "current_command_A" else "current_A"), np.array(current_A)

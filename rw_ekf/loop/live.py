@@ -15,6 +15,7 @@ from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelDriver,
 _REOPEN_EVERY_S = 0.5
 _LAST_TRY_S = 2.0
 _REOPEN_SILENT_S = 5.0  # a port that stays open but says nothing is opened anew, so often
+_RATE_AFTER_S = 10.0  # sooner, milliseconds of jitter would pass for a clock that runs at another rate
 _LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
 
 Request = Callable[[WheelSample], float]
@@ -84,6 +85,7 @@ class LiveWheel:
         self._heard_s = time.monotonic()
         self._last: WheelSample | None = None
         self._last_tick_s = 0.0
+        self._began: tuple[WheelSample, float] | None = None  # first sample of the segment, and its tick
         self._told_A: float | None = None  # the last current that the log and the filter were told of
         self._broken = False
         self._breaks = 0
@@ -174,6 +176,8 @@ class LiveWheel:
         self.silent = self._broken = False
         self._zeroed_after_s = None
         self._last = replace(sample, segment=sample.segment + self._breaks)
+        if self._began is None or self._began[0].segment != self._last.segment:
+            self._began = self._last, tick_s
         return self._last
 
     def _missed(self, tick_s: float) -> WheelSample | None:
@@ -197,7 +201,14 @@ class LiveWheel:
             self._zeroed_after_s = time.monotonic() - tick_s
         if self._last is None:
             return None
-        return WheelSample(self._last.time_s + tick_s - self._last_tick_s, None, segment=self._last.segment)
+        passed_s = (tick_s - self._last_tick_s) * self._clock_rate()
+        return WheelSample(self._last.time_s + passed_s, None, segment=self._last.segment)
+
+    def _clock_rate(self) -> float:
+        """Seconds of the samples' time per second of the host's, once there are enough to tell."""
+        if self._began is None or self._last is None or self._last_tick_s - self._began[1] < _RATE_AFTER_S:
+            return 1.0
+        return (self._last.time_s - self._began[0].time_s) / (self._last_tick_s - self._began[1])
 
     def _command_of_a_missed_tick(self) -> IssuedCommand | None:
         if self._zeroed_after_s is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from rw_ekf.filter.constants import FilterConstants
     from rw_ekf.settings.schema import Configuration
 
+_RATE_AFTER_S = 10.0
 _MOST_SENTENCES = 50  # kept for the report of a run; the log has them all
 
 
@@ -27,11 +29,16 @@ class WatchSink:
         self._active: dict[str, dict[str, Any]] = {}
         self._sentences: list[str] = []
         self._more = 0
+        self._began: tuple[datetime, float] | None = None  # hour and time of the first sample
+        self._last_s = -math.inf
 
     def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
         """Let the watch take one sample; log what began, changed or ended."""
         if self._watch is None:
             return
+        if self._began is None or sample.time_s < self._last_s:  # the wheel's clock began anew
+            self._began = self._now(), sample.time_s
+        self._last_s = sample.time_s
         try:
             news = self._watch.step(sample, command, result)
         except (ArithmeticError, ValueError) as error:  # whoever watches must never end what is watched
@@ -82,8 +89,11 @@ class WatchSink:
             self._more += 1
 
     def _utc(self, time_s: float, now_s: float) -> str:
-        """UTC of a time of the log [s], given that it is now_s at this moment."""
-        return f"{self._now() - timedelta(seconds=now_s - time_s):%Y-%m-%dT%H:%M:%SZ}"
+        """UTC of a time of the log [s], given that it is now_s now; the wheel's clock may run at any rate."""
+        now, rate = self._now(), 1.0
+        if self._began is not None and now_s - self._began[1] > _RATE_AFTER_S:
+            rate = (now - self._began[0]).total_seconds() / (now_s - self._began[1])
+        return f"{now - timedelta(seconds=rate * (now_s - time_s)):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def watch_sink_of(

@@ -39,6 +39,8 @@ def _phi_1_slope(x: float) -> float:
 def _far_time(v: float, target: float, net: float, b: float) -> float:
     """Time [s] in which dv/dt = net - b v leads from v to target; it must lie ahead on the way."""
     rate = net - b * target
+    if rate == 0.0:  # the target is the equilibrium: it is come near to and not passed
+        return math.inf
     z = b * (target - v) / rate
     return (target - v) / rate * (math.log1p(z) / z if abs(z) > 1.0e-12 else 1.0)
 

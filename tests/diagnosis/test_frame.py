@@ -204,7 +204,6 @@ def test_the_ratio_of_noises_is_found() -> None:
     assert np.mean(noises) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.xfail(reason="statistics of wheels with strong process noise are inflated; thresholds allow for it")
 def test_process_noise_does_not_pass_for_an_effect() -> None:
     """A healthy wheel whose speed wanders a little: statistics stay near chi-square, and sigmas near the errors.
 

@@ -26,9 +26,11 @@ def random_chain(seed: int, *, memory: bool, samples: int = 34) -> Chain:
         slopes[:, 1:] = 0.0
     reading = rng.normal(0.0, 2.0, samples)
     reading[[0, 5, 6, 7, 11, 12, 17]] = np.nan
+    step = rng.uniform(0.05, 0.2, samples)
     return Chain(
         follows,
-        rng.uniform(0.05, 0.2, samples),
+        step,
+        np.where(rng.random(samples) < 0.2, 0.0, step),
         slopes,
         rng.normal(0.0, 0.5, samples),
         rng.normal(0.0, 0.5, samples) if memory else np.zeros(samples),
@@ -72,7 +74,7 @@ class Dense:
             self.moved[i] = F @ self.moved[i - 1] + np.stack((columns[at], memory_columns[at]))
             sources[i] = F @ sources[i - 1]
             sources[i, 0, 2 + i] = 1.0
-            variances[2 + i] = Q * chain.step_s[at] + chain.extra[at]
+            variances[2 + i] = Q * chain.noisy_s[at] + chain.extra[at]
         self.covariance = np.einsum("iak,k,jbk->iajb", sources, variances, sources)
         self.read = np.array([i for i in range(1, count) if np.isfinite(chain.reading[first + i])], dtype=int)
         self.of_readings = self.covariance[self.read, 0][:, self.read, 0] + R * np.eye(self.read.size)
