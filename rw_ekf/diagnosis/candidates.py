@@ -144,7 +144,7 @@ def _secant(frame: Frame, effect: type[Effect], candidate: Candidate) -> Hypothe
 class Scorer:
     """Scores hypotheses on a frame, at a few ratios of noises from the model's own downwards.
 
-    Which ratio goes with which columns is decided by the restricted likelihood (Patterson & Thompson 1971; eq. 10):
+    Which ratio goes with which columns is decided by the restricted likelihood (Patterson & Thompson 1971; eq. 6a):
     columns that follow a wandering speed would otherwise make it look as if it wandered less, and gain by that.
     """
 

@@ -48,7 +48,7 @@ class Likelihood:
 def likelihood(frame: Frame, prior: Prior | None, noise: Noise, *, fixed_ratio: bool = False) -> Likelihood:
     """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`.
 
-    The ratio is that of the highest restricted likelihood (Patterson & Thompson 1971): a wandering speed that the
+    The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
     vector can follow would otherwise pass for one that wanders less.
     """
     from scipy.optimize import minimize_scalar

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -21,14 +22,14 @@ NOON = datetime(2024, 5, 17, 12, 0, tzinfo=UTC)
 class Told(WheelWatch):
     """A watch that says what it is told to."""
 
-    def __init__(self, *news: Alarm | Exception) -> None:
+    def __init__(self, *news: Alarm | Exception | None) -> None:
         self._news = list(news)
 
     def step(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> list[Alarm]:
         item = self._news.pop(0)
         if isinstance(item, Exception):
             raise item
-        return [item]
+        return [] if item is None else [item]
 
     @property
     def remaining_drag(self) -> tuple[float, float] | None:
@@ -66,6 +67,15 @@ def test_times_of_the_log_become_hours_of_the_day() -> None:
     assert fields["amplitude_mNm"] == 0.45
     assert "bound" not in fields
     assert "0.45 mNm" in fields["text"]
+
+
+def test_a_wheel_six_times_as_fast_was_disturbed_after_the_run_began() -> None:
+    """A simulated wheel's clock may run faster than the day's: 60 s of it ago are 10 s of ours."""
+    notes, hours = Notes(), iter([NOON, NOON + timedelta(seconds=100)])
+    sink = WatchSink(Told(None, replace(residual(), since_s=540.0)), notes, now=lambda: next(hours))
+    for time_s in (0.0, 600.0):
+        sink.write(WheelSample(time_s, 1.0), None, StepResult(time_s, "updated", (), ()))  # type: ignore[arg-type]
+    assert notes.said[0][1]["since_utc"] == "2024-05-17T12:01:30Z"
 
 
 def test_the_issue_s_sentence() -> None:
