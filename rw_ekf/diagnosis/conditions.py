@@ -15,6 +15,8 @@ Float64Array = NDArray[np.float64]
 _LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
 _TURN_PER_SAMPLE = 2.0  # rad: an angle is integrated where the wheel is slow enough for some of the record
 _SLOW_SHARE = 0.02
+_LEAST_FOR_PERIOD = 40  # samples
+_REPEATS = 0.98  # of the autocorrelation at no lag
 
 
 def filled(values: Float64Array | None, n: int, otherwise: float) -> tuple[Float64Array, bool]:
@@ -65,7 +67,31 @@ def facts_of(
         temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
         angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
         channels=channels,
+        command_Hz=command_frequency(data),
     )
+
+
+def command_frequency(data: FilterInput) -> float:
+    """Frequency [Hz] at which the current of a log repeats itself, at least twice; 0 where it does not.
+
+    The first lag beyond a sign change at which the autocorrelation, each lag over its own number of samples, is 0.98.
+    """
+    last = np.minimum(data.pieces.start, data.pieces.current_A.size - 1)
+    current = data.pieces.current_A[last]
+    current = current - current.mean()
+    n = current.size
+    if n < _LEAST_FOR_PERIOD or not current.any():
+        return 0.0
+    power = np.abs(np.fft.rfft(current, 2 * n)) ** 2
+    lags = np.fft.irfft(power)[: n // 2] / np.arange(n, n - n // 2, -1)
+    level = lags / lags[0]
+    crossed = np.flatnonzero(level < 0.0)
+    again = np.flatnonzero(level[crossed[0] :] > _REPEATS) if crossed.size else crossed
+    if again.size == 0:
+        return 0.0
+    first = int(crossed[0] + again[0])
+    end = first + int(np.argmax(np.append(level[first:] < _REPEATS, True)))
+    return float(1.0 / (data.period_s * (first + int(np.argmax(level[first:end])))))
 
 
 __all__ = ["REFERENCE_DEGC", "facts_of", "filled", "integrated_angle"]

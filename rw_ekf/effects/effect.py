@@ -56,6 +56,7 @@ class RecordFacts:
     temperature_range_K: float | None = None  # None: not logged
     angle: bool = False  # logged, or integrated where that is meaningful
     channels: frozenset[str] = field(default_factory=frozenset)
+    command_Hz: float = 0.0  # at which the current repeats itself; 0: it does not
 
     @property
     def duration_s(self) -> float:

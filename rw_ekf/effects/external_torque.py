@@ -11,6 +11,7 @@ from rw_ekf.effects.periodic import PeriodicEffect
 
 _DENSE = 1200  # frequencies half a line's width apart: none between them is missed
 _SPARSE = 300  # above these, evenly in their logarithm: a speed hardly follows a torque that fast anyhow
+_HARMONICS = 8
 _LEAST_SAMPLES = 20.0
 
 
@@ -45,7 +46,11 @@ class ExternalTorque(PeriodicEffect):
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
-        """From one and a half periods in the record to two samples a period, 1500 at most."""
+        """From one and a half periods in the record to two samples a period, 1500 at most.
+
+        Not the first harmonics of a current that repeats itself: there anything that depends on speed or current is
+        periodic in time.
+        """
         if facts.duration_s < _LEAST_SAMPLES * facts.period_s:
             return []
         spacing, top = 0.5 / facts.duration_s, 0.5 / facts.period_s
@@ -56,6 +61,12 @@ class ExternalTorque(PeriodicEffect):
             ratio = top / last
             steps = min(_SPARSE, math.floor((top - last) / spacing))
             frequencies += [last * ratio ** ((i + 1) / steps) for i in range(steps)]
+        if facts.command_Hz > 0.0:
+            apart = [f / facts.command_Hz for f in frequencies]
+            width = 1.0 / (facts.duration_s * facts.command_Hz)
+            frequencies = [
+                f for f, x in zip(frequencies, apart, strict=True) if round(x) > _HARMONICS or abs(x - round(x)) > width
+            ]
         return [Candidate(1.0, (frequency, 0.0, facts.first_s)) for frequency in frequencies]
 
     @classmethod
