@@ -17,13 +17,13 @@ from rw_ekf.diagnosis.base_fit import (
     smoothed_by_filter,
     start_parameters,
 )
-from rw_ekf.diagnosis.candidates import information
 from rw_ekf.diagnosis.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.gross_errors import gross_errors
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
+from rw_ekf.diagnosis.scorer import information
 from rw_ekf.diagnosis.split import Kind, Split, running_time, split_record
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.filter.belief import Belief, prior_around

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.candidates import Scorer
 from rw_ekf.diagnosis.evidence import INFLATION
 from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.one_step import predict
+from rw_ekf.diagnosis.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.effects.table import Column, EffectSet

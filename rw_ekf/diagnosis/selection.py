@@ -8,54 +8,29 @@ left out, or goes: an offset that vanishes once viscous friction is split by dir
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.candidates import Score, Scorer
+from rw_ekf.diagnosis.candidates import Score
 from rw_ekf.diagnosis.evidence import LOCAL_P, SIGNIFICANT_P, p_value
 from rw_ekf.diagnosis.fitting import Fit, fit_model
 from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.model import Model, columns_of_candidate
 from rw_ekf.diagnosis.one_step import Record, Reference
+from rw_ekf.diagnosis.scorer import Scorer
+from rw_ekf.diagnosis.trial import Selection, Trial, determined, lines_in, matters
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.coulomb_drift import CoulombDrift
-from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts, StribeckEffect
-from rw_ekf.effects.table import Column
+from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts
 
 Float64Array = NDArray[np.float64]
 
 _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 _TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
-_LEAST_SIGMAS = 2.5
 _RIVAL_MARGIN = 16.0  # of twice the log-likelihood on the part: nearer ones are compared on the whole record
 _ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
-
-
-@dataclass
-class Trial:
-    """What became of one effect's best candidate."""
-
-    effect: type[Effect]
-    statistic: float  # in the turn that decided about it
-    p_value: float
-    size: float  # coefficient, or amplitude of two quadratures
-    std: float
-    columns: tuple[Column, ...] = ()
-    decision: str = "not significant"
-
-
-@dataclass
-class Selection:
-    """The outcome of the search."""
-
-    base: Fit
-    final: Fit
-    trials: dict[str, Trial] = field(default_factory=dict)
-    rivals: dict[str, list[Fit]] = field(default_factory=dict)  # chosen id -> fits with another in its place
-    whole_record: list[str] = field(default_factory=list)  # ids sought there, held-out part included
 
 
 class Search:
@@ -99,7 +74,7 @@ class Search:
                 break
             fit, _ = added
             current = self.pruned(fit, selection)
-            if _lines(current.model) == _lines(selection.final.model):
+            if lines_in(current.model) == lines_in(selection.final.model):
                 break
             selection.final = current
         return selection
@@ -290,31 +265,3 @@ class Search:
                 selection.trials[name].decision = f"explained by {', '.join(rest)}"
             fit = less
         return fit
-
-
-def _lines(model: Model) -> set[tuple[str, float]]:
-    """What is in a model: ids, each order or frequency of a periodic one for itself."""
-    return {(c.id, round(c.shape[0], 6) if c.effect.quadrature else 0.0) for c in model.columns}
-
-
-def determined(fit: Fit, name: str, sigmas: float = _LEAST_SIGMAS) -> bool:
-    """Whether the fit knows the coefficient at all: a fit that ran away claims a gain, but no size."""
-    places = [i for i, column in enumerate(fit.model.columns) if column.id == name]
-    if not places:
-        return False
-    value = float(np.linalg.norm([fit.model.columns[i].value for i in places]))
-    std = float(np.linalg.norm([fit.std[4 + i] for i in places]))
-    return bool(value > sigmas * std / np.sqrt(len(places)))
-
-
-def matters(model: Model, name: str, facts: RecordFacts) -> bool:
-    """Whether an effect in a fitted model is large enough to matter in practice."""
-    effect = CATALOGUE[name]
-    values = [column.value for column in model.columns if column.id == name]
-    if issubclass(effect, StribeckEffect):
-        other_law = any(column.shape[0] != facts.stribeck_law for column in model.columns if column.id == name)
-        return other_law or abs(values[0] - facts.stribeck_speed_rad_s) >= effect.smallest(facts)
-    if name == CoulombDrift.id:  # the change that it makes within the record, whatever its shape
-        changes = [c.value * (c.shape[2] or facts.duration_s) for c in model.columns if c.id == name]
-        return float(np.max(np.abs(np.cumsum(changes)))) >= effect.smallest(facts) * facts.duration_s
-    return float(np.linalg.norm(values)) >= effect.smallest(facts)

@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.residual_map import Dependence
-from rw_ekf.diagnosis.selection import Selection
+from rw_ekf.diagnosis.trial import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.effects.periodic import PeriodicEffect

@@ -14,7 +14,8 @@ import numpy as np
 from rw_ekf.diagnosis.evidence import INFLATION
 from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.preparation import Prepared
-from rw_ekf.diagnosis.selection import Search, Trial
+from rw_ekf.diagnosis.selection import Search
+from rw_ekf.diagnosis.trial import Trial
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.coulomb_drift import CoulombDrift
 from rw_ekf.effects.table import Column

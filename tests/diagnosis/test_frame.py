@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2, kstest
 
-from rw_ekf.diagnosis.candidates import Scorer
 from rw_ekf.diagnosis.conditions import facts_of
 from rw_ekf.diagnosis.fitting import fit_model, likelihood, smoothed_reference
 from rw_ekf.diagnosis.frame import Noise, linearise
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference, predict
+from rw_ekf.diagnosis.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import NO_SHAPE, Shape
 from rw_ekf.effects.table import Column
