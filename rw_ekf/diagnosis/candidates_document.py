@@ -50,6 +50,8 @@ def candidate_entries(
             entry["threshold"] = threshold(effect, facts)
             if name in selection.final.model.effects.ids:
                 entry["parameters"] = _parameters(selection.final, name)
+                for constant, std in trial.shape_std.items():
+                    entry["parameters"][constant] = {**entry["parameters"][constant], "std": std}
                 entry["heldout_gain_percent"] = _gain(found, name)
             else:
                 entry["parameters"] = _tried(trial.columns, trial.std)

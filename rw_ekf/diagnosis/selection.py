@@ -164,12 +164,13 @@ class Search:
                 for columns in score.hypothesis.starts(score.coefficients)
             ]
             fit = max(fits, key=lambda item: item.likelihood.value)
+            shape_std = _shape_std(fit, score.id) if local else {}
             if local:
                 fit = self.refitted(current, fit.model.settled(score.id))
                 statistic = score.statistic
             else:
                 statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
-            trial = replace(self._trial(score), statistic=statistic)
+            trial = replace(self._trial(score), statistic=statistic, shape_std=shape_std)
             trial.p_value = p_value(effect, statistic, self.facts)
             selection.trials[score.id] = trial
             if not local and trial.p_value >= self._enough(effect):
@@ -265,3 +266,13 @@ class Search:
                 selection.trials[name].decision = f"explained by {', '.join(rest)}"
             fit = less
         return fit
+
+
+def _shape_std(fit: Fit, name: str) -> dict[str, float]:
+    """Standard deviations of an effect's refined shape constants, by name."""
+    first = 4 + len(fit.model.columns)
+    return {
+        fit.model.columns[i].effect.constants[j].name: float(fit.std[at])
+        for at, (i, j) in enumerate(fit.model.refined, start=first)
+        if fit.model.columns[i].id == name
+    }

@@ -27,6 +27,7 @@ class Trial:
     std: float
     columns: tuple[Column, ...] = ()
     decision: str = "not significant"
+    shape_std: dict[str, float] = field(default_factory=dict)  # of constants that the whole record settled, by name
 
 
 @dataclass
