@@ -121,6 +121,8 @@ class _MapReader:
             self._add(place, f"{key}: give exactly one of column, constant, derivative_of; found {found}")
             return None
         scale, offset = self._number((key, "scale"), value, 1.0), self._number((key, "offset"), value, 0.0)
+        if scale == 0.0:
+            self._add(self.document.where((key, "scale")), f"{key}.scale: 0 leaves nothing of it; give a constant")
         if kinds[0] == "constant":
             return self._constant(key, value, place)
         column = value[kinds[0]]

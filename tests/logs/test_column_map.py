@@ -94,6 +94,7 @@ def test_decimation_keeps_rows_and_averages_the_current(tmp_path: Path) -> None:
         ("speed_rad_s: {column: v, constant: 1}", "1:1: speed_rad_s: give exactly one of"),
         ("speed_rad_s: 3", "1:1: speed_rad_s: write {column: name or number}"),
         ("speed_rad_s: {column: v, scale: big}", "1:33: speed_rad_s.scale must be a number"),
+        ("speed_rad_s: {column: v, scale: 0}", "1:33: speed_rad_s.scale: 0 leaves nothing of it"),
         ("time_s: {constant: 1}", "1:1: time_s: cannot be a constant; give rate_hz"),
         ("current_A: {derivative_of: x}", "1:1: current_A: only a speed can be a derivative"),
         ("current_A: {constant: 1, scale: 2}", "no meaning beside a constant"),
