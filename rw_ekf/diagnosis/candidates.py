@@ -44,7 +44,8 @@ class Hypothesis:
             return [found]
         if issubclass(self.effect, StribeckEffect):  # the laws are near each other: each deserves a fit
             return [[replace(made[0], shape=(float(law), 0.0, 0.0))] for law in sorted(LAW_CODES.values())]
-        return [found, made]
+        others = [columns_of_candidate(self.effect, other) for other in self.effect.alternatives(self.candidate)]
+        return [found, made, *others]
 
 
 @dataclass(frozen=True)

@@ -34,18 +34,20 @@ class Wander:
 
 
 def pieces(prepared: Prepared) -> list[Column]:
-    """Columns of a broken line with its knots in the middle of the blocks that are searched, as few as 12 between.
+    """Columns of a broken line with its knots where blocks meet, as few as 12 between.
 
-    What is held out lies between knots, where the best guess of a random walk is a straight line. None without two
-    blocks to search.
+    A piece over a held-out block leads from where the block before it ends to where the next begins, so that the blocks
+    that are searched know it. After the last of those the line goes on level. None without two of them.
     """
     block, searched = prepared.split.block, prepared.split.fit
     time = prepared.data.time_s
-    middles = [float(np.mean(time[searched & (block == number)][[0, -1]])) for number in np.unique(block[searched])]
-    if len(middles) < 2:
+    numbers = np.unique(block[searched])
+    if numbers.size < 2:
         return []
-    count = min(len(middles) - 1, _MOST_PIECES)
-    knots = np.interp(np.linspace(0.0, len(middles) - 1.0, count + 1), np.arange(len(middles)), middles)
+    inner = [number for number in np.unique(block) if numbers[0] <= number <= numbers[-1]]
+    edges = [*(float(time[block == number][0]) for number in inner), float(time[block == numbers[-1]][-1])]
+    count = min(len(edges) - 1, _MOST_PIECES)
+    knots = np.interp(np.linspace(0.0, len(edges) - 1.0, count + 1), np.arange(len(edges)), edges)
     effect = CATALOGUE[WANDER]
     return [Column(effect, 0.0, 0.0, (0.0, float(a), float(b - a))) for a, b in pairwise(knots)]
 

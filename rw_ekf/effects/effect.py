@@ -101,6 +101,11 @@ class Effect(ABC):
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """Where to look: shape constants to try, with the coefficient's start (1.0 where the effect is linear)."""
 
+    @staticmethod
+    def alternatives(candidate: Candidate) -> list[Candidate]:
+        """Other shapes to start a fit from beside the one that scored best."""
+        return []
+
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """Why this log cannot show the effect at all; None if it can."""

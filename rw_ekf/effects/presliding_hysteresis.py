@@ -8,7 +8,7 @@ from rw_ekf.effects.effect import Candidate, Coefficient, FrictionMemoryEffect, 
 from rw_ekf.effects.measures import dry_scale, lacks_reversal, plus_minus
 from rw_ekf.effects.memory_flow import bristle_flow
 
-_DAMPING = 0.3
+_DAMPINGS = (0.3, 0.0)  # LuGre as it mostly is, and Dahl
 _LARGEST = 1.0e3
 
 
@@ -44,7 +44,16 @@ class PreslidingHysteresis(FrictionMemoryEffect):
         """Bristles on which a wheel swings with a tenth of omega_s to nearly twice omega_s; 3 mrad to 0.9 rad."""
         deflection = _natural_deflection(facts)
         ratios = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
-        return [Candidate(min(deflection * ratio, _LARGEST), (_DAMPING, 0.0, 0.0)) for ratio in ratios]
+        return [
+            Candidate(min(deflection * ratio, _LARGEST), (damping, 0.0, 0.0))
+            for damping in _DAMPINGS
+            for ratio in ratios
+        ]
+
+    @staticmethod
+    def alternatives(candidate: Candidate) -> list[Candidate]:
+        """The same bristle with the other dampings: a step along the reference hardly tells them apart, a fit does."""
+        return [candidate._replace(shape=(damping, 0.0, 0.0)) for damping in _DAMPINGS if damping != candidate.shape[0]]
 
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
