@@ -26,6 +26,7 @@ Advance = Callable[[str], object]
 
 _WORST_GAIN_PERCENT = -2.0  # an effect that matters does not make the free run worse; a small one may not better it
 _GOES_WITH_TIME = ("time", "temperature")
+_RIPPLE = "torque_ripple"
 _LEAST_SIGMAS_OF_PART = 1.0  # what the whole record found, one part must know at least so well
 
 
@@ -53,20 +54,25 @@ class Found:
     def is_unexplained(self) -> bool:
         """Whether structure is left that outweighs what was found.
 
-        A friction that wanders is followed only so far, and may leave whatever goes with time.
+        A friction that wanders is followed only so far, and may leave whatever goes with time; so is a ripple
+        whose angle is not logged: its phase slips whenever the wheel is fast or at rest.
         """
-        wanders = any(c.id == WANDER and c.shape[2] > 0.0 for c in self.selection.final.model.columns)
-        left = [item for item in self.left if not (wanders and item.name in _GOES_WITH_TIME)]
-        return bool(left) and self.share < EXPLAINED_SHARE
+        columns = self.selection.final.model.columns
+        excused: tuple[str, ...] = ()
+        if any(column.id == WANDER and column.shape[2] > 0.0 for column in columns):
+            excused += _GOES_WITH_TIME
+        if not self.prepared.angle_is_logged and any(column.id == _RIPPLE for column in columns):
+            excused += (*_GOES_WITH_TIME, "angle")
+        return any(item.name not in excused for item in self.left) and self.share < EXPLAINED_SHARE
 
     @property
     def share(self) -> float:
-        """Of all the structure there was, what the effects explain."""
+        """Of all the structure there was, what the effects explain; of what is left only what exceeds chance counts."""
         if not self.left:
             return 1.0
         base = self.search.on_whole(self.selection.base)
         explained = 2.0 * (self.whole.likelihood.value - base.likelihood.value)
-        most = max(item.statistic for item in self.left)
+        most = max(item.statistic - item.freedom for item in self.left)
         return explained / (explained + most) if explained > 0.0 else 0.0
 
 
