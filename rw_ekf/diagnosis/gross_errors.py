@@ -9,6 +9,7 @@ Float64Array = NDArray[np.float64]
 
 _NOISES = 15.0  # of the readings beside their neighbours' median
 _CHANGES = 4.0  # of the change from sample to sample that nine in ten stay below
+_AT_EDGES = 3.0  # times as far: a ramp leaves the median of neighbours on one side
 _MOST_SHARE = 0.1  # more than so many are no errors but the record itself
 _NOISE_OF_MEDIAN = 1.0 / 0.6745
 
@@ -27,12 +28,14 @@ def gross_errors(speed_rad_s: Float64Array, segment: NDArray[np.int64]) -> NDArr
     speed = speed_rad_s[good]
     block = np.cumsum(np.diff(segment[good], prepend=segment[good][:1]) != 0)
     first, last = np.searchsorted(block, block, side="left"), np.searchsorted(block, block, side="right") - 1
-    around = np.clip(np.arange(good.size)[:, None] + np.arange(-2, 3), first[:, None], last[:, None])
+    begin = np.clip(np.arange(good.size) - 2, first, np.maximum(last - 4, first))
+    around = np.minimum(begin[:, None] + np.arange(5), last[:, None])
     off = np.abs(speed - np.median(speed[around], axis=1))
+    edge = begin != np.arange(good.size) - 2
     noise = _NOISE_OF_MEDIAN * float(np.median(off))
     changes = np.abs(np.diff(speed))[np.diff(block) == 0]
     usual = float(np.quantile(changes, 0.9)) if changes.size else 0.0
-    found = off > max(_NOISES * noise, _CHANGES * usual)
+    found = off > max(_NOISES * noise, _CHANGES * usual) * np.where(edge, _AT_EDGES, 1.0)
     if found.mean() <= _MOST_SHARE:
         wrong[good[found]] = True
     return wrong

@@ -22,8 +22,9 @@ def test_errors_alone_and_in_pairs_are_found() -> None:
     run = simulated(seed=4)
     speed = run.measured_speed_rad_s.copy()
     wrong = np.zeros(speed.size, dtype=bool)
-    wrong[50::100] = True
-    wrong[51::500] = True
+    wrong[0::100] = True
+    wrong[1::500] = True
+    wrong[-1] = True
     speed[wrong] += 50.0
     assert np.array_equal(gross_errors(speed, np.zeros(speed.size, dtype=np.int64)), wrong)
 
