@@ -62,7 +62,7 @@ class Found:
         if any(column.id == WANDER and column.shape[2] > 0.0 for column in columns):
             excused += _GOES_WITH_TIME
         if not self.prepared.angle_is_logged and any(column.id == _RIPPLE for column in columns):
-            excused += (*_GOES_WITH_TIME, "angle")
+            excused += (*_GOES_WITH_TIME, "angle", "low speed")
         return any(item.name not in excused for item in self.left) and self.share < EXPLAINED_SHARE
 
     @property

@@ -1,0 +1,50 @@
+"""Shapes that a search must find beside sizes: a bristle's damping, a friction that wanders."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.effect import StaticEffect
+from tests.diagnosis.simulated import log_of, simulated
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_a_bristle_is_found_with_its_damping(damping: float) -> None:
+    """Dahl's bristle, which swings undamped, and LuGre's: each named, with its deflection to 10 %, and told apart."""
+    run = simulated([f"presliding_hysteresis:deflection_rad=0.1,damping={damping}"], seed=7)
+    document = diagnose_log(log_of(run)).document
+    assert document["verdict"]["effects"] == ["presliding_hysteresis"], document["verdict"]["statement"]
+    found = next(c for c in document["candidates"] if c["effect"] == "presliding_hysteresis")["parameters"]
+    assert found["damping"]["value"] == damping
+    assert math.isclose(found["deflection_rad"]["value"], 0.1, rel_tol=0.1)
+
+
+@pytest.mark.slow
+def test_friction_that_follows_what_is_not_logged_drifts() -> None:
+    """Coulomb friction falls with a temperature that nobody logs, up and down again: a drift, and a better free run."""
+    log = log_of(simulated(["coulomb_temperature:slope_1_K=-0.015"], seed=5))
+    blind = replace(log, channels={name: v for name, v in log.channels.items() if name != "temperature_degC"})
+    document = diagnose_log(blind).document
+    assert document["verdict"]["effects"] == ["coulomb_drift"], document["verdict"]["statement"]
+    assert document["after"]["free_run_rms_rpm"] < 0.7 * document["before"]["free_run_rms_rpm"]
+
+
+def test_pieces_of_a_broken_line_add_up_to_it() -> None:
+    """Slopes from knot to knot, each level after its own end, are linear interpolation between the knots."""
+    drift = CATALOGUE["coulomb_drift"]
+    assert issubclass(drift, StaticEffect)
+    knots, heights = np.array([10.0, 40.0, 55.0, 120.0]), np.array([0.0, 0.03, -0.01, 0.02])
+    slopes, lengths = np.diff(heights) / np.diff(knots), np.diff(knots)
+    for time in np.linspace(0.0, 150.0, 61):
+        parts = [
+            drift.contribution(a, 0.0, start, length, 50.0, 0.0, 20.0, 0.0, time, 0.1)[5]
+            for a, start, length in zip(slopes, knots[:-1], lengths, strict=True)
+        ]
+        assert sum(parts) == pytest.approx(np.interp(time, knots, heights), abs=1e-15)
