@@ -76,8 +76,14 @@ def split_record(
         turns = reversals(speed_rad_s, noise_rad_s)
         length = max(_LEAST_BLOCK_S, _REVERSALS_A_BLOCK * duration / turns if turns else 0.0)
         count = max(_LEAST_BLOCKS, int(duration / length))
-    edges = np.linspace(0.0, duration, count + 1)
-    block = np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1).astype(np.int64)
+    block = _blocks(elapsed, duration, count)
+    while (
+        kind == "blocks"
+        and duration / (2 * count) >= _LEAST_BLOCK_S
+        and not _both_ways_alike(block % 2 == 0, speed_rad_s, noise_rad_s)
+    ):
+        count *= 2  # coast-downs by turns: whole ones in alternate blocks would all go one way
+        block = _blocks(elapsed, duration, count)
     fit = block % 2 == 0
     heldout = ~fit
     if elapsed.size > 2 * _MOST_SAMPLES:
@@ -92,6 +98,19 @@ def split_record(
             short = place < _MOST_SAMPLES // chosen.size
             fit, heldout = np.isin(block, chosen) & short, np.isin(block, chosen + 1) & short
     return Split(kind, fit, heldout, block, time_s)
+
+
+def _blocks(elapsed: Float64Array, duration: float, count: int) -> NDArray[np.int64]:
+    edges = np.linspace(0.0, duration, count + 1)
+    return np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1).astype(np.int64)
+
+
+def _both_ways_alike(fit: NDArray[np.bool_], speed_rad_s: Float64Array, noise_rad_s: float) -> bool:
+    """Whether each direction in which the record turns is in both parts."""
+    for turning in (speed_rad_s > 5.0 * noise_rad_s, speed_rad_s < -5.0 * noise_rad_s):
+        if turning.any() and not ((turning & fit).any() and (turning & ~fit).any()):
+            return False
+    return True
 
 
 def reversals(speed_rad_s: Float64Array, noise_rad_s: float) -> int:

@@ -110,3 +110,14 @@ def test_next_to_nothing_can_be_split(samples: int) -> None:
     split = split_of(np.arange(samples, dtype=np.float64), np.ones(samples))
     assert split.document()["kind"] == "blocks"
     assert int(split.fit.sum() + split.heldout.sum()) == samples
+
+
+def test_coast_downs_by_turns_are_in_both_parts() -> None:
+    """Four segments of 400 s, forward and backward by turns: each part has both directions."""
+    time_s = np.tile(np.arange(4000) * 0.1, 4)
+    segment = np.repeat(np.arange(4), 4000)
+    speed = np.concatenate([way * np.linspace(200.0, 100.0, 4000) for way in (1.0, -1.0, 1.0, -1.0)])
+    split = split_record(time_s, segment, speed, "blocks", 0.1)
+    for part in (split.fit, split.heldout):
+        assert (speed[part] > 0.0).any()
+        assert (speed[part] < 0.0).any()
