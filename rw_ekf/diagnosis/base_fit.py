@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from rw_ekf.diagnosis.frame import Noise, Prior
 from rw_ekf.diagnosis.frozen_filter import run_frozen
 from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.one_step import Record, Reference
+from rw_ekf.effects.table import EffectSet
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
@@ -54,8 +57,12 @@ def prior_of(setup: FilterSetup) -> Prior:
 
 
 def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:
-    """The model to begin with: the setup's effects, if a model file gave some, and its Stribeck curve."""
-    return Model(parameters, setup.stribeck_speed_rad_s, LAW_CODES[setup.stribeck_law], setup.effects)
+    """The model to begin with: the setup's effects, if a model file gave some, and its Stribeck curve.
+
+    Their shapes stay as they were found: on a whole record, of which only a part is fitted here.
+    """
+    effects = EffectSet(tuple(replace(column, settled=True) for column in setup.effects.columns))
+    return Model(parameters, setup.stribeck_speed_rad_s, LAW_CODES[setup.stribeck_law], effects)
 
 
 def read_reference(data: FilterInput, noise_rad_s: float) -> Reference:

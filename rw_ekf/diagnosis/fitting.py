@@ -85,6 +85,7 @@ def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> 
         W = prior.root
         pull[:4, :4] = W.T @ W
         offset[:4] = W.T @ W @ (prior.mean - np.array(frame.model.parameters))
+        _pull_given(prior, frame.model, pull, offset)
     # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
     total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
     step = np.linalg.solve(total, target + offset / weights)
@@ -95,6 +96,19 @@ def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> 
     covariance = variance * np.linalg.inv(total) / np.outer(weights, weights)
     restricted = value - 0.5 * float(np.linalg.slogdet(total)[1]) - float(np.sum(np.log(weights)))
     return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
+
+
+def _pull_given(prior: Prior, model: Model, pull: Float64Array, offset: Float64Array) -> None:
+    """Add what is known beforehand of the coefficients that a model file gave, as far as they are in the model."""
+    left = list(enumerate(model.columns, start=4))
+    for name, mean, std in prior.given:
+        found = next((item for item in left if item[1].id == name), None)
+        if found is None:
+            continue
+        left.remove(found)
+        at, column = found
+        pull[at, at] += 1.0 / std**2
+        offset[at] += (mean - column.value) / std**2
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,14 @@ _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may stil
 
 @dataclass(frozen=True)
 class Prior:
-    """Weak a priori on the four parameters: mean (4,), and W (4, 4) with W' W the inverse covariance."""
+    """Weak a priori on the four parameters: mean (4,), and W (4, 4) with W' W the inverse covariance.
+
+    given: coefficients of effects that a model file brought, (id, mean, standard deviation), in the model's order.
+    """
 
     mean: Float64Array
     root: Float64Array
+    given: tuple[tuple[str, float, float], ...] = ()
 
     @classmethod
     def of(cls, mean: Float64Array, covariance: Float64Array) -> Prior:

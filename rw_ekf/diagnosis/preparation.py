@@ -152,6 +152,8 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
     temperature, warm = filled(data.temperature_degC, n, REFERENCE_DEGC)
     logged_angle, turned = filled(data.angle_rad, n, 0.0)
     prior = Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
+    if model is not None:
+        prior = replace(prior, given=_given(model))
     part = part_of(data, current, delay, split.fit)
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
     everything = np.ones(n, dtype=bool)
@@ -181,6 +183,17 @@ def _aged(model: WheelModel) -> Belief:
     width = _AGEING * np.maximum(np.abs(belief.mean[1:]), [0.0, _LEAST_VISCOUS, 0.0, 0.0])
     covariance[1:, 1:] = _WIDENED**2 * said + np.diag(width**2)
     return Belief(belief.mean, covariance)
+
+
+def _given(model: WheelModel) -> tuple[tuple[str, float, float], ...]:
+    """Coefficients of a model of another log, as wide as its parameters are taken (`_aged`)."""
+    known = len(model.parameters)
+    found = []
+    for at, column in enumerate(model.effects.state_columns, start=known):
+        aged = 0.0 if column.effect.of_one_record else _AGEING * abs(column.value)
+        std = math.hypot(_WIDENED * math.sqrt(max(model.covariance[at][at], 0.0)), aged)
+        found.append((column.id, column.value, max(std, 1.0e-9 * max(abs(column.value), 1.0))))
+    return tuple(found)
 
 
 def _references(data: FilterInput, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
