@@ -7,11 +7,11 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.one_step import Record
 from rw_ekf.effects.propagation import effect_interval
 from rw_ekf.effects.table import EffectSet, EffectTable
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.kernel import COMPILED_MODULES
+from rw_ekf.likelihood.one_step import Record
 
 Float64Array = NDArray[np.float64]
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.fitting import Fit, fit_model
-from rw_ekf.diagnosis.frame import Noise, Prior
-from rw_ekf.diagnosis.frozen_filter import run_frozen
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.effects.table import EffectSet
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
+from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.frame import Noise, Prior
+from rw_ekf.likelihood.frozen_filter import run_frozen
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.starting_point import FilterSetup

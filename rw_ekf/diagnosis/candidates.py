@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.frame import Frame
-from rw_ekf.diagnosis.model import columns_of_candidate
-from rw_ekf.diagnosis.one_step import predict
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import Candidate, Effect, RecordFacts, StaticEffect, StribeckEffect
 from rw_ekf.effects.table import Column, EffectSet
+from rw_ekf.likelihood.frame import Frame
+from rw_ekf.likelihood.model import columns_of_candidate
+from rw_ekf.likelihood.one_step import predict
 from rw_ekf.model.friction import LAW_CODES
 
 Float64Array = NDArray[np.float64]

@@ -9,7 +9,6 @@ import numpy as np
 from rw_ekf.diagnosis.candidates import testable
 from rw_ekf.diagnosis.event import event_gain_percent
 from rw_ekf.diagnosis.evidence import threshold
-from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.look import Found, gain_over
 from rw_ekf.diagnosis.metrics import Judged
 from rw_ekf.diagnosis.quantisation import QUANTISATION, Lattice
@@ -19,6 +18,7 @@ from rw_ekf.diagnosis.verdict import (
 )
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.table import Column
+from rw_ekf.likelihood.fitting import Fit
 
 
 def candidate_entries(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.model import Model
 from rw_ekf.diagnosis.split import reversals
 from rw_ekf.effects.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.likelihood.model import Model
 
 Float64Array = NDArray[np.float64]
 

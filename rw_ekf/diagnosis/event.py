@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.fitting import Fit, fit_model
-from rw_ekf.diagnosis.frame import Prior
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Reference
+from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Reference
 
 Float64Array = NDArray[np.float64]
 

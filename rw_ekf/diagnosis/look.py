@@ -12,7 +12,6 @@ from rw_ekf.diagnosis.evidence import (
     MAP_P,
     WHOLE_P,
 )
-from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
 from rw_ekf.diagnosis.preparation import Prepared
 from rw_ekf.diagnosis.residual_map import Dependence, residual_map
@@ -21,6 +20,7 @@ from rw_ekf.diagnosis.trial import Selection, determined, matters
 from rw_ekf.diagnosis.verdict import left_over
 from rw_ekf.diagnosis.wander import WANDER, wandering
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
 
 Advance = Callable[[str], object]
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.ahead import simulate_ahead
-from rw_ekf.diagnosis.fitting import Fit, likelihood, smoothed_reference
-from rw_ekf.diagnosis.frame import Noise, linearise
-from rw_ekf.diagnosis.frozen_filter import filtered_reference, run_frozen
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.diagnosis.records import ModelTrace
 from rw_ekf.effects.table import ABSENT
+from rw_ekf.likelihood.fitting import Fit, likelihood, smoothed_reference
+from rw_ekf.likelihood.frame import Noise, linearise
+from rw_ekf.likelihood.frozen_filter import filtered_reference, run_frozen
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.units import rpm_from_rad_s
 
 Float64Array = NDArray[np.float64]

@@ -18,16 +18,16 @@ from rw_ekf.diagnosis.base_fit import (
     start_parameters,
 )
 from rw_ekf.diagnosis.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
-from rw_ekf.diagnosis.fitting import Fit
-from rw_ekf.diagnosis.frame import Prior
 from rw_ekf.diagnosis.gross_errors import gross_errors
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.diagnosis.scorer import information
 from rw_ekf.diagnosis.split import Kind, Split, running_time, split_record
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.filter.belief import Belief, prior_around
 from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.replay import input_of_log
 from rw_ekf.starting_point import FilterSetup, setup_of_record

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.evidence import INFLATION
-from rw_ekf.diagnosis.fitting import Fit
-from rw_ekf.diagnosis.frame import Prior
-from rw_ekf.diagnosis.one_step import predict
 from rw_ekf.diagnosis.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.effects.table import Column, EffectSet
 from rw_ekf.filter.consistency import chi_square_tail
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.one_step import predict
 
 Float64Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import Hypothesis, Score, analytic, hypotheses
-from rw_ekf.diagnosis.fitting import LEAST_RATIO
-from rw_ekf.diagnosis.frame import Frame, Prior
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.whitening import adjoint
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts, StaticEffect, StribeckEffect
+from rw_ekf.likelihood.fitting import LEAST_RATIO
+from rw_ekf.likelihood.frame import Frame, Prior
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.whitening import adjoint
 
 Float64Array = NDArray[np.float64]
 

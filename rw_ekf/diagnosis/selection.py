@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.candidates import Score
 from rw_ekf.diagnosis.evidence import LOCAL_P, SIGNIFICANT_P, p_value
-from rw_ekf.diagnosis.fitting import Fit, fit_model
-from rw_ekf.diagnosis.frame import Prior
-from rw_ekf.diagnosis.model import Model, columns_of_candidate
-from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.diagnosis.scorer import Scorer
 from rw_ekf.diagnosis.trial import Selection, Trial, determined, lines_in, matters
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts
+from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.model import Model, columns_of_candidate
+from rw_ekf.likelihood.one_step import Record, Reference
 
 Float64Array = NDArray[np.float64]
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rw_ekf.diagnosis.fitting import Fit
-from rw_ekf.diagnosis.model import Model
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.coulomb_drift import CoulombDrift
 from rw_ekf.effects.effect import Effect, RecordFacts, StribeckEffect
 from rw_ekf.effects.table import Column
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.model import Model
 
 _LEAST_SIGMAS = 2.5
 

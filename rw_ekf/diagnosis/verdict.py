@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.residual_map import Dependence
 from rw_ekf.diagnosis.trial import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.table import Column
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.units import rad_s_from_rpm
 
 _FIGURES = (

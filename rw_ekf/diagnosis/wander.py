@@ -12,7 +12,6 @@ from itertools import pairwise
 import numpy as np
 
 from rw_ekf.diagnosis.evidence import INFLATION
-from rw_ekf.diagnosis.fitting import Fit
 from rw_ekf.diagnosis.preparation import Prepared
 from rw_ekf.diagnosis.selection import Search
 from rw_ekf.diagnosis.trial import Trial
@@ -20,6 +19,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.coulomb_drift import CoulombDrift
 from rw_ekf.effects.table import Column
 from rw_ekf.filter.consistency import chi_square_tail
+from rw_ekf.likelihood.fitting import Fit
 
 _MOST_PIECES = 12
 WANDER = CoulombDrift.id

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from drivers.plant_batch import PlantRun, simulate_run
 from drivers.plant_effect_text import parse_effects
 from drivers.plant_parameters import PlantNoise
-from rw_ekf.diagnosis.fitting import Fit, fit_model, smoothed_reference
-from rw_ekf.diagnosis.frame import Noise, Prior, linearise
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference
 from rw_ekf.excitation import make_profile, sample_profile
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, filter_constants
 from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_reference
+from rw_ekf.likelihood.frame import Noise, Prior, linearise
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, kstest
 
 from rw_ekf.diagnosis.conditions import facts_of
-from rw_ekf.diagnosis.fitting import fit_model, likelihood, smoothed_reference
-from rw_ekf.diagnosis.frame import Noise, linearise
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference, predict
 from rw_ekf.diagnosis.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import NO_SHAPE, Shape
 from rw_ekf.effects.table import Column
+from rw_ekf.likelihood.fitting import fit_model, likelihood, smoothed_reference
+from rw_ekf.likelihood.frame import Noise, linearise
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis.simulated import PRIOR, TRUTH, fitted, record_of, simulated
 

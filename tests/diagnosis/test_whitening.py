@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.whitening import Chain, adjoint, smooth, whiten
+from rw_ekf.likelihood.whitening import Chain, adjoint, smooth, whiten
 
 Float64Array = NDArray[np.float64]
 

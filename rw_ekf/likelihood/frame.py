@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference, is_differentiable, predict
-from rw_ekf.diagnosis.whitening import Chain, whiten
 from rw_ekf.effects.table import ABSENT
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference, is_differentiable, predict
+from rw_ekf.likelihood.whitening import Chain, whiten
 
 Float64Array = NDArray[np.float64]
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.frame import Frame, Noise, Prior, linearise
-from rw_ekf.diagnosis.frozen_filter import filtered_reference
-from rw_ekf.diagnosis.model import Model
-from rw_ekf.diagnosis.one_step import Record, Reference
-from rw_ekf.diagnosis.whitening import smooth
 from rw_ekf.effects.table import ABSENT
+from rw_ekf.likelihood.frame import Frame, Noise, Prior, linearise
+from rw_ekf.likelihood.frozen_filter import filtered_reference
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.whitening import smooth
 
 Float64Array = NDArray[np.float64]
 
