@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,9 @@ from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.noise import frozen, without_drift
+from rw_ekf.identify.record_scale import busiest
+from rw_ekf.likelihood.judgement import judge_fit
+from rw_ekf.likelihood.log_fit import fit_log
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.statistics import RunStatistics
@@ -25,7 +29,7 @@ if TYPE_CHECKING:
     from rw_ekf.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
 
-_JUDGED_SAMPLES = 20_000  # of a long log, the first so many decide whether the residual is noise
+_JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
 _FEW_SAMPLES = 20
 _WILD = 1.0e9  # no machine turns, or is driven, by such numbers: a value beyond it is damage, and would only overflow
 
@@ -100,7 +104,7 @@ def replay_log(
             keep_states=with_columns,
             keep_history=smooth,
         )
-    belief = Belief(run.mean, run.covariance)
+    belief = _beside_other_stribeck_speeds(data, setup, run) if not online else Belief(run.mean, run.covariance)
     statistics = RunStatistics.of_run(data, run)
     consistency = judge_log(data, setup, belief)
     warnings = [*log.warnings, *setup.notes, *_remarks(data, log, statistics), *consistency.warnings()]
@@ -108,25 +112,46 @@ def replay_log(
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
 
 
-def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consistency:
-    """Second pass with the parameters frozen at the best single value for the log, and the tests of its innovations.
+def _beside_other_stribeck_speeds(data: FilterInput, setup: FilterSetup, run: FilterRun) -> Belief:
+    """What is believed at the end, a Stribeck speed that nobody gave not taken for known.
 
-    That value is the least-squares one, started from the filter's: where the filter went wrong early in a short log and
-    only the fit is right, the model is not to blame.
+    The filter runs at three speeds, those of Gauss and Hermite's rule for log omega_s (0 and +- sqrt(3) sigma, weights
+    2/3 and 1/6), and the moments of the three beliefs are those of their mixture.
     """
-    head = data.head(_JUDGED_SAMPLES)
+    if setup.stribeck_speed_std <= 0.0:
+        return Belief(run.mean, run.covariance)
+    spread = min(setup.stribeck_speed_std / setup.stribeck_speed_rad_s, 0.5)
+    parts = [(2.0 / 3.0, run.mean, run.covariance)]
+    for sign in (-1.0, 1.0):
+        omega_s = setup.stribeck_speed_rad_s * math.exp(sign * math.sqrt(3.0) * spread)
+        there = setup.constants._replace(omega_s=omega_s, near_zero_speed=6.0 * omega_s)
+        other = filter_log(data, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
+        parts.append((1.0 / 6.0, other.mean, other.covariance))
+    mean = sum((weight * x for weight, x, _ in parts), np.zeros_like(run.mean))
+    covariance = sum((w * (P + np.outer(x - mean, x - mean)) for w, x, P in parts), np.zeros_like(run.covariance))
+    return Belief(mean, covariance)
+
+
+def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consistency:
+    """Whether what a fit of the four parameters leaves of the log is noise (docs/decisions/0012).
+
+    Judged at the log's own noises, where a wrong model does not pass for a noisy one; that the noises are other than
+    the setup's is told apart from that. A model with effects is judged where the filter ended: the fit knows none.
+    """
+    if setup.fit_of_record is not None:
+        return judge_fit(setup.fit_of_record, setup.constants)
+    head = busiest(data, _JUDGED_SAMPLES)
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
         return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters
-    if setup.effects.columns:  # what least squares cannot fit: judged where the filter ended
+    if setup.effects.columns:
+        head = data.head(_JUDGED_SAMPLES)
         mean, covariance = frozen(found, belief.mean)
         run = filter_log(head, without_drift(setup.constants), mean, covariance, setup.effects)
         return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     starts = [found, found._replace(static=found.coulomb), found._replace(static=1.35 * found.coulomb)]
-    best = least_squares(head, setup.constants, setup.prior, starts=starts).parameters
-    mean, covariance = frozen(best)
-    run = filter_log(head, without_drift(setup.constants), mean, covariance)
-    return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
+    start = least_squares(head, setup.constants, setup.prior.core, starts=starts).parameters
+    return judge_fit(fit_log(head, setup.constants, setup.prior.core, start), setup.constants)
 
 
 def rows_of_log(log: WheelLog) -> Iterator[tuple[WheelSample, IssuedCommand]]:

@@ -21,17 +21,18 @@ from rw_ekf.filter.belief import (
     with_prior_table,
 )
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput, filter_log
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
 from rw_ekf.model_file import WheelModel
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
-    from rw_ekf.identify.noise import NoiseFit
+    from rw_ekf.identify.record_scale import RecordScale
+    from rw_ekf.likelihood.log_fit import LogFit
+    from rw_ekf.likelihood.noise_posterior import NoisePosterior
     from rw_ekf.settings.schema import Configuration
 
 DEFAULT_INERTIA_KG_M2 = 1.5e-3
-_FOREIGN_NOISE_SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,9 @@ class FilterSetup:
     inertia_kg_m2: float | None  # None: not known, nothing is turned into torques
     notes: tuple[str, ...] = ()
     effects: EffectSet = NO_EFFECTS
+    inertia_from: str = ""  # "configuration", "model", or "assumed": what stands behind every torque
+    fit_of_record: LogFit | None = None  # where the noises came from the record
+    stribeck_speed_std: float = 0.0  # where nobody gave the Stribeck speed and the record had to; 0: it is given
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -101,6 +105,7 @@ def setup_of_configuration(
         law,
         configuration.wheel.inertia_kg_m2,
         effects=NO_EFFECTS if model is None else model.effects,
+        inertia_from="configuration" if "inertia_kg_m2" in configuration.wheel.model_fields_set else "assumed",
     )
 
 
@@ -112,12 +117,14 @@ def setup_of_record(
     if configuration is not None:
         return setup_of_configuration(configuration, model, period)
     from rw_ekf.identify.record_scale import measure
+    from rw_ekf.likelihood.record_noise import noise_of_record
 
     scale = measure(data)
     if model is not None:
+        given = model.acceleration_noise
         noise = NoiseModel(
             model.speed_noise_rad_s or scale.noise.speed_noise_rad_s,
-            scale.noise.acceleration_noise if model.acceleration_noise is None else model.acceleration_noise,
+            scale.noise.acceleration_noise if given is None else given,
             scale=model.parameters,
         )
         constants = filter_constants(noise, model.stribeck_speed_rad_s, model.stribeck_law, nominal_period_s=period)
@@ -129,15 +136,27 @@ def setup_of_record(
             model.stribeck_law,
             model.inertia_kg_m2,
             effects=model.effects,
+            inertia_from="model",
         )
-    noise = scale.noise
-    notes: list[str] = []
     if not scale.like_default_wheel:
-        noise, said = _foreign_noise(data, noise, scale.prior, scale.stribeck_speed_rad_s, period)
-        notes.append(said)
-    constants = filter_constants(noise, scale.stribeck_speed_rad_s, nominal_period_s=period)
-    inertia = DEFAULT_INERTIA_KG_M2 if scale.like_default_wheel else None
-    return FilterSetup(constants, noise, scale.prior, scale.stribeck_speed_rad_s, "gauss", inertia, tuple(notes))
+        return _foreign_setup(data, scale, period)
+    omega_s = scale.stribeck_speed_rad_s
+    noise = scale.noise
+    found = noise_of_record(data, filter_constants(noise, omega_s, nominal_period_s=period), scale.prior)
+    if found is not None:
+        noise = NoiseModel(found.speed_noise_rad_s, found.acceleration_noise)
+    constants = filter_constants(noise, omega_s, nominal_period_s=period)
+    fit = None if found is None else found.fit
+    return FilterSetup(
+        constants,
+        noise,
+        scale.prior,
+        omega_s,
+        "gauss",
+        DEFAULT_INERTIA_KG_M2,
+        inertia_from="assumed",
+        fit_of_record=fit,
+    )
 
 
 def belief_of_model(model: WheelModel) -> Belief:
@@ -187,7 +206,7 @@ def without_effects(model: WheelModel) -> WheelModel:
 
 
 def model_of(
-    belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoiseFit | None = None
+    belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoisePosterior | None = None
 ) -> WheelModel:
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
     known = STATE_SIZE + len(setup.effects.state_columns)
@@ -204,23 +223,36 @@ def model_of(
     )
 
 
-def _foreign_noise(
-    data: FilterInput, noise: NoiseModel, prior: Belief, omega_s: float, period: float
-) -> tuple[NoiseModel, str]:
-    """Noises of a machine that is not the default wheel, by likelihood at the filter's own estimate."""
-    from rw_ekf.identify.noise import fit_noise
+def _foreign_setup(data: FilterInput, scale: RecordScale, period: float) -> FilterSetup:
+    """Noises, prior and Stribeck speed from the record of a machine that is not the default wheel; says so."""
+    from rw_ekf.identify.units_guess import question_of_units, times
+    from rw_ekf.likelihood.record_noise import noise_of_record
 
-    constants = filter_constants(noise, omega_s, nominal_period_s=period)
-    run = filter_log(data, constants._replace(gate=1.0e30), prior.mean, prior.covariance)
-    estimate = Belief(run.mean, run.covariance).parameters
-    found = fit_noise(data, constants, estimate, max_samples=_FOREIGN_NOISE_SAMPLES)
-    tuned = NoiseModel(
-        found.speed_noise_rad_s, max(found.acceleration_noise, 1e-3 * found.speed_noise_rad_s), scale=estimate
-    )
+    noise, omega_s, spread = scale.noise, scale.stribeck_speed_rad_s, 0.0
+    parameters = scale.rough
+    first = filter_constants(noise, omega_s, nominal_period_s=period)
+    found = noise_of_record(data, first, scale.prior, guessed_stribeck=True)
+    if found is not None:
+        parameters = found.fit.parameters
+        omega_s, spread = found.stribeck_speed_rad_s, found.stribeck_speed_std
+        noise = NoiseModel(
+            found.speed_noise_rad_s, max(found.acceleration_noise, 1e-3 * found.speed_noise_rad_s), scale=parameters
+        )
+    driven = bool(np.any(data.pieces.current_A))
+    gain, coulomb = (parameters.motor_gain / CK13_STATISTICAL.motor_gain, parameters.coulomb / CK13_STATISTICAL.coulomb)
+    sizes = f"Coulomb friction {times(coulomb)} a wheel's" if coulomb > 0.0 else "no Coulomb friction"
+    if driven and gain > 0.0:
+        sizes = f"the gain is {times(gain)} a wheel's, {sizes}"
+    question = question_of_units(parameters, driven=driven)
     said = (
-        "the record does not look like the default wheel: noise, prior and Stribeck speed were taken from the record "
-        f"itself (speed noise {found.speed_noise_rad_s:.3g} rad/s = {rpm_from_rad_s(found.speed_noise_rad_s):.3g} rpm, "
-        f"Stribeck speed {omega_s:.3g} rad/s); torques are not given, because its inertia is not known. "
-        "`--config` settles them otherwise."
+        f"the record does not look like the default wheel ({sizes}){': ' + question if question else ''} "
+        "Noise, prior and Stribeck speed were taken from the record itself "
+        f"(speed noise {noise.speed_noise_rad_s:.3g} rad/s = {rpm_from_rad_s(noise.speed_noise_rad_s):.3g} rpm, "
+        f"Stribeck speed {omega_s:.3g} rad/s), so that a wrong unit would not show in them; torques are not given, "
+        "because its inertia is not known. `--config` settles them otherwise."
     )
-    return tuned, said
+    constants = filter_constants(noise, omega_s, nominal_period_s=period)
+    fit = None if found is None else found.fit
+    return FilterSetup(
+        constants, noise, scale.prior, omega_s, "gauss", None, (said,), fit_of_record=fit, stribeck_speed_std=spread
+    )

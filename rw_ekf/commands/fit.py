@@ -18,8 +18,9 @@ from rw_ekf.commands.inputs import (
 )
 
 if TYPE_CHECKING:
+    from rw_ekf.filter.belief import Belief
     from rw_ekf.filter.log_filter import FilterInput
-    from rw_ekf.identify.noise import NoiseFit
+    from rw_ekf.likelihood.noise_posterior import NoisePosterior
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.starting_point import FilterSetup
 
@@ -52,7 +53,6 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.documents import FIT_SCHEMA, physical
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
-    from rw_ekf.identify.noise import fit_noise
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
     from rw_ekf.replay import input_of_log
@@ -73,9 +73,9 @@ def execute(args: argparse.Namespace) -> int:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     setup = setup_of_record(data, configuration, prior_model)
     with progress("fit", None, " evaluations") as bar:
-        belief, quality, warnings = _fit(args.method, data, log, setup, bar.update)
-        warnings = [*warnings, *([ignored] if ignored else [])]
-        noise = fit_noise(data, setup.constants, belief.parameters, advance=bar.update) if args.noise else None
+        belief, found, quality, warnings = _fit(args.method, data, log, setup, bar.update)
+    warnings = [*warnings, *([ignored] if ignored else [])]
+    noise = found if args.noise else None
     reports = report(belief, setup.prior)
     document: dict[str, Any] = {
         "schema": FIT_SCHEMA,
@@ -94,6 +94,7 @@ def execute(args: argparse.Namespace) -> int:
         },
         "covariance": belief.covariance[1:, 1:].tolist(),
         "physical": physical(belief.parameters, setup.inertia_kg_m2),
+        "inertia_kg_m2": setup.inertia_kg_m2,
         **quality,
         "noise": _noise_document(noise),
         "warnings": [*log.warnings, *setup.notes, *warnings],
@@ -110,76 +111,89 @@ def execute(args: argparse.Namespace) -> int:
 
 def _fit(
     method: str, data: FilterInput, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
-) -> tuple[Any, dict[str, Any], list[str]]:
-    """Belief, what is worth knowing of how it was reached, warnings."""
+) -> tuple[Any, NoisePosterior, dict[str, Any], list[str]]:
+    """Belief, noises, what is worth knowing of how it was reached, warnings."""
+    from rw_ekf.likelihood.log_fit import fit_log
+
+    if method == "deterministic":
+        belief, quality, said = _deterministic(data, log, setup)
+        noises = fit_log(data, setup.constants, setup.prior.core, belief.parameters, advance=advance).noises
+        return belief, noises, quality, said
+    return _least_squares(data, log, setup, advance)
+
+
+def _deterministic(data: FilterInput, log: WheelLog, setup: FilterSetup) -> tuple[Belief, dict[str, Any], list[str]]:
     import numpy as np
 
     from rw_ekf.filter.belief import Belief
+    from rw_ekf.identify.deterministic import deterministic
+
+    noise = math.sqrt(setup.constants.speed_variance)
+    found = deterministic(data, log.current_A, setup.stribeck_speed_rad_s, noise, setup.prior)
+    quality = {"coast_down_s": found.coast_down_s, "driven_s": found.driven_s, "break_aways": found.break_aways}
+    said = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
+    if found.driven_s == 0.0:
+        said.append("no stretch of this log is driven: the motor gain keeps its prior")
+    covariance = np.diag([setup.constants.speed_variance, *np.square(found.std)])
+    return Belief(np.array([0.0, *found.parameters]), covariance), quality, said
+
+
+def _least_squares(
+    data: FilterInput, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
+) -> tuple[Belief, NoisePosterior, dict[str, Any], list[str]]:
+    """Free run first [CK13], for its valley; then the same readings weighed with torque noise as well."""
+    import numpy as np
+
+    from rw_ekf.errors import FilterError
+    from rw_ekf.filter.belief import Belief
+    from rw_ekf.identify.least_squares import least_squares
+    from rw_ekf.likelihood.judgement import judge_fit
+    from rw_ekf.likelihood.log_fit import fit_log
     from rw_ekf.units import rpm_from_rad_s
 
+    free_run = least_squares(data, setup.constants, setup.prior, advance=advance)
+    found = fit_log(
+        data, setup.constants, setup.prior.core, free_run.parameters,
+        stribeck_speed_std=setup.stribeck_speed_std, advance=advance,
+    )  # fmt: skip
     covariance = np.zeros((5, 5))
     covariance[0, 0] = setup.constants.speed_variance
-    if method == "deterministic":
-        from rw_ekf.identify.deterministic import deterministic
-
-        found = deterministic(
-            data, log.current_A, setup.stribeck_speed_rad_s, math.sqrt(setup.constants.speed_variance), setup.prior
-        )
-        covariance[range(1, 5), range(1, 5)] = np.square(found.std)
-        quality = {
-            "coast_down_s": found.coast_down_s,
-            "driven_s": found.driven_s,
-            "break_aways": found.break_aways,
-        }
-        said = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
-        if found.driven_s == 0.0:
-            said.append("no stretch of this log is driven: the motor gain keeps its prior")
-        return Belief(np.array([0.0, *found.parameters]), covariance), quality, said
-    from rw_ekf.errors import FilterError
-    from rw_ekf.identify.least_squares import least_squares
-
-    result = least_squares(data, setup.constants, setup.prior, advance=advance)
-    if np.linalg.eigvalsh(0.5 * (result.covariance + result.covariance.T)).min() <= 0.0:
+    covariance[1:, 1:] = 0.5 * (found.covariance + found.covariance.T)
+    if not np.isfinite(covariance).all() or np.linalg.eigvalsh(covariance[1:, 1:]).min() <= 0.0:
         raise FilterError(
             f"{log.name}: the fit leaves nothing that is a covariance: this log does not tell the parameters apart (is "
             "its speed constant, or free of noise?). Take one with reversals, or the filter's word (`rw-ekf replay`)"
         )
-    covariance[1:, 1:] = result.covariance
     quality = {
-        "residual_rms_rpm": rpm_from_rad_s(result.residual_rms_rad_s),
-        "converged": result.converged,
-        "iterations": result.iterations,
-        "starts": result.starts,
-        "outliers": result.outliers,
+        "residual_rms_rpm": rpm_from_rad_s(free_run.residual_rms_rad_s),
+        "converged": found.converged,
+        "iterations": free_run.iterations,
+        "starts": free_run.starts,
+        "outliers": max(free_run.outliers, found.left_out),
     }
-    said = [] if result.converged else ["the iteration did not converge: believe the values with care"]
-    expected = math.sqrt(setup.constants.speed_variance)
-    if result.residual_rms_rad_s > 1.5 * expected:
-        said.append(
-            f"the free run misses the readings by {rpm_from_rad_s(result.residual_rms_rad_s):.3g} rpm rms, "
-            f"{result.residual_rms_rad_s / expected:.1f} times their noise: the model lacks "
-            "something, and the sigmas are too small"
-        )
-    return Belief(np.array([0.0, *result.parameters]), covariance), quality, said
+    said = [] if found.converged else ["the iteration did not converge: believe the values with care"]
+    judged = judge_fit(found, setup.constants)
+    if judged.is_noise is False:
+        said += judged.warnings()
+    return Belief(np.array([0.0, *found.parameters]), covariance), found.noises, quality, said
 
 
-def _noise_document(noise: NoiseFit | None) -> dict[str, Any] | None:
+def _noise_document(noise: NoisePosterior | None) -> dict[str, Any] | None:
     from rw_ekf.units import rpm_from_rad_s
 
     if noise is None:
         return None
-    std = noise.acceleration_noise_std
     return {
         "speed_noise_rpm": rpm_from_rad_s(noise.speed_noise_rad_s),
         "speed_noise_std_rpm": rpm_from_rad_s(noise.speed_noise_std),
         "acceleration_noise_rpm_per_sqrt_s": rpm_from_rad_s(noise.acceleration_noise),
-        "acceleration_noise_std_rpm_per_sqrt_s": None if std is None else rpm_from_rad_s(std),
+        "acceleration_noise_std_rpm_per_sqrt_s": rpm_from_rad_s(noise.acceleration_noise_std),
         "acceleration_noise_limit_rpm_per_sqrt_s": rpm_from_rad_s(noise.acceleration_noise_limit),
-        "log_likelihood": noise.log_likelihood,
+        "acceleration_noise_seen": noise.acceleration_noise_seen,
     }
 
 
-def _print(document: dict[str, Any], reports: list[Any], noise: NoiseFit | None) -> None:
+def _print(document: dict[str, Any], reports: list[Any], noise: NoisePosterior | None) -> None:
     from rw_ekf.filter.identifiability import rounded
 
     lines = [f"{document['log']}: {document['samples']} samples, {document['method']}"]
@@ -192,13 +206,10 @@ def _print(document: dict[str, Any], reports: list[Any], noise: NoiseFit | None)
         )
     if noise is not None:
         shown = document["noise"]
-        q, q_std = shown["acceleration_noise_rpm_per_sqrt_s"], shown["acceleration_noise_std_rpm_per_sqrt_s"]
-        limit = shown["acceleration_noise_limit_rpm_per_sqrt_s"]
+        q = rounded(shown["acceleration_noise_rpm_per_sqrt_s"], shown["acceleration_noise_std_rpm_per_sqrt_s"])
+        limit = f"below {shown['acceleration_noise_limit_rpm_per_sqrt_s']:.2g} with 95 %"
         lines.append(f"  speed noise {rounded(shown['speed_noise_rpm'], shown['speed_noise_std_rpm'])} rpm")
-        lines.append(
-            f"  acceleration noise none seen, below {limit:.2g} rpm/sqrt(s)"
-            if q_std is None
-            else f"  acceleration noise {rounded(q, q_std)} rpm/sqrt(s)"
-        )
+        unsure = "" if noise.acceleration_noise_seen else "; the log could do without any, this much allows for it"
+        lines.append(f"  acceleration noise {q} rpm/sqrt(s), {limit}{unsure}")
     lines += [f"  warning: {text}" for text in document["warnings"]]
     sys.stdout.write("\n".join(lines) + "\n")

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.base_fit import (
-    fit_base,
-    model_of_setup,
-    part_of,
-    read_reference,
-    smoothed_by_filter,
-    start_parameters,
-)
+from rw_ekf.diagnosis.base_fit import model_of_setup, part_of, start_parameters
 from rw_ekf.diagnosis.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.gross_errors import gross_errors
 from rw_ekf.diagnosis.scorer import information
@@ -28,6 +21,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.replay import input_of_log
 from rw_ekf.starting_point import FilterSetup, setup_of_record
@@ -157,15 +151,15 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
     part = part_of(data, current, delay, split.fit)
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
     everything = np.ones(n, dtype=bool)
-    by_filter = smoothed_by_filter(data, everything, start.parameters, setup, noise)
+    by_filter = smoothed_by_filter(data, everything, start.base, setup.constants, noise)
     record = Record.of(data, everything, setup.constants, temperature, logged_angle)
-    seen = fit_base(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
+    seen = robust_fit(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
     angle = logged_angle if turned else integrated_angle(data, seen.speed)
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
         Record.of(data, mask, setup.constants, temperature, angle) for mask in (split.fit, everything, split.heldout)
     )
-    base = fit_base(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
+    base = robust_fit(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
     facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
     ready = Prepared(
         log, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
@@ -200,7 +194,8 @@ def _references(data: FilterInput, split: Split, parameters: FrictionParameters,
     """Where a fit of the part that is searched may start; nothing of the held-out part is looked at."""
     noise = setup.noise.speed_noise_rad_s
     blind = data.with_speed(np.where(split.fit, data.speed_rad_s, np.nan))
-    return [read_reference(blind, noise), smoothed_by_filter(data, split.fit, parameters, setup, noise)]
+    bare = model_of_setup(setup, parameters).base
+    return [read_reference(blind, noise), smoothed_by_filter(data, split.fit, bare, setup.constants, noise)]
 
 
 def _richer(prepared: Prepared) -> Prepared:
@@ -219,7 +214,7 @@ def _with_base(prepared: Prepared, model: Model) -> Prepared:
     """Fit the base to the present fit part."""
     noise = prepared.setup.noise.speed_noise_rad_s
     references = _references(prepared.data, prepared.split, model.parameters, prepared.setup)
-    base = fit_base(prepared.fit_part, model, prepared.prior, noise, references)
+    base = robust_fit(prepared.fit_part, model, prepared.prior, noise, references)
     channels = prepared.facts.channels
     warmth = prepared.fit_part.temperature_degC
     facts = facts_of(prepared.data, base.model, math.sqrt(base.noise.variance), warmth, prepared.split.fit, channels)

@@ -67,6 +67,20 @@ class FilterInput:
             None if self.angle_rad is None else self.angle_rad[:n],
         )
 
+    def window(self, first: int, last: int) -> FilterInput:
+        """Samples first <= i < last alone, with the pieces of current between them."""
+        start = self.pieces.start
+        begin = int(start[first]) if first < start.size else self.pieces.duration_s.size
+        end = int(start[last]) if last < start.size else self.pieces.duration_s.size
+        return FilterInput(
+            self.time_s[first:last],
+            self.speed_rad_s[first:last],
+            self.segment[first:last],
+            Pieces(start[first:last] - begin, self.pieces.duration_s[begin:end], self.pieces.current_A[begin:end]),
+            None if self.temperature_degC is None else self.temperature_degC[first:last],
+            None if self.angle_rad is None else self.angle_rad[first:last],
+        )
+
     def with_speed(self, speed_rad_s: Float64Array) -> FilterInput:
         """The same log with other readings (n,); NaN is a missing one."""
         return replace(self, speed_rad_s=speed_rad_s)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, prior_around
-from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants, prior_around
+from rw_ekf.filter.log_filter import FilterInput, filter_log
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -21,6 +21,10 @@ _MAX_ROWS = 200_000
 _STRIBECK_SHARE_OF_TOP_SPEED = 0.02
 _DEFAULT_STRIBECK_SPEED = 4.0 * RAD_S_PER_RPM
 _PRIOR_STD = (0.5, 2.0, 0.75)
+_JUDGED_ROWS = 8_000
+_CLEARLY = 20.0  # log-likelihood by which a record has to be likelier under what it says of itself
+_TORQUE_NOISES = (0.03, 0.1, 0.3, 1.0)  # speed noises per sqrt(s)
+_OPEN_GATE = 1.0e30
 _TELLS_NOTHING = 1.0e3  # condition of current, speed and direction: at constant speed they are one and the same
 
 
@@ -36,24 +40,65 @@ class RecordScale:
 
 
 def measure(data: FilterInput) -> RecordScale:
-    """Read the scales off a record; never raises on poor data, falls back on the default wheel's."""
+    """Read the scales off a record; never raises on poor data, falls back on the default wheel's.
+
+    The default wheel is left only where the record is clearly less likely under it: a wheel that hardly moves says
+    nothing against it, however far off its rough parameters come out.
+    """
     speed_noise = speed_noise_of(data.time_s, data.speed_rad_s, data.segment)
     rough = rough_parameters(data, speed_noise)
+    default = RecordScale(
+        NoiseModel(speed_noise or DEFAULT_NOISE.speed_noise_rad_s, DEFAULT_NOISE.acceleration_noise),
+        _DEFAULT_STRIBECK_SPEED,
+        DEFAULT_PRIOR,
+        True,
+        rough or CK13_STATISTICAL,
+    )
+    if rough is None or _like_default(rough, speed_noise):
+        return default
     finite = data.speed_rad_s[np.isfinite(data.speed_rad_s)]
-    top = float(np.quantile(np.abs(finite), 0.99)) if finite.size else 0.0
-    like = rough is None or _like_default(rough, top, speed_noise)
-    if like:
-        noise = NoiseModel(speed_noise or DEFAULT_NOISE.speed_noise_rad_s, DEFAULT_NOISE.acceleration_noise)
-        return RecordScale(noise, _DEFAULT_STRIBECK_SPEED, DEFAULT_PRIOR, True, rough or CK13_STATISTICAL)
-    assert rough is not None
+    top = float(np.quantile(np.abs(finite), 0.99))
     sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
-    return RecordScale(
+    foreign = RecordScale(
         NoiseModel(sigma, 0.1 * sigma, scale=rough),
         max(_STRIBECK_SHARE_OF_TOP_SPEED * top, sigma),
         prior_around(rough, _PRIOR_STD),
         False,
         rough,
     )
+    seen = busiest(data, _JUDGED_ROWS)
+    return foreign if _likelihood(seen, foreign) > _likelihood(seen, default) + _CLEARLY else default
+
+
+def busiest(data: FilterInput, count: int) -> FilterInput:
+    """The `count` samples running in which the speed changes most; all where there are fewer."""
+    n = data.time_s.size
+    if n <= count:
+        return data
+    block = max(count // 20, 1)
+    usable = n // block * block
+    speed = data.speed_rad_s[:usable].reshape(-1, block)
+    read = np.isfinite(speed)
+    mean = np.where(read, speed, 0.0).sum(axis=1) / np.maximum(read.sum(axis=1), 1)
+    moved = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(mean, prepend=mean[:1])))))
+    wide = min(count // block, moved.size - 1)
+    at = int(np.argmax(moved[wide:] - moved[:-wide])) * block
+    return data.window(at, at + count)
+
+
+def _likelihood(data: FilterInput, scale: RecordScale) -> float:
+    """Log-likelihood of all readings under a scale's prior and Stribeck speed, at the best of a few torque noises.
+
+    The filter's own: its parameters learn on the way, so that what counts is how far the prior is from what it learns.
+    """
+    sigma = scale.noise.speed_noise_rad_s
+    best = -np.inf
+    for share in _TORQUE_NOISES:
+        noise = NoiseModel(sigma, share * sigma, scale=scale.noise.scale)
+        constants = filter_constants(noise, scale.stribeck_speed_rad_s, nominal_period_s=data.period_s)
+        run = filter_log(data, constants._replace(gate=_OPEN_GATE), scale.prior.mean, scale.prior.covariance)
+        best = max(best, run.log_likelihood)
+    return best
 
 
 def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: NDArray[np.int64]) -> float | None:
@@ -97,14 +142,18 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
     if not top > 0.0:
         return None
     lag = _window(y, speed_noise or 1e-3 * top)
-    moving = np.where(np.abs(y) > 0.02 * top, np.sign(y), 0.0)
+    turning = _turning(y, speed_noise or 0.0, 0.02 * top)
+    moving = np.where(turning, np.sign(y), 0.0)
     middle = 0.5 * (y[1:] + y[:-1])
     direction = 0.5 * (moving[1:] + moving[:-1])
     same = (data.segment[1 : t.size] == data.segment[: t.size - 1]) & (dt > 0.0)
     sums = [np.concatenate(([0.0], np.cumsum(np.where(same, v * dt, 0.0)))) for v in (current, middle, direction)]
     begin = np.arange(0, t.size - lag, max(1, lag // 4))
     end = begin + lag
-    begin, end = (v[data.segment[end] == data.segment[begin]] for v in (begin, end))
+    # A wheel at rest does not answer to its current: only windows in which it turns throughout say anything of k.
+    turns = np.concatenate(([0], np.cumsum(turning)))
+    whole = (data.segment[end] == data.segment[begin]) & (turns[end + 1] - turns[begin] == lag + 1)
+    begin, end = begin[whole], end[whole]
     if begin.size < 8:
         return None
     A = np.column_stack([s[end] - s[begin] for s in sums]) * np.array([1.0, -1.0, -1.0])
@@ -127,6 +176,14 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
     return FrictionParameters(k, b, c, 1.03 * c)
 
 
+def _turning(y: Float64Array, noise: float, least: float) -> NDArray[np.bool_]:
+    """Where the wheel turns beyond doubt, (n,): a running mean of the readings is far from zero in its own noise."""
+    wide = 9
+    total = np.concatenate(([0.0], np.cumsum(np.pad(y, wide // 2, mode="edge"))))
+    mean = (total[wide:] - total[:-wide]) / wide
+    return np.asarray(np.abs(mean) > max(least, 5.0 * noise / np.sqrt(wide)))
+
+
 def _mean_current(data: FilterInput, n: int) -> Float64Array:
     """Mean current over each interval i, i + 1 of the first n samples, from the pieces."""
     start, duration, current = data.pieces
@@ -147,10 +204,10 @@ def _window(y: Float64Array, noise: float) -> int:
     return lag
 
 
-def _like_default(rough: FrictionParameters, top_rad_s: float, speed_noise: float | None) -> bool:
-    """Within a factor of about two of [CK13]'s wheel in gain and Coulomb friction, and of its size in speed."""
+def _like_default(rough: FrictionParameters, speed_noise: float | None) -> bool:
+    """Within a factor of about two of [CK13]'s wheel in gain and Coulomb friction, and of its kind in noise."""
     k, _, c, _ = CK13_STATISTICAL
     gain = 0.5 < rough.motor_gain / k < 2.0
     friction = 0.33 < rough.coulomb / c < 2.5
     noise = speed_noise is None or 0.05 * RAD_S_PER_RPM < speed_noise < 30.0 * RAD_S_PER_RPM
-    return gain and friction and noise and 2.0 < top_rad_s < 600.0
+    return gain and friction and noise

@@ -24,7 +24,7 @@ Float64Array = NDArray[np.float64]
 LEAST_RATIO = (
     1.0e-7  # of q dt to R: over a record of 10^5 samples the speed then wanders by a tenth of a reading's noise
 )
-_MOST_RATIO = 1.0e2
+MOST_RATIO = 1.0e2
 _FIT_TURNS = 8
 _SETTLING_TURNS = 4
 _LEAST_SPREAD = 0.02  # of the speed noise: no reference is known better
@@ -45,7 +45,7 @@ class Likelihood:
     count: int
 
 
-def likelihood(frame: Frame, prior: Prior | None, noise: Noise, *, fixed_ratio: bool = False) -> Likelihood:
+def likelihood(frame: Frame, prior: Prior | None, noise: Noise) -> Likelihood:
     """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`.
 
     The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
@@ -57,18 +57,17 @@ def likelihood(frame: Frame, prior: Prior | None, noise: Noise, *, fixed_ratio: 
 
     def negative(log_ratio: float) -> float:
         ratio = math.exp(log_ratio)
-        found[log_ratio] = _at_ratio(frame, prior, noise.variance, ratio)
+        found[log_ratio] = at_ratio(frame, prior, noise.variance, ratio)
         return -found[log_ratio].restricted
 
-    if fixed_ratio:
-        return _at_ratio(frame, prior, noise.variance, noise.ratio)
-    low, high = math.log(LEAST_RATIO), math.log(_MOST_RATIO)
+    low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
     minimize_scalar(negative, bounds=(low, high), method="bounded", options={"xatol": 0.2})
     negative(low)
     return max(found.values(), key=lambda item: item.restricted)
 
 
-def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> Likelihood:
+def at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> Likelihood:
+    """Maximise over corrections of the vector and R at one ratio of noises; scale: about what R is [rad^2/s^2]."""
     r, A, logs = frame.whitened(ratio, scale, frame.columns, frame.memory_columns)
     n = r.size
     size = A.shape[1]
@@ -82,10 +81,8 @@ def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> 
     target = (A / weights).T @ r
     pull, offset = np.zeros((size, size)), np.zeros(size)
     if prior is not None:
-        W = prior.root
-        pull[:4, :4] = W.T @ W
-        offset[:4] = W.T @ W @ (prior.mean - np.array(frame.model.parameters))
-        _pull_given(prior, frame.model, pull, offset)
+        W, aim = prior.rows(frame.model)
+        pull, offset = W.T @ W, W.T @ (aim - W @ frame.model.vector)
     # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
     total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
     step = np.linalg.solve(total, target + offset / weights)
@@ -96,19 +93,6 @@ def _at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> 
     covariance = variance * np.linalg.inv(total) / np.outer(weights, weights)
     restricted = value - 0.5 * float(np.linalg.slogdet(total)[1]) - float(np.sum(np.log(weights)))
     return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
-
-
-def _pull_given(prior: Prior, model: Model, pull: Float64Array, offset: Float64Array) -> None:
-    """Add what is known beforehand of the coefficients that a model file gave, as far as they are in the model."""
-    left = list(enumerate(model.columns, start=4))
-    for name, mean, std in prior.given:
-        found = next((item for item in left if item[1].id == name), None)
-        if found is None:
-            continue
-        left.remove(found)
-        at, column = found
-        pull[at, at] += 1.0 / std**2
-        offset[at] += (mean - column.value) / std**2
 
 
 @dataclass(frozen=True)
@@ -157,7 +141,7 @@ def smoothed_reference(frame: Frame, correction: Float64Array, noise: Noise) -> 
 def value_of(frame: Frame, noise: Noise) -> Likelihood:
     """Likelihood of the model as it stands, nothing corrected, at a given ratio of noises."""
     bare = replace(frame, columns=frame.columns[:, :0], memory_columns=frame.memory_columns[:, :0])
-    return _at_ratio(bare, None, noise.variance, noise.ratio)
+    return at_ratio(bare, None, noise.variance, noise.ratio)
 
 
 def fit_model(

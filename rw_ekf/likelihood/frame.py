@@ -28,6 +28,22 @@ class Prior:
     root: Float64Array
     given: tuple[tuple[str, float, float], ...] = ()
 
+    def rows(self, model: Model) -> tuple[Float64Array, Float64Array]:
+        """What is known of a model's vector x (p,) as W x = aim, each row of unit variance: W (k, p), aim (k,)."""
+        size = model.vector.size
+        found, aims = [np.zeros((4, size))], [self.root @ self.mean]
+        found[0][:, :4] = self.root
+        left = list(enumerate(model.columns, start=4))
+        for name, mean, std in self.given:
+            place = next((item for item in left if item[1].id == name), None)
+            if place is not None:  # else the effect has been left out of this model
+                left.remove(place)
+                row = np.zeros((1, size))
+                row[0, place[0]] = 1.0 / std
+                found.append(row)
+                aims.append(np.array([mean / std]))
+        return np.concatenate(found), np.concatenate(aims)
+
     @classmethod
     def of(cls, mean: Float64Array, covariance: Float64Array) -> Prior:
         """From a belief over the parameters."""

@@ -1,0 +1,107 @@
+"""The four parameters of a whole log by generalised least squares: torque noise and reading noise both in the weights.
+
+The free run of [CK13 (6)] takes every error for reading noise. A real wheel's speed is also moved by torque that no
+model has, and that error stays: the free run's residual wanders, and its least-squares sigmas are several times too
+small. Here every interval is predicted from the smoothed speed, one Kalman filter makes the errors independent
+(docs/diagnosis.md eq. 1-5), and the ratio of the two noises is integrated out (`noise_posterior`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.table import Column
+from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
+from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
+from rw_ekf.model.state import FrictionParameters
+
+Float64Array = NDArray[np.float64]
+
+_PARAMETERS = 4
+_WARMTH_degC = 20.0  # of a record without a temperature; nothing that is fitted here reads it
+_SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
+_STRIBECK = CATALOGUE["stribeck_shape"]
+
+
+@dataclass(frozen=True)
+class LogFit:
+    """Parameters of a whole log, noises, and the fit they are linearised at."""
+
+    parameters: FrictionParameters
+    covariance: Float64Array  # (4, 4)
+    stribeck_speed_rad_s: float
+    stribeck_speed_std: float  # 0 where it was given
+    noises: NoisePosterior
+    fit: Fit
+    prior: Prior
+
+    @property
+    def std(self) -> Float64Array:
+        """Standard deviations of the four parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last step is small against what is not known."""
+        std = np.sqrt(np.maximum(np.diag(self.noises.covariance), 1.0e-300))
+        return bool(np.all(np.abs(self.noises.correction) < _SETTLED * std))
+
+    @property
+    def left_out(self) -> int:
+        """Readings that no noise explains."""
+        return int(self.fit.omit.sum())
+
+
+def fit_log(
+    data: FilterInput,
+    constants: FilterConstants,
+    prior: Belief,
+    start: FrictionParameters,
+    *,
+    stribeck_speed_std: float = 0.0,
+    advance: Callable[[], object] = lambda: None,
+) -> LogFit:
+    """Fit the four parameters to all of `data` from `start`; constants give R to begin with and the Stribeck curve.
+
+    stribeck_speed_std: where the Stribeck speed is a guess, how far it may be off [rad/s]; it is then fitted too, and
+    what is not known of it is in the parameters' covariance. The readings must not be all missing.
+    """
+    noise = float(np.sqrt(constants.speed_variance))
+    n = data.time_s.size
+    everything = np.ones(n, dtype=bool)
+    record = Record.of(data, everything, constants, np.full(n, _WARMTH_degC), np.zeros(n))
+    bare = Model(start, constants.omega_s, constants.law)
+    known = Prior.of(prior.core.mean[1:], prior.core.covariance[1:, 1:])
+    model = bare
+    if stribeck_speed_std > 0.0:
+        free = Column(_STRIBECK, constants.omega_s, stribeck_speed_std, (float(constants.law), 0.0, 0.0))
+        model = bare.with_effect([free])
+        given = (free.id, constants.omega_s, stribeck_speed_std)
+        known = Prior(known.mean, known.root, (given,))
+    advance()
+    starts = [read_reference(data, noise), smoothed_by_filter(data, everything, bare, constants, noise)]
+    fit = robust_fit(record, model, known, noise, starts)
+    advance()
+    noises = noise_posterior(fit.frame, known, fit.noise)
+    found = fit.model.vector + fit.model.limited(noises.correction)
+    return LogFit(
+        parameters=FrictionParameters(*(float(v) for v in found[:_PARAMETERS])),
+        covariance=noises.covariance[:_PARAMETERS, :_PARAMETERS],
+        stribeck_speed_rad_s=float(found[_PARAMETERS]) if model is not bare else constants.omega_s,
+        stribeck_speed_std=float(np.sqrt(noises.covariance[_PARAMETERS, _PARAMETERS])) if model is not bare else 0.0,
+        noises=noises,
+        fit=fit,
+        prior=known,
+    )

@@ -1,0 +1,110 @@
+"""A fit with the noises integrated out: what is not known of the process noise is in the parameters' sigmas.
+
+The restricted likelihood L(rho) of the ratio rho = q dt / R (docs/diagnosis.md eq. 6a) is, but for a constant, that of
+the readings with parameters and R integrated out [Patterson & Thompson 1971]. With a prior flat in sqrt(q), the torque
+noise in units of its standard deviation [Gelman 2006: proper as soon as there are a few readings, and never zero],
+
+    w(rho) ~ L(rho) sqrt(rho) d log rho,   mean = sum w m(rho),   cov = sum w [C(rho) + (m(rho) - mean)(...)'].
+
+"No process noise can be seen" then means a wide distribution below some limit, not the number 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.likelihood.fitting import LEAST_RATIO, MOST_RATIO, Likelihood, at_ratio
+from rw_ekf.likelihood.frame import Frame, Noise, Prior
+
+Float64Array = NDArray[np.float64]
+
+_STEP = 0.4  # of log ratio between two points of the grid
+_DROP = 9.0  # log-likelihood below the top where the grid ends
+_SEEN = 1.35  # half the 90 % quantile of chi-square(1): at the boundary zero only one side is left
+
+
+@dataclass(frozen=True)
+class NoisePosterior:
+    """Noises and the model's vector, the ratio of noises integrated out."""
+
+    correction: Float64Array  # (p,) of the vector
+    covariance: Float64Array  # (p, p)
+    speed_noise_rad_s: float  # square root of the mean R
+    speed_noise_std: float
+    acceleration_noise: float  # square root of the mean q: what a filter should be told [rad/s per sqrt(s)]
+    acceleration_noise_std: float
+    acceleration_noise_limit: float  # 95 % of the distribution lies below
+    acceleration_noise_seen: bool  # zero is outside 95 % of the distribution: the data ask for some
+    log_evidence: float  # of the model on this frame: log of the sum of L over the grid
+
+
+def noise_posterior(frame: Frame, prior: Prior | None, noise: Noise) -> NoisePosterior:
+    """Integrate over the ratio of noises, on a grid around the top of its distribution; `noise` is where to begin."""
+    points = _grid(frame, prior, noise)
+    logs = np.array([_density(item) for item in points])
+    weights = np.exp(logs - logs.max())
+    total = float(weights.sum())
+    weights /= total
+    ratios = np.array([item.noise.ratio for item in points])
+    variances = np.array([item.noise.variance for item in points])
+    densities = ratios * variances / frame.record.data.period_s  # q
+    mean = np.einsum("i,ij->j", weights, np.array([item.correction for item in points]))
+    covariance = np.zeros((mean.size, mean.size))
+    for weight, item in zip(weights, points, strict=True):
+        off = item.correction - mean
+        covariance += weight * (item.covariance + np.outer(off, off))
+    sigma = math.sqrt(float(weights @ variances))
+    deviation = np.sqrt(densities)
+    centre = float(weights @ deviation)
+    within = float(weights @ (variances - sigma**2) ** 2)  # of R between the ratios; within each, R's own chi-square
+    own = 2.0 * sigma**4 / max(points[0].count, 1)
+    limit = float(np.interp(0.95, np.cumsum(weights), deviation))
+    without = _marginal(at_ratio(frame, prior, noise.variance, LEAST_RATIO))
+    return NoisePosterior(
+        correction=mean,
+        covariance=covariance,
+        speed_noise_rad_s=sigma,
+        speed_noise_std=0.5 * math.sqrt(within + own) / sigma,
+        acceleration_noise=math.sqrt(float(weights @ densities)),
+        acceleration_noise_std=math.sqrt(max(float(weights @ deviation**2) - centre**2, 0.0)),
+        acceleration_noise_limit=limit,
+        acceleration_noise_seen=max(_marginal(item) for item in points) - without > _SEEN,
+        log_evidence=float(logs.max()) + math.log(total * _STEP),
+    )
+
+
+def _marginal(item: Likelihood) -> float:
+    """Log-likelihood of a ratio with the vector and R integrated out: (n - p) log R in place of n log R."""
+    return item.restricted + 0.5 * item.correction.size * math.log(item.noise.variance)
+
+
+def _density(item: Likelihood) -> float:
+    """Log of the density of log ratio: its likelihood, and the prior flat in sqrt(q)."""
+    return _marginal(item) + 0.5 * math.log(item.noise.ratio)
+
+
+def _grid(frame: Frame, prior: Prior | None, noise: Noise) -> list[Likelihood]:
+    """Likelihoods at ratios a step apart, as far to both sides as they matter, in rising order."""
+    low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
+    known: dict[int, Likelihood] = {}
+
+    def at(place: int) -> float:
+        if place not in known:
+            known[place] = at_ratio(frame, prior, noise.variance, math.exp(low + _STEP * place))
+        return _density(known[place])
+
+    last = int((high - low) / _STEP)
+    top = min(max(round((math.log(max(noise.ratio, LEAST_RATIO)) - low) / _STEP), 0), last)
+    for way in (1, -1):  # uphill; the distribution has one top
+        while 0 <= top + way <= last and at(top + way) > at(top):
+            top += way
+    first, end = top, top
+    while first > 0 and at(first - 1) > at(top) - _DROP:
+        first -= 1
+    while end < last and at(end + 1) > at(top) - _DROP:
+        end += 1
+    return [known[place] for place in range(first, end + 1)]

@@ -1,0 +1,64 @@
+"""A model fitted along several references, the likeliest kept, and readings that no noise explains left out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.filter.smoother import smooth_log
+from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.frame import Noise, Prior
+from rw_ekf.likelihood.frozen_filter import run_frozen
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
+
+Float64Array = NDArray[np.float64]
+
+_OUTLIER_STDS = 6.0
+_OUTLIER_SHARE = 0.01
+_FILTER_RATIO = 1.0e-3  # q dt / R
+
+
+def read_reference(data: FilterInput, noise_rad_s: float) -> Reference:
+    """The readings themselves, gaps bridged: no model has had a say in them."""
+    speed = data.speed_rad_s
+    index = np.arange(speed.size)
+    good = np.isfinite(speed)
+    return Reference.of_speed(np.interp(index, index[good], speed[good]), np.full(speed.size, noise_rad_s))
+
+
+def smoothed_by_filter(
+    data: FilterInput, part: NDArray[np.bool_], bare: Model, constants: FilterConstants, noise_rad_s: float
+) -> Reference:
+    """The speed smoothed by the filter itself, its parameters frozen: near rest only a model tells stick from slip.
+
+    bare: a model without effects. Readings outside `part` (n,) are not looked at.
+    """
+    seen = data.with_speed(np.where(part, data.speed_rad_s, np.nan))
+    run = run_frozen(seen, bare, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
+    means, stds = smooth_log(run)
+    return Reference.of_speed(means[:, 0], np.maximum(stds[:, 0], 0.02 * noise_rad_s))
+
+
+def robust_fit(record: Record, model: Model, prior: Prior, noise_rad_s: float, starts: list[Reference]) -> Fit:
+    """Fit from each reference, keep the likeliest, leave out the readings that no noise explains, and fit again."""
+    n = record.data.time_s.size
+    noise = Noise(noise_rad_s**2, 1.0e-2)
+    none = np.zeros(n, dtype=bool)
+    fits = [fit_model(record, model, prior, reference, noise, none) for reference in starts]
+    fit = max(fits, key=lambda item: item.likelihood.value)
+    spikes = outliers(fit)
+    if spikes.any() and spikes.sum() <= _OUTLIER_SHARE * n:
+        return fit_model(record, fit.model, prior, fit.reference, fit.noise, spikes)
+    return fit
+
+
+def outliers(fit: Fit) -> NDArray[np.bool_]:
+    """Readings beyond six standard deviations of what the model predicts, (n,)."""
+    none = np.zeros((fit.frame.chain.reading.size, 0))
+    r, _, _ = fit.frame.whitened(fit.noise.ratio, fit.noise.variance, none)
+    found = np.zeros(fit.frame.chain.reading.size, dtype=bool)
+    found[fit.frame.innovation_at] = np.abs(r) > _OUTLIER_STDS
+    return found

@@ -1,0 +1,144 @@
+"""Is there structure beside the four parameters? One joint test of what wheels usually lack.
+
+A wrong model pays in process noise, and once a filter is told of that noise its innovations look like innovations
+should. So the question is not whether they are white, but whether a few more columns would make the readings clearly
+likelier, each side at its own best ratio of noises (docs/diagnosis.md eq. 6a). The columns are those of the commonest
+effects; which of them it is, `rw-ekf diagnose` has to say.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.table import Column, EffectSet
+from rw_ekf.filter.consistency import chi_square_tail
+from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.one_step import predict
+
+Float64Array = NDArray[np.float64]
+
+_INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
+_RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a column explains is no process noise any more
+_STEP = 1.2
+_TURNING = 2.0  # Stribeck speeds: below, what torque noise does to a wheel that may stop at any moment is not linear
+_OWN_SHARE = 0.05  # of a column's length that the parameters cannot follow: less says nothing
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Outcome of the joint test; p None where no column says anything of its own."""
+
+    statistic: float
+    freedom: int
+    p_value: float | None
+
+
+def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
+    """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to."""
+    model = fit.model
+    probe = EffectSet((Column(CATALOGUE["offset_torque"], 0.0, 0.0),))
+    rows = predict(
+        fit.frame.record, np.array([*model.parameters, 0.0]), probe, model.omega_s, model.law, fit.reference,
+        with_rows=True, with_slopes=False,
+    ).rows  # fmt: skip
+    return -rows[:, 5], rows[:, 3] + rows[:, 4]
+
+
+def structure(fit: Fit, prior: Prior) -> Structure:
+    """Test the fit of a model without effects for what the commonest effects would add."""
+    frame = fit.frame
+    extra = _columns(fit)
+    best_with, best_without = -math.inf, -math.inf
+    with_value, without_value = 0.0, 0.0
+    freedom = 0
+    pull, _ = prior.rows(frame.model)
+    scale = fit.noise.variance
+    keep = np.zeros(extra.shape[1], dtype=bool)
+    for number in range(_RATIOS_BELOW + 1):
+        ratio = max(fit.noise.ratio * math.exp(-_STEP * number), LEAST_RATIO)
+        r, A, logs = frame.whitened(ratio, scale, np.column_stack((frame.columns, extra)))
+        own, more = A[:, : frame.columns.shape[1]], A[:, frame.columns.shape[1] :]
+        Q, sizes = _basis(own, pull)
+        left, beside = r - Q @ (Q.T @ r), more - Q @ (Q.T @ more)
+        if number == 0:
+            lengths = np.linalg.norm(more, axis=0)
+            keep = np.linalg.norm(beside, axis=0) > _OWN_SHARE * np.maximum(lengths, 1.0e-300)
+            _, spread, T = np.linalg.svd(beside[:, keep] / lengths[keep], full_matrices=False)
+            freedom = int(np.sum(spread > _OWN_SHARE))
+            combine = (T[:freedom].T / spread[:freedom]) / lengths[keep][:, None]
+            if freedom == 0:
+                return Structure(0.0, 0, None)
+        beside = beside[:, keep] @ combine
+        triangle = np.asarray(np.linalg.qr(np.column_stack((beside, left)), mode="r"))
+        value = _value(float(left @ left), r.size, logs)
+        merit = value - sizes
+        if merit > best_without:
+            best_without, without_value = merit, value
+        value = _value(float(triangle[freedom, freedom]) ** 2, r.size, logs)
+        merit = value - sizes - float(np.sum(np.log(np.abs(np.diag(triangle)[:freedom]))))
+        if merit > best_with:
+            best_with, with_value = merit, value
+        if ratio == LEAST_RATIO:
+            break
+    statistic = max(2.0 * (with_value - without_value), 0.0)
+    return Structure(statistic, freedom, chi_square_tail(statistic / _INFLATION, freedom))
+
+
+def _value(rss: float, count: int, logs: float) -> float:
+    """Log-likelihood, but for a constant, with R at its best."""
+    return -0.5 * (count * math.log(max(rss, 1.0e-12) / count) + logs)
+
+
+def _basis(own: Float64Array, pull: Float64Array) -> tuple[Float64Array, float]:
+    """Orthonormal basis (n, p) of the model's own columns, and half the log-determinant of their information."""
+    triangle = np.asarray(np.linalg.qr(np.vstack((own, pull)), mode="r"))
+    diagonal = np.abs(np.diag(triangle))
+    seen = np.linalg.norm(own, axis=0) > 0.0
+    Q, _ = np.linalg.qr(own[:, seen])
+    return Q, float(np.sum(np.log(np.maximum(diagonal, 1.0e-300))))
+
+
+def _columns(fit: Fit) -> Float64Array:
+    """One-step slopes by what is tried, (n, m): torques and dry frictions that depend on speed, current and time."""
+    drive, dry = slopes_by_torque(fit)
+    record, model = fit.frame.record, fit.model
+    n = drive.size
+    speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
+    size = np.abs(speed)
+    top = max(float(np.quantile(size, 0.99)), 1.0e-9)
+    current = mean_current(record.data.pieces.start, record.data.pieces.duration_s, record.data.pieces.current_A)
+    change = np.diff(current, prepend=current[:1])
+    change[~record.follows] = 0.0
+    time = np.linspace(-1.0, 1.0, n)
+    found = [
+        drive,  # a constant torque
+        drive * size,  # viscous friction that differs by direction
+        drive * np.abs(speed) * speed / top,  # windage
+        drive * speed**3 / top**2,
+        drive * current * np.abs(current),  # saturation
+        drive * change,  # a delay, a lag
+        dry * time,  # friction that drifts
+    ]
+    warmth = record.data.temperature_degC
+    if warmth is not None and np.isfinite(warmth).sum() > n // 2:
+        warmer = np.where(np.isfinite(warmth), warmth - np.nanmean(warmth), 0.0)
+        if np.ptp(warmer) > 0.5:
+            found += [dry * warmer, drive * speed * warmer, drive * current * warmer]
+    columns = np.column_stack(found)
+    columns[~record.follows | (size < _TURNING * model.omega_s)] = 0.0
+    return np.ascontiguousarray(columns[:, np.any(columns != 0.0, axis=0)])
+
+
+def mean_current(start: NDArray[np.int64], duration_s: Float64Array, current_A: Float64Array) -> Float64Array:
+    """Mean current over the interval that led to each sample [A], (n,), from the pieces."""
+    charge = np.concatenate(([0.0], np.cumsum(duration_s * current_A)))
+    length = np.concatenate(([0.0], np.cumsum(duration_s)))
+    edge = np.minimum(start, duration_s.size)
+    passed = np.diff(length[edge], prepend=0.0)
+    return np.where(passed > 0.0, np.diff(charge[edge], prepend=0.0) / np.where(passed > 0.0, passed, 1.0), 0.0)
