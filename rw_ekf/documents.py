@@ -12,6 +12,9 @@ from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from rw_ekf.effects.table import Column, EffectSet
     from rw_ekf.filter.belief import Belief
     from rw_ekf.starting_point import FilterSetup
@@ -75,8 +78,24 @@ def effects_document(effects: EffectSet, belief: Belief) -> dict[str, Any]:
     return found
 
 
-def entry_text(entry: Mapping[str, Any], belief: Belief, prior: Belief) -> str:
+def torques_text(values: Sequence[float], stds: NDArray[np.float64], inertia_kg_m2: float, inertia_from: str) -> str:
+    """The two dry frictions as torques, and the inertia that stands behind every torque.
+
+    values, stds (4,): the parameters, per unit inertia; inertia_from: "configuration", "model" or "assumed".
+    """
+    milli = 1.0e3 * inertia_kg_m2
+    shown = [
+        f"{name} {rounded(milli * values[i], milli * stds[i])} mN m" for name, i in (("Coulomb", 2), ("static", 3))
+    ]
+    whose = {"configuration": "as configured", "model": "from the model"}.get(
+        inertia_from, "the default, assumed: every torque goes with it; give `wheel.inertia_kg_m2`"
+    )
+    return f"as torques: {', '.join(shown)} (inertia {inertia_kg_m2:.4g} kg m^2, {whose})"
+
+
+def entry_text(entry: Mapping[str, Any], belief: Belief, setup: FilterSetup) -> str:
     """Return the same for a person: no digit that sigma does not allow."""
+    prior = setup.prior
     lines = [
         f"{entry['log']}: {entry['samples']} samples, {entry['duration_s']:.1f} s"
         f" ({entry['missing']} missing, {entry['rejected']} rejected)"
@@ -86,6 +105,9 @@ def entry_text(entry: Mapping[str, Any], belief: Belief, prior: Belief) -> str:
     lines += [
         f"  {name}: {rounded(item['value'], item['std'])} {item['unit']}" for name, item in entry["effects"].items()
     ]
+    if setup.inertia_kg_m2 is not None:
+        core = belief.core
+        lines.append("  " + torques_text(core.parameters, core.std[1:], setup.inertia_kg_m2, setup.inertia_from))
     speed = rpm_from_rad_s(entry["state"]["speed_rad_s"])
     lines.append(
         f"  {'speed':<{width}}  {speed:.2f} +- {rpm_from_rad_s(entry['std']['speed_rad_s']):.2f} rpm at the end"

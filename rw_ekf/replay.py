@@ -14,9 +14,9 @@ from rw_ekf.errors import BadInputError, LogError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
+from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.noise import frozen, without_drift
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.likelihood.judgement import judge_fit
 from rw_ekf.likelihood.log_fit import fit_log

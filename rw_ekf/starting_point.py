@@ -116,8 +116,8 @@ def setup_of_record(
     period = data.period_s
     if configuration is not None:
         return setup_of_configuration(configuration, model, period)
-    from rw_ekf.identify.record_scale import measure
-    from rw_ekf.likelihood.record_noise import noise_of_record
+    from rw_ekf.identify.record_scale import default_scale, measure
+    from rw_ekf.likelihood.record_noise import is_foreign, noise_of_record
 
     scale = measure(data)
     if model is not None:
@@ -138,6 +138,8 @@ def setup_of_record(
             effects=model.effects,
             inertia_from="model",
         )
+    if not scale.like_default_wheel and not is_foreign(data, scale):
+        scale = default_scale(scale.noise.speed_noise_rad_s)
     if not scale.like_default_wheel:
         return _foreign_setup(data, scale, period)
     omega_s = scale.stribeck_speed_rad_s
@@ -245,7 +247,7 @@ def _foreign_setup(data: FilterInput, scale: RecordScale, period: float) -> Filt
         sizes = f"the gain is {times(gain)} a wheel's, {sizes}"
     question = question_of_units(parameters, driven=driven)
     said = (
-        f"the record does not look like the default wheel ({sizes}){': ' + question if question else ''} "
+        f"the record does not look like the default wheel ({sizes}){': ' + question if question else '.'} "
         "Noise, prior and Stribeck speed were taken from the record itself "
         f"(speed noise {noise.speed_noise_rad_s:.3g} rad/s = {rpm_from_rad_s(noise.speed_noise_rad_s):.3g} rpm, "
         f"Stribeck speed {omega_s:.3g} rad/s), so that a wrong unit would not show in them; torques are not given, "

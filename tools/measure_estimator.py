@@ -37,8 +37,9 @@ from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, filter_log
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.noise import fit_noise
 from rw_ekf.identify.simulation import simulate, stretches
+from rw_ekf.likelihood.log_fit import fit_log
+from rw_ekf.likelihood.noise_posterior import NoisePosterior
 from rw_ekf.model.friction import GAUSS
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from rw_ekf.records import IssuedCommand, WheelSample
@@ -206,13 +207,18 @@ def measure_batch(runs: int, advance: tqdm[Any]) -> list[Row]:
     return rows
 
 
+def noises_of(data: FilterInput, guess_rpm: float) -> NoisePosterior:
+    """Noises of a record by restricted likelihood, from a first guess of the speed noise."""
+    return fit_log(data, constants_for(guess_rpm), DEFAULT_PRIOR, CK13_STATISTICAL).noises
+
+
 def measure_noise(runs: int, advance: tqdm[Any]) -> list[Row]:
     """Noises by maximum likelihood on P1: R, and process noise where there is some and where there is none."""
     rows = []
     for noise_rpm in (1.0, 5.0):
         found = []
         for seed in range(runs):
-            fit = fit_noise(run_of("P1", seed, noise_rpm).data, constants_for(1.5 * noise_rpm), CK13_STATISTICAL)
+            fit = noises_of(run_of("P1", seed, noise_rpm).data, 1.5 * noise_rpm)
             found.append(fit)
             advance.update()
         mean = float(np.mean([f.speed_noise_rad_s for f in found])) / RAD_S_PER_RPM
@@ -225,7 +231,7 @@ def measure_noise(runs: int, advance: tqdm[Any]) -> list[Row]:
                 abs(mean / noise_rpm - 1.0) < 0.03,
             )
         )
-        none = sum(f.acceleration_noise == 0.0 for f in found)
+        none = sum(not f.acceleration_noise_seen for f in found)
         rows.append(Row(f"likelihood: no process noise recognised, {noise_rpm:g} rpm", f"{none} of {runs}"))
     process = 0.1  # rpm per sqrt(s)
     values, sigmas = [], []
@@ -234,9 +240,9 @@ def measure_noise(runs: int, advance: tqdm[Any]) -> list[Row]:
         noise = PlantNoise(RAD_S_PER_RPM, process * RAD_S_PER_RPM)
         plant = simulate_run(PlantParameters(), current_A, time_s, noise, seed=seed)
         data = FilterInput.of(time_s, plant.measured_speed_rad_s, current_A)
-        fit = fit_noise(data, constants_for(), CK13_STATISTICAL)
+        fit = noises_of(data, 1.0)
         values.append(fit.acceleration_noise / RAD_S_PER_RPM)
-        sigmas.append((fit.acceleration_noise_std or math.nan) / RAD_S_PER_RPM)
+        sigmas.append(fit.acceleration_noise_std / RAD_S_PER_RPM)
         advance.update()
     normalised = rms((np.array(values) - process) / np.array(sigmas))
     rows.append(

@@ -50,7 +50,7 @@ def execute(args: argparse.Namespace) -> int:
     import numpy as np
 
     from rw_ekf.console import progress
-    from rw_ekf.documents import FIT_SCHEMA, physical
+    from rw_ekf.documents import FIT_SCHEMA, physical, torques_text
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
     from rw_ekf.json_output import print_json
@@ -105,7 +105,10 @@ def execute(args: argparse.Namespace) -> int:
     if args.json:
         print_json(document)
     else:
-        _print(document, reports, noise)
+        torques = None
+        if setup.inertia_kg_m2 is not None:
+            torques = torques_text(belief.parameters, belief.std[1:], setup.inertia_kg_m2, setup.inertia_from)
+        _print(document, reports, noise, torques)
     return 0
 
 
@@ -193,11 +196,12 @@ def _noise_document(noise: NoisePosterior | None) -> dict[str, Any] | None:
     }
 
 
-def _print(document: dict[str, Any], reports: list[Any], noise: NoisePosterior | None) -> None:
+def _print(document: dict[str, Any], reports: list[Any], noise: NoisePosterior | None, torques: str | None) -> None:
     from rw_ekf.filter.identifiability import rounded
 
     lines = [f"{document['log']}: {document['samples']} samples, {document['method']}"]
     lines += [f"  {item.name:<10}  {item.text()}" for item in reports]
+    lines += [f"  {torques}"] if torques is not None else []
     if "residual_rms_rpm" in document:
         state = "converged" if document["converged"] else "NOT converged"
         lines.append(

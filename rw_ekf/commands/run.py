@@ -113,7 +113,7 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
         warnings,
     )
     if not json:
-        sys.stdout.write(entry_text(entry, outcome.belief, outcome.setup.prior) + "\n")
+        sys.stdout.write(entry_text(entry, outcome.belief, outcome.setup) + "\n")
         return
     link, timing = outcome.link, outcome.timing
     document: dict[str, Any] = {

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants, prior_around
-from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, prior_around
+from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -21,10 +21,7 @@ _MAX_ROWS = 200_000
 _STRIBECK_SHARE_OF_TOP_SPEED = 0.02
 _DEFAULT_STRIBECK_SPEED = 4.0 * RAD_S_PER_RPM
 _PRIOR_STD = (0.5, 2.0, 0.75)
-_JUDGED_ROWS = 8_000
-_CLEARLY = 20.0  # log-likelihood by which a record has to be likelier under what it says of itself
-_TORQUE_NOISES = (0.03, 0.1, 0.3, 1.0)  # speed noises per sqrt(s)
-_OPEN_GATE = 1.0e30
+GAIN_BAND, COULOMB_BAND = (0.5, 2.0), (0.33, 2.5)  # of [CK13]'s wheel: another of its class lies within
 _TELLS_NOTHING = 1.0e3  # condition of current, speed and direction: at constant speed they are one and the same
 
 
@@ -42,32 +39,34 @@ class RecordScale:
 def measure(data: FilterInput) -> RecordScale:
     """Read the scales off a record; never raises on poor data, falls back on the default wheel's.
 
-    The default wheel is left only where the record is clearly less likely under it: a wheel that hardly moves says
-    nothing against it, however far off its rough parameters come out.
+    Rough: where the wheel hardly moves the parameters come out far off, so that a record which does not look like the
+    default wheel here may be one all the same (`rw_ekf.likelihood.record_noise` decides).
     """
     speed_noise = speed_noise_of(data.time_s, data.speed_rad_s, data.segment)
     rough = rough_parameters(data, speed_noise)
-    default = RecordScale(
-        NoiseModel(speed_noise or DEFAULT_NOISE.speed_noise_rad_s, DEFAULT_NOISE.acceleration_noise),
-        _DEFAULT_STRIBECK_SPEED,
-        DEFAULT_PRIOR,
-        True,
-        rough or CK13_STATISTICAL,
-    )
     if rough is None or _like_default(rough, speed_noise):
-        return default
+        return default_scale(speed_noise, rough)
     finite = data.speed_rad_s[np.isfinite(data.speed_rad_s)]
     top = float(np.quantile(np.abs(finite), 0.99))
     sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
-    foreign = RecordScale(
+    return RecordScale(
         NoiseModel(sigma, 0.1 * sigma, scale=rough),
         max(_STRIBECK_SHARE_OF_TOP_SPEED * top, sigma),
         prior_around(rough, _PRIOR_STD),
         False,
         rough,
     )
-    seen = busiest(data, _JUDGED_ROWS)
-    return foreign if _likelihood(seen, foreign) > _likelihood(seen, default) + _CLEARLY else default
+
+
+def default_scale(speed_noise: float | None, rough: FrictionParameters | None = None) -> RecordScale:
+    """The default wheel's scales, with the readings' own noise [rad/s] where it is known."""
+    return RecordScale(
+        NoiseModel(speed_noise or DEFAULT_NOISE.speed_noise_rad_s, DEFAULT_NOISE.acceleration_noise),
+        _DEFAULT_STRIBECK_SPEED,
+        DEFAULT_PRIOR,
+        True,
+        rough or CK13_STATISTICAL,
+    )
 
 
 def busiest(data: FilterInput, count: int) -> FilterInput:
@@ -84,21 +83,6 @@ def busiest(data: FilterInput, count: int) -> FilterInput:
     wide = min(count // block, moved.size - 1)
     at = int(np.argmax(moved[wide:] - moved[:-wide])) * block
     return data.window(at, at + count)
-
-
-def _likelihood(data: FilterInput, scale: RecordScale) -> float:
-    """Log-likelihood of all readings under a scale's prior and Stribeck speed, at the best of a few torque noises.
-
-    The filter's own: its parameters learn on the way, so that what counts is how far the prior is from what it learns.
-    """
-    sigma = scale.noise.speed_noise_rad_s
-    best = -np.inf
-    for share in _TORQUE_NOISES:
-        noise = NoiseModel(sigma, share * sigma, scale=scale.noise.scale)
-        constants = filter_constants(noise, scale.stribeck_speed_rad_s, nominal_period_s=data.period_s)
-        run = filter_log(data, constants._replace(gate=_OPEN_GATE), scale.prior.mean, scale.prior.covariance)
-        best = max(best, run.log_likelihood)
-    return best
 
 
 def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: NDArray[np.int64]) -> float | None:
@@ -146,14 +130,12 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
     moving = np.where(turning, np.sign(y), 0.0)
     middle = 0.5 * (y[1:] + y[:-1])
     direction = 0.5 * (moving[1:] + moving[:-1])
-    same = (data.segment[1 : t.size] == data.segment[: t.size - 1]) & (dt > 0.0)
+    # A wheel at rest does not answer to its current: intervals at rest count on neither side.
+    same = (data.segment[1 : t.size] == data.segment[: t.size - 1]) & (dt > 0.0) & turning[1:] & turning[:-1]
     sums = [np.concatenate(([0.0], np.cumsum(np.where(same, v * dt, 0.0)))) for v in (current, middle, direction)]
     begin = np.arange(0, t.size - lag, max(1, lag // 4))
     end = begin + lag
-    # A wheel at rest does not answer to its current: only windows in which it turns throughout say anything of k.
-    turns = np.concatenate(([0], np.cumsum(turning)))
-    whole = (data.segment[end] == data.segment[begin]) & (turns[end + 1] - turns[begin] == lag + 1)
-    begin, end = begin[whole], end[whole]
+    begin, end = (v[data.segment[end] == data.segment[begin]] for v in (begin, end))
     if begin.size < 8:
         return None
     A = np.column_stack([s[end] - s[begin] for s in sums]) * np.array([1.0, -1.0, -1.0])
@@ -207,7 +189,7 @@ def _window(y: Float64Array, noise: float) -> int:
 def _like_default(rough: FrictionParameters, speed_noise: float | None) -> bool:
     """Within a factor of about two of [CK13]'s wheel in gain and Coulomb friction, and of its kind in noise."""
     k, _, c, _ = CK13_STATISTICAL
-    gain = 0.5 < rough.motor_gain / k < 2.0
-    friction = 0.33 < rough.coulomb / c < 2.5
+    gain = GAIN_BAND[0] < rough.motor_gain / k < GAIN_BAND[1]
+    friction = COULOMB_BAND[0] < rough.coulomb / c < COULOMB_BAND[1]
     noise = speed_noise is None or 0.05 * RAD_S_PER_RPM < speed_noise < 30.0 * RAD_S_PER_RPM
     return gain and friction and noise

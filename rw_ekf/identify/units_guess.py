@@ -53,5 +53,7 @@ def question_of_units(found: FrictionParameters, *, driven: bool = True) -> str 
 
 
 def times(ratio: float) -> str:
-    """`1/1000 of`, `2.4 times`: a ratio as people say it."""
-    return f"{ratio:.3g} times" if ratio >= 1.0 else f"1/{1.0 / ratio:.3g} of"
+    """`1/1000 of`, `2.4 times`: a ratio above zero as people say it, to two digits."""
+    size = max(ratio, 1.0 / ratio)
+    text = f"{size:.2g}" if size < 100.0 else f"{round(size, 1 - math.floor(math.log10(size))):.0f}"
+    return f"{text} times" if ratio >= 1.0 else f"1/{text} of"

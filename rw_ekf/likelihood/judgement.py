@@ -13,8 +13,8 @@ import numpy as np
 from rw_ekf.filter import decisions
 from rw_ekf.filter.consistency import Consistency, judge
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.identify.noise import frozen, without_drift
 from rw_ekf.likelihood.log_fit import LogFit
 from rw_ekf.likelihood.structure import structure
 

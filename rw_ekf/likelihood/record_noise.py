@@ -10,17 +10,24 @@ import contextlib
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rw_ekf.errors import FilterError
-from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.belief import Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.record_scale import busiest
+from rw_ekf.identify.record_scale import COULOMB_BAND, GAIN_BAND, RecordScale, busiest, default_scale
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
+from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
+
+Float64Array = NDArray[np.float64]
 
 _SAMPLES = 8_000  # enough for torque noise to a tenth of itself
 _FEWEST = 100
+_SAYS_NOTHING = 10.0  # values, as the standard deviation of a prior
+_HELD = 1.0e-8  # of a value, as the standard deviation of a prior that holds it
+_CLEARLY = 20.0  # log-likelihood
 _STRIBECK_RATIOS = (0.25, 1.0, 4.0)  # of a guess, where a search begins
 _STRIBECK_STD = 1.0  # of a guess, in shares of it
 _STRIBECK_SEEN = 0.5  # known better than to this share: it is the record's and no guess any more
@@ -64,6 +71,55 @@ def noise_of_record(
             fit,
         )
     return None
+
+
+def is_foreign(data: FilterInput, scale: RecordScale) -> bool:
+    """Whether a record that does not look like the default wheel at first sight is clearly not one.
+
+    The four parameters are fitted with a prior so wide that it says nothing, and once more with motor gain and Coulomb
+    friction held within the band of the default wheel's class. Foreign is what the band makes clearly less likely, each
+    fit at its own best noises: a wheel that hardly moves, whatever its best parameters, is no evidence.
+    """
+    part = busiest(data, _SAMPLES)
+    if int(np.isfinite(part.speed_rad_s).sum()) < _FEWEST:
+        return not scale.like_default_wheel
+    usual = np.array(CK13_STATISTICAL)
+    wide = _SAYS_NOTHING * np.maximum(usual, np.abs(np.array(scale.rough)))
+    free = _best(part, scale, [scale.rough, CK13_STATISTICAL], usual, wide)
+    if free is None:
+        return True
+    found = free.parameters
+    held = found._replace(
+        motor_gain=_within(found.motor_gain, CK13_STATISTICAL.motor_gain, GAIN_BAND),
+        coulomb=_within(found.coulomb, CK13_STATISTICAL.coulomb, COULOMB_BAND),
+    )
+    held = held._replace(static=max(held.static, 1.03 * held.coulomb))
+    if (held.motor_gain, held.coulomb) == (found.motor_gain, found.coulomb):
+        return False
+    std = wide.copy()
+    for place, (before, after) in enumerate(zip(found, held, strict=True)):
+        if place in {0, 2} and before != after:
+            std[place] = _HELD * abs(after)
+    like_a_wheel = _best(part, scale, [held, CK13_STATISTICAL], np.array(held), std)
+    return like_a_wheel is None or free.fit.likelihood.value - like_a_wheel.fit.likelihood.value > _CLEARLY
+
+
+def _best(
+    data: FilterInput, scale: RecordScale, starts: list[FrictionParameters], mean: Float64Array, std: Float64Array
+) -> LogFit | None:
+    """The likeliest fit from several starts, at the default's Stribeck speed and at the record's; None if all fail."""
+    prior = Belief(np.array([0.0, *mean]), np.diag([1.0, *np.square(std)]))
+    found = []
+    for omega_s in (default_scale(None).stribeck_speed_rad_s, scale.stribeck_speed_rad_s):
+        constants = filter_constants(scale.noise, omega_s, nominal_period_s=data.period_s)
+        for start in starts:
+            with contextlib.suppress(FilterError, np.linalg.LinAlgError):
+                found.append(fit_log(data, constants, prior, start))
+    return max(found, key=lambda fit: fit.fit.likelihood.value, default=None)
+
+
+def _within(value: float, usual: float, band: tuple[float, float]) -> float:
+    return min(max(value, band[0] * usual), band[1] * usual)
 
 
 def _fit(data: FilterInput, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool) -> LogFit:

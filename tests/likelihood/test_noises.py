@@ -1,4 +1,4 @@
-"""Noises by maximum likelihood, where the truth's are known."""
+"""Noises of a record by restricted likelihood, the ratio integrated out, where the truth's are known."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.log_filter import FilterInput
-from rw_ekf.identify.noise import NoiseFit, fit_noise
+from rw_ekf.likelihood.log_fit import fit_log
+from rw_ekf.likelihood.noise_posterior import NoisePosterior
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.truth import constants_for, fine_trajectory, run_of
 
@@ -16,7 +18,7 @@ SEEDS = range(8)
 
 
 @lru_cache
-def fits(noise_rpm: float, process_rpm: float) -> list[NoiseFit]:
+def fits(noise_rpm: float, process_rpm: float) -> list[NoisePosterior]:
     """Fits to runs of P1 whose speed also walks at random by process_rpm per sqrt(s); the first guess is wrong."""
     found = []
     for seed in SEEDS:
@@ -30,7 +32,7 @@ def fits(noise_rpm: float, process_rpm: float) -> list[NoiseFit]:
         )
         reading = speed + (run.reading_rad_s - run.speed_rad_s)
         data = FilterInput.of(run.time_s, reading, run.current_A)
-        found.append(fit_noise(data, constants_for(1.7 * noise_rpm), run.parameters))
+        found.append(fit_log(data, constants_for(1.7 * noise_rpm), DEFAULT_PRIOR, run.parameters).noises)
     return found
 
 
@@ -44,25 +46,25 @@ def test_the_speed_noise_is_found(noise_rpm: float) -> None:
 
 
 @pytest.mark.slow
-def test_the_absence_of_process_noise_is_recognised() -> None:
-    """Where the truth has none, at most two fits in eight report any, and all say it is below 0.05 rpm per sqrt(s)."""
+def test_no_process_noise_is_a_small_number_and_never_zero() -> None:
+    """Where the truth has none, at most one fit in eight asks for some; all allow for a little, below 0.05 rpm."""
     found = fits(1.0, 0.0)
-    assert sum(fit.acceleration_noise > 0.0 for fit in found) <= 2
+    assert sum(fit.acceleration_noise_seen for fit in found) <= 1
+    assert all(0.0 < fit.acceleration_noise <= fit.acceleration_noise_limit for fit in found)
     assert all(fit.acceleration_noise_limit < 0.05 * RAD_S_PER_RPM for fit in found)
-    assert all((fit.acceleration_noise_std is None) == (fit.acceleration_noise == 0.0) for fit in found)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("process_rpm", [0.1, 0.3])
 def test_process_noise_is_found_within_its_own_error_bar(process_rpm: float) -> None:
-    """Eight estimates scatter about the truth as their own sigmas say."""
+    """Eight estimates scatter about the truth as their sigmas say, on the logarithm: a sigma grows with its value."""
     found = fits(1.0, process_rpm)
-    assert all(fit.acceleration_noise_std is not None for fit in found)
-    errors = np.array([fit.acceleration_noise / RAD_S_PER_RPM - process_rpm for fit in found])
-    spread = np.array([(fit.acceleration_noise_std or np.nan) / RAD_S_PER_RPM for fit in found])
+    assert all(fit.acceleration_noise_seen for fit in found)
+    errors = np.array([np.log(fit.acceleration_noise / (process_rpm * RAD_S_PER_RPM)) for fit in found])
+    spread = np.array([fit.acceleration_noise_std / fit.acceleration_noise for fit in found])
     assert np.max(np.abs(errors / spread)) < 3.5
     assert 0.4 < float(np.sqrt(np.mean((errors / spread) ** 2))) < 1.7
-    assert np.all(np.abs(errors) < 0.6 * process_rpm)
+    assert np.all(np.abs(errors) < 0.7)
 
 
 def test_spikes_do_not_pass_for_noise() -> None:
@@ -70,13 +72,6 @@ def test_spikes_do_not_pass_for_noise() -> None:
     run = run_of("P1", 3)
     reading = run.reading_rad_s.copy()
     reading[50::300] += 60.0
-    fit = fit_noise(FilterInput.of(run.time_s, reading, run.current_A), constants_for(), run.parameters)
-    assert fit.speed_noise_rad_s == pytest.approx(RAD_S_PER_RPM, rel=0.04)
-    assert fit.samples == run.time_s.size - 10
-
-
-def test_a_long_log_is_judged_by_its_head() -> None:
-    """max_samples bounds the work: only so many readings are weighed."""
-    run = run_of("P1", 3)
-    fit = fit_noise(run.data, constants_for(), run.parameters, max_samples=1000)
-    assert fit.samples == 1000
+    fit = fit_log(FilterInput.of(run.time_s, reading, run.current_A), constants_for(), DEFAULT_PRIOR, run.parameters)
+    assert fit.noises.speed_noise_rad_s == pytest.approx(RAD_S_PER_RPM, rel=0.04)
+    assert fit.left_out == 10
