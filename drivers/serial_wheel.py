@@ -12,11 +12,25 @@ from drivers.wheel_clock import WheelClock
 from drivers.wire_layout import Field, Register
 from drivers.wire_map import STATUS_OK, WireMap
 from rw_ekf.errors import DriverError
-from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
+from rw_ekf.records import (
+    CURRENT_LIMITED,
+    FAULT,
+    OVER_TEMPERATURE,
+    IssuedCommand,
+    LinkCounters,
+    WheelIdentity,
+    WheelSample,
+)
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
-STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle
+STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
+ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
+QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
+COARSEST_S = 0.05  # a clock that counts in larger steps gives no time to a sample
 FLAG_RESET = 8  # reset since last read
+FLAGS = {1: FAULT, 2: CURRENT_LIMITED, 4: OVER_TEMPERATURE}
+WILDEST = 1.0e9  # SI; no machine turns, is driven or lasts by such numbers: a value beyond it is damage
+NO_CONDITIONS: frozenset[str] = frozenset()
 TELEMETRY = (
     "speed",
     "current",
@@ -42,8 +56,11 @@ class SerialWheel:
         self.clock = clock if clock is not None else WheelClock()
         self._main = wire_map.speed_register
         self._others = _registers_beside(self._main, wire_map)
+        self._uptime_field = _uptime_field((self._main, *self._others))
         self._flags: int | None = None
         self._status_due_s = 0.0
+        self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
+        self._quiet_since_s: float | None = None
         self._opened_s = time.monotonic()
         self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
 
@@ -51,15 +68,23 @@ class SerialWheel:
         """One sample, or None if no valid one came within timeout_s [s] and the reply timeout. Raises DriverError."""
         deadline_s = time.monotonic() + timeout_s
         self._read_status_if_due(deadline_s)
+        self._read_identity_if_due(deadline_s)
         exchange = self._exchange(self._main, deadline_s)
         values = self._values(self._main, exchange)
         if values is None:
             self._status_due_s = 0.0  # the wheel may have restarted: ask before the next sample
+            self._note_quiet()
             return None
+        self._quiet_since_s = None
         for register in self._others:
             values = (self._values(register, self._exchange(register, deadline_s)) or {}) | values
         self._sample_at_s = exchange.received_by_wheel_s
+        segment = self.clock.segment
         time_s = self._time_s(values, exchange)
+        if self.clock.segment != segment:
+            self.doubt_identity()
+            self._read_identity_if_due(deadline_s)
+        news, self.clock.news = self.clock.news, None
         flags = values.get("flags", self._flags)
         return WheelSample(
             time_s=time_s,
@@ -72,6 +97,8 @@ class SerialWheel:
             angle_rad=values.get("angle"),
             status=None if flags is None else int(flags),
             segment=self.clock.segment,
+            conditions=_conditions(flags),
+            news=news,
         )
 
     def command_current(self, current_A: float) -> IssuedCommand:
@@ -128,17 +155,31 @@ class SerialWheel:
         return self._line.request(register.id, b"", register.size, deadline_s - now_s)
 
     def _values(self, register: Register, exchange: Exchange) -> dict[str, float] | None:
-        """SI values of a reply, or None where there was none."""
-        return None if exchange.data is None else decode_register(register, exchange.data)
+        """SI values of a reply, or None where there was none, or none that a machine can have.
+
+        A value beyond any machine is a value that did not arrive; without the speed, nothing did.
+        """
+        if exchange.data is None:
+            return None
+        values = decode_register(register, exchange.data)
+        wild = [name for name, value in values.items() if not abs(value) <= WILDEST]
+        if wild:
+            self.link.damaged += 1
+            for name in wild:
+                del values[name]
+        return None if register is self._main and "speed" not in values else values
 
     def _time_s(self, values: dict[str, float], exchange: Exchange) -> float:
         """When the speed was read: by the wheel's clock, else when the request reached the wheel, since opening."""
-        if "uptime" not in values:
-            return exchange.received_by_wheel_s - self._opened_s
-        register = self._main if self._main.field("uptime") else next(r for r in self._others if r.field("uptime"))
-        field = register.field("uptime")
-        span_s = field.si_span if field is not None and field.type != "f32" else None
-        return self.clock.time_s(values["uptime"], exchange.received_by_wheel_s, span_s)
+        host_s = exchange.received_by_wheel_s
+        field = self._uptime_field
+        if field is None:
+            return host_s - self._opened_s
+        if "uptime" not in values:  # its register was lost: where the clock would be
+            return self.clock.between_s(host_s)
+        counts = field.type != "f32"
+        span_s, count_s = (field.si_span, field.si_per_count) if counts else (None, 0.0)
+        return self.clock.time_s(values["uptime"], host_s, span_s, exchange.replied_s, count_s)
 
     def _read_status_if_due(self, deadline_s: float) -> None:
         """Read the status register now and then, before the sample: behind it, it would delay the command."""
@@ -149,10 +190,34 @@ class SerialWheel:
         values = self._values(register, self._exchange(register, deadline_s))
         if values is None or "flags" not in values:
             return
-        self._status_due_s = now_s + STATUS_EVERY_S
+        first = self._flags is None
         self._flags = int(values["flags"])
-        if self._flags & FLAG_RESET:
+        self._status_due_s = now_s + (ALARMED_EVERY_S if _conditions(self._flags) else STATUS_EVERY_S)
+        if self._flags & FLAG_RESET and self._uptime_field is not None:
             self.clock.note_restart()
+        elif self._flags & FLAG_RESET and not first:
+            self.clock.begin_segment("wheel_restarted", "the wheel restarted: its status says so")
+
+    def doubt_identity(self) -> None:
+        """It may be another wheel that answers from now on: ask before the next sample. Until it says, it is nobody."""
+        if self.identity is not None and self.identity.serial_number is not None:
+            self._expected, self.identity = self.identity, None
+
+    def _note_quiet(self) -> None:
+        """Whoever is silent for longer than a cycle or two may have been changed for another."""
+        now_s = time.monotonic()
+        if self._quiet_since_s is None:
+            self._quiet_since_s = now_s
+        elif now_s - self._quiet_since_s > QUIET_S:
+            self.doubt_identity()
+
+    def _read_identity_if_due(self, deadline_s: float) -> None:
+        register = self._map.register("identity")
+        if self._expected is None or register is None:
+            return
+        self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
+        if self.identity is not None:
+            self._expected = None
 
     def _note_identity(self, values: dict[str, float] | None, register: Register) -> None:
         """Keep who answered."""
@@ -187,7 +252,8 @@ def open_serial_wheel(
     line = SerialLink(port, wire_map.framing, wire_map.line, timeout_s, baud=baud, counters=counters)
     wheel = SerialWheel(line, wire_map, previous.clock if previous is not None else None)
     if previous is not None:
-        wheel.identity = previous.identity
+        wheel.identity = previous.identity if previous.identity is not None else previous._expected
+        wheel.doubt_identity()
         wheel._opened_s = previous._opened_s
     try:
         if probe:
@@ -211,6 +277,20 @@ def _registers_beside(main: Register, wire_map: WireMap) -> tuple[Register, ...]
         and register.name not in known
         and register.field(register.name)
     )
+
+
+def _uptime_field(registers: tuple[Register, ...]) -> Field | None:
+    """The field that gives a sample its time; None where the wheel has no clock, or one too coarse for that."""
+    for register in registers:
+        field = register.field("uptime")
+        if field is not None:
+            return field if field.type == "f32" or field.si_per_count <= COARSEST_S else None
+    return None
+
+
+def _conditions(flags: float | None) -> frozenset[str]:
+    """What the wheel's status flags mean."""
+    return NO_CONDITIONS if not flags else frozenset(name for bit, name in FLAGS.items() if int(flags) & bit)
 
 
 def _toward_zero(field: Field, current_A: float) -> float:

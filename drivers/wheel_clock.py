@@ -1,22 +1,49 @@
-"""The wheel's own clock, made to run on: a counter that wraps, and a wheel that restarts."""
+"""The wheel's own clock, made to run on: a counter that wraps, a wheel that restarts, a clock that jumps."""
 
 from __future__ import annotations
 
+from collections import deque
+
 RATE_AFTER_S = 0.05
+# By how much the clocks may disagree over an interval: a wheel whose telemetry is made ten times a second stamps a
+# reading up to a period before it is asked for, and no quartz is wrong by a fiftieth.
+SLACK_S = 0.15
+SLACK_SHARE = 0.02
+# A clock that has jumped so often within so many readings is no clock.
+MOST_JUMPS = 3
+AMONG_READINGS = 20
 
 
 class WheelClock:
-    """Turns uptime readings into time that never wraps, and a number of segments that counts restarts."""
+    """Turns uptime readings into time that never wraps, and a number of segments that counts restarts and jumps.
+
+    The clock is believed while it agrees with the host's. With u the uptime of a reading that was asked for at h- and
+    had come at h+ of the host's clock, and r wheel seconds per host second,
+
+        r (h-_i - h+_j) - e  <=  u_i - u_j  <=  r (h+_i - h-_j) + e,      e = r (0.15 s + 2 % of h+_i - h-_j)
+
+    must hold between readings j and i, however long the host was stopped in between: the reading was taken at some
+    time while it was waited for. Where it does not, the clock has jumped, and a new segment begins. r is 1, or, in a
+    simulation that runs fast, what the first two intervals of a clock agree on. A clock that jumps again and again is
+    not believed any more: from then on the host counts.
+    """
 
     def __init__(self) -> None:
         self.segment = 0
+        self.rate = 1.0  # wheel seconds per host second; a simulated wheel may run fast
+        self.believed = True
+        self.news: tuple[str, str] | None = None  # event and sentence of what the last reading brought
         self._uptime_s: float | None = None
-        self._host_s = 0.0
+        self._asked_s = self._came_s = 0.0  # of the last reading, by the host
+        self._time_s = 0.0
         self._wraps_s = 0.0
         self._restart_noted = False
         self._flag_expected = False  # a restart was seen by uptime; the flag that says the same is still to come
         self._began: tuple[float, float] | None = None  # wheel time and host time of the segment's first reading
-        self.rate = 1.0  # wheel seconds per host second; a simulated wheel may run fast
+        self._nominal = 1.0  # the rate that intervals are compared with
+        self._settled = False  # whether an interval has agreed with it
+        self._candidate: float | None = None
+        self._jumped: deque[bool] = deque(maxlen=AMONG_READINGS)
 
     def note_restart(self) -> None:
         """The wheel itself says that it restarted (status flag): the next reading starts a new segment, once.
@@ -26,28 +53,92 @@ class WheelClock:
         self._restart_noted = self._uptime_s is not None and not self._flag_expected
         self._flag_expected = False
 
-    def time_s(self, uptime_s: float, host_s: float, span_s: float | None) -> float:
-        """Wheel time [s] of an uptime reading [s] taken at `host_s` [s] of the host's clock.
+    def begin_segment(self, event: str, text: str) -> None:
+        """Start a new segment for a reason that the uptime does not tell."""
+        self.segment += 1
+        self._began = None
+        self.news = event, text
 
-        span_s: after how much the counter wraps; None where it does not. A jump back is a wrap when counting on through
-        the wrap fits the time that passed here, else the wheel has restarted.
+    def time_s(
+        self, uptime_s: float, asked_s: float, span_s: float | None, came_s: float | None = None, count_s: float = 0.0
+    ) -> float:
+        """Wheel time [s] of an uptime reading [s] asked for at `asked_s` and here at `came_s` [s] of the host's clock.
+
+        span_s: after how much the counter wraps; None where it does not. count_s: its resolution. The same uptime again
+        is the same time again: that reading is no later than the one before.
         """
-        if self._uptime_s is not None:
-            back = uptime_s < self._uptime_s
-            passed_s = host_s - self._host_s
-            wrapped = back and span_s is not None and uptime_s - self._uptime_s + span_s <= 10.0 * passed_s + 10.0
-            if wrapped and span_s is not None and not self._restart_noted:
+        came_s = asked_s if came_s is None else max(came_s, asked_s)
+        self.news = None
+        if self._uptime_s is None:
+            return self._take(uptime_s, asked_s, came_s)
+        if uptime_s == self._uptime_s and not self._restart_noted:
+            return self._time_s
+        advance_s = uptime_s - self._uptime_s
+        least_s, most_s = max(asked_s - self._came_s, 0.0), came_s - self._asked_s
+        if advance_s < 0.0 and span_s is not None and not self._restart_noted:
+            wrapped_s = advance_s + span_s
+            unsettled = not self._settled and wrapped_s <= 10.0 * most_s + 10.0
+            if unsettled or self._agrees(wrapped_s, least_s, most_s, self._nominal, count_s):
                 self._wraps_s += span_s
-            elif back or self._restart_noted:
-                self._flag_expected = back and not self._restart_noted
-                self.segment += 1
-                self._wraps_s = 0.0
-                self._began = None
+                advance_s = wrapped_s
+        small = uptime_s <= self._nominal * (most_s + SLACK_S) + count_s
+        if self._restart_noted or (self.believed and advance_s < 0.0 and small):
+            self._flag_expected = advance_s < 0.0 and not self._restart_noted
+            self._start_over("wheel_restarted", f"the wheel restarted: its uptime is {uptime_s:.3f} s")
+        elif self.believed and not self._consistent(advance_s, least_s, most_s, count_s):
+            self._jump(advance_s, most_s)
+        return self._take(uptime_s, asked_s, came_s)
+
+    def between_s(self, asked_s: float) -> float:
+        """Wheel time [s] of a reading that came without its uptime, asked for at `asked_s` [s] of the host's clock."""
+        return self._time_s + self.rate * max(asked_s - self._asked_s, 0.0)
+
+    def _take(self, uptime_s: float, asked_s: float, came_s: float) -> float:
+        """Keep a reading as the last one; its time."""
+        if self.believed:
+            self._time_s = uptime_s + self._wraps_s
+        else:
+            self._time_s += max(asked_s - self._asked_s, 0.0)
         self._restart_noted = False
-        self._uptime_s, self._host_s = uptime_s, host_s
-        time_s = uptime_s + self._wraps_s
-        self._measure_rate(time_s, host_s)
-        return time_s
+        self._uptime_s, self._asked_s, self._came_s = uptime_s, asked_s, came_s
+        self._measure_rate(self._time_s, asked_s)
+        return self._time_s
+
+    def _consistent(self, advance_s: float, least_s: float, most_s: float, count_s: float) -> bool:
+        """Whether an interval agrees with the host's clock; the first ones may find another rate."""
+        agrees = advance_s > 0.0 and self._agrees(advance_s, least_s, most_s, self._nominal, count_s)
+        first = not self._settled and self._candidate is None
+        if not agrees and not self._settled and advance_s > 0.0 and most_s > 0.0:
+            if self._candidate is not None and self._agrees(advance_s, least_s, most_s, self._candidate, count_s):
+                self._nominal, agrees = self._candidate, True
+            else:
+                self._candidate = advance_s / (0.5 * (least_s + most_s))
+        if agrees and not self._settled:
+            self._settled, self._began = True, None  # what came before may have been a jump
+        accepted = agrees or (first and advance_s > 0.0)  # one interval alone cannot tell a jump from a fast clock
+        self._jumped.append(not accepted)
+        return accepted
+
+    @staticmethod
+    def _agrees(advance_s: float, least_s: float, most_s: float, rate: float, count_s: float) -> bool:
+        slack_s = rate * (SLACK_S + SLACK_SHARE * most_s) + 2.0 * count_s
+        return rate * least_s - slack_s <= advance_s <= rate * most_s + slack_s
+
+    def _jump(self, advance_s: float, most_s: float) -> None:
+        if sum(self._jumped) >= MOST_JUMPS:
+            self.believed, self.rate = False, 1.0
+            self._start_over(
+                "clock_not_believed",
+                f"the wheel's clock does not agree with this computer's ({MOST_JUMPS} jumps within {AMONG_READINGS} "
+                "readings): from here on time is counted by this computer",
+            )
+            return
+        passed = f"{advance_s:+.3f} s while {most_s:.3f} s passed here"
+        self._start_over("clock_jumped", f"the wheel's clock jumped ({passed}): a new segment begins")
+
+    def _start_over(self, event: str, text: str) -> None:
+        self._wraps_s = 0.0
+        self.begin_segment(event, text)
 
     def _measure_rate(self, time_s: float, host_s: float) -> None:
         """Compare the clocks since the segment began; readings a millisecond coarse need some tens to say anything."""
@@ -55,5 +146,5 @@ class WheelClock:
             self._began = (time_s, host_s)
             return
         passed_s = host_s - self._began[1]
-        if passed_s > RATE_AFTER_S:
+        if passed_s > RATE_AFTER_S and self.believed:
             self.rate = (time_s - self._began[0]) / passed_s

@@ -73,6 +73,11 @@ class WireMap:
         """The lowest and highest speed that telemetry can carry [rad/s]."""
         return self.speed_field.si_range
 
+    @property
+    def speed_step_rad_s(self) -> float:
+        """Resolution of a speed reading [rad/s]; 0 where it is a floating-point number."""
+        return 0.0 if self.speed_field.type == "f32" else self.speed_field.si_per_count
+
     def status_name(self, status: int) -> str:
         """The map's word for a status byte."""
         return self.statuses.get(status, f"status_{status}")

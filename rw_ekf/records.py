@@ -6,6 +6,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
+# What a wheel may say of itself (WheelSample.conditions).
+FAULT = "fault"
+OVER_TEMPERATURE = "over_temperature"
+CURRENT_LIMITED = "current_limited"
+CONDITIONS_THAT_STOP = (FAULT, OVER_TEMPERATURE)  # in which no current but zero is written
+
 
 @dataclass(frozen=True, slots=True)
 class WheelSample:
@@ -20,7 +26,9 @@ class WheelSample:
     bus_voltage_V: float | None = None
     angle_rad: float | None = None
     status: int | None = None
-    segment: int = 0  # changes where the wheel's clock restarted: speed re-seeded, parameters kept
+    segment: int = 0  # changes where the wheel's clock restarted or jumped: speed re-seeded, parameters kept
+    conditions: frozenset[str] = frozenset()  # FAULT and its like, as the wheel itself says
+    news: tuple[str, str] | None = None  # what the driver noticed with this reading: event, sentence
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -30,15 +29,15 @@ class WatchSink:
         self._sentences: list[str] = []
         self._more = 0
         self._began: tuple[datetime, float] | None = None  # hour and time of the first sample
-        self._last_s = -math.inf
+        self._segment = 0
 
     def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
         """Let the watch take one sample; log what began, changed or ended."""
         if self._watch is None:
             return
-        if self._began is None or sample.time_s < self._last_s:  # the wheel's clock began anew
+        if self._began is None or sample.segment != self._segment:  # the wheel's clock began anew, or jumped
             self._began = self._now(), sample.time_s
-        self._last_s = sample.time_s
+        self._segment = sample.segment
         try:
             news = self._watch.step(sample, command, result)
         except (ArithmeticError, ValueError) as error:  # whoever watches must never end what is watched
