@@ -25,6 +25,26 @@ def load_wire_map(protocol: str) -> WireMap:
     return wire_map_from_mapping(document.data, document.where)
 
 
+def scale_places(protocol: str) -> dict[str, str]:
+    """Where in the wire map the scales of speed and current stand: "speed" and "current" to file:line and register."""
+    from drivers.wire_map import wire_map_from_mapping
+    from rw_ekf.settings.resources import protocol_path
+    from rw_ekf.settings.yaml_loader import load_yaml
+
+    document = load_yaml(protocol_path(protocol))
+    wire_map = wire_map_from_mapping(document.data, document.where)
+    places = {}
+    for word, register, name in (
+        ("speed", wire_map.speed_register, "speed"),
+        ("current", wire_map.current_command, wire_map.current_command.fields[0].name),
+    ):
+        at = wire_map.registers.index(register)
+        field = [f.name for f in register.fields].index(name)
+        place = document.where(("registers", at, "fields", field, "scale")).rsplit(":", 1)[0]
+        places[word] = f"{place} (scale of {name} in register {register.name})"
+    return places
+
+
 def beyond_wire(configuration: Configuration, wire_map: WireMap) -> list[tuple[tuple[str, ...], str]]:
     """What the wire map cannot carry, as (keys, finding): a limit that could never be sent or seen, a missing value."""
     found: list[tuple[tuple[str, ...], str]] = []
@@ -46,6 +66,10 @@ def beyond_wire(configuration: Configuration, wire_map: WireMap) -> list[tuple[t
     temperatures = [f for register in wire_map.readable() for f in register.fields if f.name == "temperature"]
     hottest = max((field.si_range[1] for field in temperatures), default=None)
     limit_degC = configuration.limits.temperature_degC
+    if hottest is None and "temperature_degC" in configuration.limits.model_fields_set:
+        text = f"limits.temperature_degC is {limit_degC:g} degC, but the wire map {name!r} has no temperature in its"
+        text += " telemetry, so that nobody would keep it: drop the limit, or add the register to the map."
+        found.append((("limits", "temperature_degC"), text))
     if hottest is not None and limit_degC > hottest:
         text = f"limits.temperature_degC is {limit_degC:g} degC, but the wire map {name!r} carries temperatures"
         found.append((("limits", "temperature_degC"), f"{text} up to {hottest:g} degC: lower the limit."))

@@ -47,7 +47,8 @@ def execute(args: argparse.Namespace) -> int:
 def run_and_report(configuration: Configuration, args: argparse.Namespace) -> int:
     """Run the daemon and print what it came to.
 
-    Exit status 1 if the link was lost, or the wheel silent, to the end, or if the wheel did not confirm the last zero.
+    Exit status 1 if the link was lost, or the wheel silent, to the end, if the wheel did not confirm the last zero, or
+    if the run was halted because the wheel must not be driven on.
     A signal ends the run in order from here on, and a second one does not disturb the report.
     """
     from rw_ekf.loop.stop_signal import StopSignal
@@ -72,7 +73,8 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
             log.warning("report_lost", reason=str(error))
         stopped = outcome.stopped_by is not None
         no_sample = outcome.statistics.samples == 0 and not stopped
-        return 1 if outcome.lost or no_sample or not outcome.zero_confirmed else 0
+        failed = outcome.lost or no_sample or outcome.halted is not None or not outcome.zero_confirmed
+        return 1 if failed else 0
 
 
 def _warnings(outcome: RunOutcome) -> list[str]:
@@ -90,6 +92,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         said.append(
             f"the link was lost and taken up again {outcome.link.reconnects} times; the log has a gap each time"
         )
+    said += outcome.findings
     if outcome.statistics.samples == 0:
         return [*said, "no sample came from the wheel"]
     said += outcome.alarms

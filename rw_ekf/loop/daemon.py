@@ -21,13 +21,17 @@ from rw_ekf.loop.commanders import request_of
 from rw_ekf.loop.live import LiveWheel, LoopTiming, with_following_command
 from rw_ekf.loop.loop import Issue, Sink, run_loop
 from rw_ekf.loop.safety import SafetyLimits
+from rw_ekf.loop.sign_sink import SignSink
 from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, TerminalSink
 from rw_ekf.loop.stop_signal import StopSignal
+from rw_ekf.loop.telemetry import TelemetryCheck
 from rw_ekf.loop.watch_sink import WatchSink, watch_sink_of
 from rw_ekf.model_file import WheelModel
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
 from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
 from rw_ekf.statistics import RunStatistics
+from rw_ekf.watch.sign_watch import SignWatch
+from rw_ekf.watch.stuck_watch import StuckWatch
 
 if TYPE_CHECKING:
     from drivers.wire_map import WireMap
@@ -80,6 +84,8 @@ class RunOutcome:
     lost: bool  # the link was down, or the wheel silent, at the end
     zero_confirmed: bool
     alarms: tuple[str, ...] = ()  # what the watch said, in sentences, oldest first
+    findings: tuple[str, ...] = ()  # what the wheel, its line or its wire map did, in sentences, oldest first
+    halted: str | None = None  # why the run ended before its time, where the wheel must not be driven on
 
 
 def run_daemon(
@@ -94,7 +100,7 @@ def run_daemon(
 
     Zero current is sent on every way out; `stop` ends the run in order.
     """
-    from rw_ekf.wheels import serial_opener
+    from rw_ekf.wheels import scale_places, serial_opener
 
     began = datetime.now(UTC)
     if model is not None:
@@ -110,6 +116,10 @@ def run_daemon(
     watch = watch_sink_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port))
+        resolution, noise = wire_map.speed_step_rad_s, estimator.constants.speed_variance**0.5
+        law = estimator.constants.omega_s, estimator.constants.law
+        stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *law)
+        check = TelemetryCheck(logger.warning, stuck, lambda: (estimator.mean, estimator.covariance), writes=writes)
         live = LiveWheel(
             serial_opener(configuration, wire_map),
             SafetyLimits.of(configuration.limits),
@@ -117,11 +127,21 @@ def run_daemon(
             stop,
             writes=writes,
             note=logger.warning,
+            check=check,
+            speed_step_rad_s=max(resolution, noise),
+        )
+        sign = SignSink(
+            SignWatch(tuple(setup.prior.mean[1:4]), law[0], max(resolution, noise)),
+            lambda: scale_places(configuration.wheel.protocol),
+            expectation_of(configuration, model),
+            halt=live.halt if writes else None,
+            found=check.found,
+            note=logger.warning,
         )
         confirmed = False
         try:
             files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
-            sinks = _sinks(stack, files, configuration, statistics, setup.state_names, watch)
+            sinks = [*_sinks(stack, files, configuration, statistics, setup.state_names, watch), sign]
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
             samples = _with_metadata(live, live.samples(lasts_s), files, configuration)
             if request is None:
@@ -140,7 +160,8 @@ def run_daemon(
         belief = Belief(estimator.mean, estimator.covariance)
         model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
         write_text(files.model, model_now.to_text())
-        logger.info("ended", by=stop.requested or "duration", samples=statistics.statistics.samples)
+        ended_by = "halt" if live.halted is not None else stop.requested or "duration"
+        logger.info("ended", by=ended_by, samples=statistics.statistics.samples)
         return RunOutcome(
             files,
             setup,
@@ -152,7 +173,18 @@ def run_daemon(
             live.lost or live.silent,
             confirmed,
             () if watch is None else tuple(watch.warnings),
+            tuple(check.findings),
+            live.halted,
         )
+
+
+def expectation_of(configuration: Configuration, model: WheelModel | None) -> str:
+    """Say where the expected motor gain comes from."""
+    if model is not None:
+        return "the model says"
+    prior = configuration.filter.prior
+    given = prior is not None and prior.motor_gain is not None
+    return "filter.prior.motor_gain says" if given else "the built-in prior says"
 
 
 def _sinks(

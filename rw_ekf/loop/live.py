@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from rw_ekf.errors import DriverError
 from rw_ekf.loop.safety import CurrentGuard, SafetyLimits
 from rw_ekf.loop.stop_signal import StopSignal
+from rw_ekf.loop.telemetry import TelemetryCheck
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelDriver, WheelSample
 
 _REOPEN_EVERY_S = 0.5
@@ -55,6 +56,9 @@ class LiveWheel:
     A tick without a reply is a sample without a speed: the current of the sample before holds. Where the current in
     force cannot be known (nobody confirmed a command, and telemetry contradicts the log), a new segment begins, so that
     the filter, and whoever replays the log, starts the speed afresh instead of believing a wrong current.
+
+    Only a reading later than the one before it is telemetry: a reply that is repeated, its time standing still, is
+    silence, whatever comes over the line. And only a reading that the wheel can have is a speed (`TelemetryCheck`).
     """
 
     def __init__(
@@ -66,10 +70,13 @@ class LiveWheel:
         *,
         writes: bool = True,
         note: Note = lambda event, **context: None,
+        check: TelemetryCheck | None = None,
+        speed_step_rad_s: float = 0.0,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
-        note: receives named events for the log, e.g. note("link_lost", reason="...").
+        note: receives named events for the log, e.g. note("link_lost", reason="..."). check: judges every reading; the
+        usual one has no model, and knows only what the wheel says of itself. speed_step_rad_s: noise or resolution.
         """
         self._open = open_wheel
         self._limits = limits
@@ -79,7 +86,10 @@ class LiveWheel:
         self._note = note
         self.timing = LoopTiming()
         self.driver = open_wheel(None)
-        self.guard = CurrentGuard(self.driver, limits)
+        self.guard = CurrentGuard(self.driver, limits, speed_step_rad_s=speed_step_rad_s)
+        self.check = check if check is not None else TelemetryCheck(note, writes=writes)
+        self.check.attached(self.driver.identity)
+        self.halted: str | None = None  # why the run must not go on
         self.lost = False
         self.silent = False  # no telemetry for longer than limits.silence_s
         self._heard_s = time.monotonic()
@@ -90,9 +100,12 @@ class LiveWheel:
         self._broken = False
         self._breaks = 0
         self._zeroed_after_s: float | None = None  # in silence: the zero was confirmed, so long after the tick
+        self._unknown_since_zero = False  # in silence: a zero may have been taken before the one that was confirmed
+        self._repeating = False  # replies come, but their time stands still
         self._retry_at = 0.0
         self._reopened_s = 0.0
         self._changed_for: str | None = None
+        self._answered = False  # the tick brought a reading
         if writes:
             self.guard.zero()
 
@@ -113,11 +126,15 @@ class LiveWheel:
             now = time.monotonic()
             self.timing.note(now - deadline)
             sample = self._read(now)
+            if self.halted is not None:
+                return
             if sample is not None:
                 known = before is not None and sample.segment == before.segment
                 covered_s += max(sample.time_s - before.time_s, 0.0) if known and before else now - told_s
                 before, told_s = sample, now
                 yield sample
+                if self.halted is not None:
+                    return
             deadline += self._period_s
             after = time.monotonic()
             if after > deadline:
@@ -131,14 +148,15 @@ class LiveWheel:
         """Return what commands the wheel after each sample: the request, through the guard."""
 
         def write(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
-            if sample.speed_rad_s is None:
+            if not self._answered:
                 return self._command_of_a_missed_tick()
             try:
-                command = self.guard.write(request(sample), sample)
+                command = self.guard.write(request(sample), sample, self.check.hold)
             except DriverError as error:
                 self._lose(error)
                 return None
             self._told_A = command.current_A
+            self.check.commanded(command)
             if command.reason != self._changed_for:
                 self._changed_for = command.reason
                 if command.reason is not None:
@@ -146,6 +164,12 @@ class LiveWheel:
             return command
 
         return write
+
+    def halt(self, why: str) -> None:
+        """End the run for a reason that forbids to drive the wheel on: zero now, and no sample any more."""
+        self.halted = self.halted or why
+        if self._writes and not self.lost:
+            self.guard.zero(within_s=0.0)
 
     def close(self) -> bool:
         """Command zero (unless this run never writes) and release the line; True if the wheel confirmed zero."""
@@ -165,20 +189,39 @@ class LiveWheel:
         except DriverError as error:
             self._lose(error)
             return None
-        if sample is None:
+        self._repeating = sample is not None and not self._is_later(sample)
+        self._answered = sample is not None and not self._repeating
+        if sample is None or self._repeating:
             return self._missed(tick_s)
         now = time.monotonic()
         if self.silent:
             self._note("telemetry_back", silent_s=round(now - self._heard_s, 2))
-        if (self._broken or self.guard.doubtful) and self._last is not None and not self._as_told(sample):
+        unsure = (self._broken or self.guard.doubtful) and not self._as_told(sample)
+        if (unsure or self._unknown_since_zero) and self._last is not None:
             self._breaks += 1
         self._heard_s, self._last_tick_s = now, tick_s
-        self.silent = self._broken = False
+        self.silent = self._broken = self._unknown_since_zero = False
         self._zeroed_after_s = None
-        self._last = replace(sample, segment=sample.segment + self._breaks)
+        restarted = sample.news is not None and sample.news[0] == "wheel_restarted"
+        if restarted and self._writes:  # set up anew: whatever it carries, the way up starts from zero
+            self.guard.zero(within_s=0.0)
+        sample = replace(sample, segment=sample.segment + self._breaks)
+        sample, alive = self.check.judge(sample, self.driver.identity)
+        if alive:  # what it was while nothing could be believed of it is not known
+            self._breaks += 1
+            sample = replace(sample, segment=sample.segment + 1)
+        self._last = sample
         if self._began is None or self._began[0].segment != self._last.segment:
             self._began = self._last, tick_s
+        if self.check.other_wheel is not None:
+            self.halt(self.check.other_wheel)
+            return None
         return self._last
+
+    def _is_later(self, sample: WheelSample) -> bool:
+        """Whether a reading was taken after the one before it."""
+        last = self._last
+        return last is None or sample.segment + self._breaks != last.segment or sample.time_s > last.time_s
 
     def _missed(self, tick_s: float) -> WheelSample | None:
         """Answer for a tick without a reply: a sample without a speed, at the time it would have had.
@@ -189,14 +232,25 @@ class LiveWheel:
         if quiet_s > self._limits.silence_s:
             if not self.silent:
                 doing = "writing zero, retrying" if self._writes else "waiting"
-                self._note("silence", seconds=round(quiet_s, 2), doing=doing)
+                why = "one reply is repeated, its time stands still" if self._repeating else "no reply"
+                self._note("silence", seconds=round(quiet_s, 2), why=why, doing=doing)
+                if self._repeating:
+                    self.check.found(
+                        "telemetry_repeats",
+                        "telemetry repeated one reply whose time stood still: that is silence, and zero was written",
+                    )
             self.silent = True
             if min(quiet_s - self._limits.silence_s, time.monotonic() - self._reopened_s) > _REOPEN_SILENT_S:
                 self._reopened_s = time.monotonic()
                 self._lose(DriverError("the port is open but the wheel says nothing; opening it anew"))
                 return None
             known = self._zeroed_after_s is not None
-            if not self._writes or not self.guard.zero(within_s=0.0) or known:
+            if not self._writes:
+                return None
+            if not self.guard.zero(within_s=0.0):
+                self._unknown_since_zero = self._unknown_since_zero or not known
+                return None
+            if known:
                 return None
             self._zeroed_after_s = time.monotonic() - tick_s
         if self._last is None:
@@ -214,7 +268,9 @@ class LiveWheel:
         if self._zeroed_after_s is None:
             return None
         self._told_A = 0.0
-        return IssuedCommand(0.0, self._zeroed_after_s)
+        command = IssuedCommand(0.0, self._zeroed_after_s)
+        self.check.commanded(replace(command, acknowledged=False))  # from when on it acts is known to a tick only
+        return command
 
     def _as_told(self, sample: WheelSample) -> bool:
         """Whether telemetry reports the current that the log says was in force."""

@@ -1,7 +1,8 @@
 """The one place that may write a current to a wheel (contract, section 9).
 
 Finite, clamped, slew-limited; above the speed limit only what brakes, above the temperature limit only zero. A request
-that is refused becomes zero or the nearest allowed current, never a kept old one. Zero is exempt from slew.
+that is refused becomes zero or the nearest allowed current, never a kept old one. Zero is exempt from slew. What brakes
+is judged by what the speed did: a current that should, and under which the speed grew, becomes zero.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import LimitsSection
 
 _ZERO_RETRY_S = 0.05
+_BRAKE_STEPS = 6.0
 
 
 @dataclass(frozen=True)
@@ -80,12 +82,55 @@ def allowed_current(
     return current, reason
 
 
+class BrakeCheck:
+    """Above the speed limit: whether the current that should brake does.
+
+    While a current against the direction of motion is in force, the speed may not come to lie further above the least
+    it has been under it than six steps of a reading. Where it does, the sign of the wire map is wrong, or something
+    stronger than the motor drives the wheel: no current is the safe one until the speed is below the limit again.
+    """
+
+    def __init__(self, limit_rad_s: float, step_rad_s: float) -> None:
+        self._limit = limit_rad_s
+        self._margin = _BRAKE_STEPS * step_rad_s
+        self._braking_A = 0.0
+        self._least: float | None = None  # speed since the brake is on [rad/s]
+        self._failed = False
+
+    def works(self, speed_rad_s: float, current_A: float) -> bool:
+        """Whether `current_A` may be written at this reading, as far as braking goes."""
+        speed = abs(speed_rad_s)
+        if not speed > self._limit:
+            self._failed, self._least = False, None
+            return True
+        if self._braking_A * speed_rad_s < 0.0:
+            self._least = speed if self._least is None else min(self._least, speed)
+            self._failed = self._failed or speed > self._least + self._margin
+        else:
+            self._least = None
+        if current_A * speed_rad_s < 0.0 and self._least is None:
+            self._least = speed  # from here on it brakes
+        return not (self._failed and current_A != 0.0)
+
+    def written(self, current_A: float) -> None:
+        """Note what was written."""
+        self._braking_A = current_A
+
+
 class CurrentGuard:
     """Writes currents to one wheel, and knows what was written last. No other code calls `command_current`."""
 
-    def __init__(self, driver: WheelDriver, limits: SafetyLimits, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        driver: WheelDriver,
+        limits: SafetyLimits,
+        clock: Callable[[], float] = time.monotonic,
+        speed_step_rad_s: float = 0.0,
+    ) -> None:
+        """speed_step_rad_s: noise or resolution of a speed reading, whichever is larger."""
         self.driver = driver
         self.limits = limits
+        self._brake = BrakeCheck(limits.speed_rad_s, speed_step_rad_s)
         self._clock = clock
         self._previous_A = 0.0
         self._written_at_s = clock()
@@ -93,11 +138,11 @@ class CurrentGuard:
         self._temperature_degC: float | None = None
         self.doubtful = False  # True: the last write was not confirmed; it may be in force or not
 
-    def write(self, requested_A: float, sample: WheelSample) -> IssuedCommand:
+    def write(self, requested_A: float, sample: WheelSample, hold: str | None = None) -> IssuedCommand:
         """Write what is allowed of a request made on `sample`; retried once where the wheel does not confirm.
 
-        Raises DriverError when the line is lost. An unconfirmed command reports the current before it, which is the one
-        that most likely still holds.
+        hold: why nothing but zero may be written now, whatever is asked for. Raises DriverError when the line is lost.
+        An unconfirmed command reports the current before it, which is the one that most likely still holds.
         """
         if sample.speed_rad_s is not None:
             self._speed_rad_s = sample.speed_rad_s
@@ -113,6 +158,11 @@ class CurrentGuard:
             self._temperature_degC,
             self.limits,
         )
+        if hold is not None and requested_A != 0.0:
+            current, reason = 0.0, hold
+        elif sample.speed_rad_s is not None and not self._brake.works(sample.speed_rad_s, current):
+            current, reason = 0.0, "brake_accelerates"
+        self._brake.written(current)
         issued = self._send(current)
         if not issued.acknowledged:
             issued = self._send(current)
@@ -134,6 +184,7 @@ class CurrentGuard:
             try:
                 # Confirmed or not, the way back up starts from zero.
                 self._previous_A, self._written_at_s = 0.0, self._clock()
+                self._brake.written(0.0)
                 self.doubtful = not self._send(0.0).acknowledged
                 if not self.doubtful:
                     return True

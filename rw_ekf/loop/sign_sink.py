@@ -1,0 +1,89 @@
+"""The watch over sign and size of the motor gain, in the loop: a wrong sign ends the run, an odd size is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rw_ekf.errors import ConfigError
+from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.watch.sign_watch import SignWatch
+
+WRONG_SIGN = "wrong_sign"
+ODD_GAIN = "odd_gain"
+
+
+class SignSink:
+    """Feeds the watch with what was commanded and read, and says what it finds, once."""
+
+    def __init__(
+        self,
+        watch: SignWatch,
+        places: Callable[[], dict[str, str]],
+        expectation: str,
+        *,
+        halt: Callable[[str], None] | None,
+        found: Callable[[str, str], None],
+        note: Callable[..., Any],
+    ) -> None:
+        """places: where the scales of "speed" and "current" stand in the wire map. expectation: whose the gain is.
+
+        halt: ends the run; None where this run does not drive the wheel. found: takes a finding for the document.
+        """
+        self._watch = watch
+        self._places = places
+        self._expectation = expectation
+        self._halt = halt
+        self._found = found
+        self._note = note
+        self._said: set[str] = set()
+
+    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+        """Take one sample with the command that followed it."""
+        pieces = self._watch.pieces
+        self._watch.add(sample, command)
+        if self._watch.pieces == pieces:
+            return
+        if self._watch.is_wrong and WRONG_SIGN not in self._said:
+            text = self._wrong_sign()
+            self._tell(WRONG_SIGN, text)
+            if self._halt is not None:
+                self._halt(text)
+        factor = self._watch.odd_factor
+        if factor is not None and self._said.isdisjoint((ODD_GAIN, WRONG_SIGN)):
+            self._tell(ODD_GAIN, self._odd_gain(factor))
+
+    def close(self) -> None:
+        """Nothing to finish."""
+
+    def _tell(self, event: str, text: str) -> None:
+        self._said.add(event)
+        self._note(event, text=text)
+        self._found(event, text)
+
+    def _wrong_sign(self) -> str:
+        gain, std = self._watch.gain
+        ended = " Zero was written and the run ended." if self._halt is not None else ""
+        speed, current = self._scales()
+        return (
+            f"a positive current turns the wheel backward: its motor gain is {gain:.3g} +- {std:.1g} rad/s^2/A. One "
+            f"sign in the wire map is wrong: turn the one at {current} or the one at {speed}, whichever is not as the "
+            f"wheel has it; readings cannot tell which.{ended}"
+        )
+
+    def _odd_gain(self, factor: float) -> str:
+        gain, std = self._watch.gain
+        speed, current = self._scales()
+        size = f"{factor:.3g} times" if factor > 1.0 else f"1/{1.0 / factor:.3g} of"
+        return (
+            f"the motor gain is {gain:.3g} +- {std:.1g} rad/s^2/A, {size} what {self._expectation}: is a scale of "
+            f"the wire map wrong, {current} or {speed}? If the wheel is of that size, give its filter.prior.motor_gain, "
+            "and wheel.inertia_kg_m2, on which every torque depends"
+        )
+
+    def _scales(self) -> tuple[str, str]:
+        try:
+            places = self._places()
+        except (ConfigError, OSError):  # the map was there at the start; its name is in the configuration
+            places = {}
+        return places.get("speed", "the scale of speed"), places.get("current", "the scale of current_command")

@@ -1,0 +1,180 @@
+"""What a reading is worth before anybody believes it: what the wheel says of itself, who answers, is it stuck.
+
+No clock is read here, and nothing is written: the live loop asks, and the guard holds zero while `hold` says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from rw_ekf.records import (
+    CONDITIONS_THAT_STOP,
+    CURRENT_LIMITED,
+    FAULT,
+    OVER_TEMPERATURE,
+    IssuedCommand,
+    WheelIdentity,
+    WheelSample,
+)
+from rw_ekf.units import rpm_from_rad_s
+
+if TYPE_CHECKING:
+    from rw_ekf.watch.stuck_watch import Belief, StuckWatch
+
+Note = Callable[..., None]
+
+_SENTENCES = {
+    FAULT: "the wheel reported a fault (status register)",
+    OVER_TEMPERATURE: "the wheel reported over-temperature (status register)",
+    CURRENT_LIMITED: "the wheel reported that it limits the current: what flowed may be less than what was commanded",
+}
+STUCK = "telemetry_stuck"
+IDENTITY_UNKNOWN = "identity_unknown"
+
+
+class TelemetryCheck:
+    """Judges every reading of one run, tells events as they come, and keeps what the run's document must say."""
+
+    def __init__(
+        self,
+        note: Note,
+        stuck: StuckWatch | None = None,
+        belief: Callable[[], Belief] | None = None,
+        *,
+        writes: bool = True,
+    ) -> None:
+        """stuck, belief: the test by the model, and the estimator's present state and covariance; None: no such test.
+
+        writes: whether this run commands the wheel at all.
+        """
+        self._writes = writes
+        self._note = note
+        self._stuck = stuck if belief is not None else None
+        self._belief = belief
+        self._at_start: WheelIdentity | None = None
+        self._asking = False
+        self._conditions: frozenset[str] = frozenset()
+        self._last: WheelSample | None = None
+        self._in_force_A: float | None = None
+        self._following: IssuedCommand | None = None
+        self._sentences: dict[str, tuple[str, int]] = {}
+        self.hold: str | None = None  # why nothing but zero may be written
+        self.other_wheel: str | None = None  # the sentence, where another wheel answers than at the start
+
+    @property
+    def findings(self) -> list[str]:
+        """What was found over the run, each once, oldest first, with how often."""
+        return [text if times == 1 else f"{text} ({times} times)" for text, times in self._sentences.values()]
+
+    def found(self, event: str, text: str) -> None:
+        """Note a finding for the run's document; the first sentence of an event stands, and how often it came."""
+        said, times = self._sentences.get(event, (text, 0))
+        self._sentences[event] = said, times + 1
+
+    def attached(self, identity: WheelIdentity | None) -> None:
+        """Keep who answered at the start."""
+        self._at_start = identity
+
+    def commanded(self, command: IssuedCommand) -> None:
+        """Note the command that follows the sample judged last."""
+        self._following = command
+
+    def judge(self, sample: WheelSample, identity: WheelIdentity | None) -> tuple[WheelSample, bool]:
+        """Return the sample as it may be used, and whether readings have just come back to life.
+
+        A reading that the model shows to be no measurement loses its speed. identity: who answers now; None: the driver
+        is still asking.
+        """
+        if sample.news is not None:
+            event, text = sample.news
+            self._say(event, text)
+        self._note_conditions(sample.conditions)
+        self._note_identity(identity)
+        alive = False
+        if self._stuck is not None and sample.speed_rad_s is not None:
+            sample, alive = self._weigh(self._stuck, sample, sample.speed_rad_s)
+        self._last = sample
+        self.hold = self._reason()
+        return sample, alive
+
+    def _reason(self) -> str | None:
+        for condition in CONDITIONS_THAT_STOP:
+            if condition in self._conditions:
+                return f"wheel_{condition}"
+        if self._stuck is not None and self._stuck.stuck:
+            return STUCK
+        return IDENTITY_UNKNOWN if self._asking else None
+
+    def _say(self, event: str, text: str) -> None:
+        self._note(event, text=text)
+        self.found(event, text)
+
+    def _note_conditions(self, conditions: frozenset[str]) -> None:
+        if conditions == self._conditions:
+            return
+        for name in sorted(conditions - self._conditions):
+            zero = self._writes and name in CONDITIONS_THAT_STOP
+            self._say(f"wheel_{name}", _SENTENCES[name] + (": zero was written while it did" if zero else ""))
+        for name in sorted(self._conditions - conditions):
+            self._note(f"wheel_{name}_over")
+        self._conditions = conditions
+
+    def _note_identity(self, identity: WheelIdentity | None) -> None:
+        """Compare who answers with who answered at the start; a wheel without a serial number is never another one."""
+        at_start = self._at_start
+        if at_start is None or at_start.serial_number is None:
+            return
+        if identity is None:
+            if not self._asking:
+                doing = "holding zero" if self._writes else "waiting"
+                self._note(IDENTITY_UNKNOWN, doing=f"{doing} until the wheel says which one it is")
+            self._asking = True
+            return
+        self._asking = False
+        if identity.serial_number != at_start.serial_number or identity.kind != at_start.kind:
+            text = (
+                f"another wheel answers on this port: serial number {identity.serial_number}, not "
+                f"{at_start.serial_number} as at the start. {'Zero was written and the' if self._writes else 'The'} "
+                "run ended, because its estimates are the first wheel's: start a run of its own for this wheel"
+            )
+            self._say("another_wheel", text)
+            self.other_wheel = text
+
+    def _weigh(self, watch: StuckWatch, sample: WheelSample, speed_rad_s: float) -> tuple[WheelSample, bool]:
+        assert self._belief is not None
+        last = self._last
+        if last is not None and sample.segment != last.segment:
+            watch.forget()
+            self._in_force_A = None
+        current_A = self._mean_current(sample, 0.0 if last is None else sample.time_s - last.time_s)
+        judged = watch.add(sample.time_s, speed_rad_s, current_A, self._belief)
+        if judged.news == "stuck":
+            doing = "Zero is written until it moves again. " if self._writes else ""
+            self._say(
+                STUCK,
+                f"the speed reading is stuck: it has read {rpm_from_rad_s(watch.value_rad_s):.6g} rpm for "
+                f"{watch.repeated_s:.2g} s, in which the wheel must have changed its speed by "
+                f"{rpm_from_rad_s(watch.moved_rad_s):.2g} rpm at least. {doing}"
+                "(Or the wheel itself is held fast: look at it.)",
+            )
+        elif judged.news == "alive":
+            self._note("telemetry_alive", text="the speed reading moves again as the wheel does")
+        return (sample if judged.used else replace(sample, speed_rad_s=None)), judged.news == "alive"
+
+    def _mean_current(self, sample: WheelSample, dt_s: float) -> float | None:
+        """Mean current [A] over the interval that ends with this sample; None where it is not known."""
+        following, self._following = self._following, None
+        before = self._in_force_A
+        if following is None:  # nothing was written, or this run never writes
+            current = sample.current_command_A if sample.current_command_A is not None else sample.current_A
+            return before if before is not None else current
+        if not following.acknowledged:
+            self._in_force_A = None
+            return None
+        self._in_force_A = following.current_A
+        if before is None or dt_s <= 0.0:
+            return None
+        late = min(max(following.delay_s, 0.0) / dt_s, 1.0)
+        return late * before + (1.0 - late) * following.current_A

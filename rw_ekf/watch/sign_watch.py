@@ -1,0 +1,171 @@
+"""Which way a current turns the wheel, and about how strongly: from the readings alone, whatever the filter believes.
+
+Over pieces of half a second or more, with omega and I as measured and commanded, the speed changed by
+
+    d omega = kappa int I dt - b int omega dt - c int sgn(omega) dt + d T + e                                     (1)
+
+which is the model [CK13 (1), (4)] integrated once, linear in kappa, b, c and d. kappa starts from 0 with ten times the
+expected gain as its standard deviation, so that neither sign is preferred; c from what is expected, as wide as that
+itself, b twice as wide; d, all that is neither, from 0 with 0.3 c, and it wanders by 0.1 c per sqrt(s), so that no
+torque from outside passes for the current's. e: the noise of two readings, and 0.15 c T of torque besides. A Kalman
+filter over (kappa, b, c, d), recursive least squares, carries it; its sigmas are widened where the innovations are
+larger than it expects.
+
+The sign is wrong where kappa is negative by five sigmas, c being not negative, and by a fifth of the expected gain. The
+size is odd where kappa is more than four times what is expected, or less than a quarter of it, by three sigmas. A
+current too small to move the wheel says nothing about either: pieces in which the wheel stands are left out.
+
+[CK13]: docs/model.md.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.records import IssuedCommand, WheelSample
+
+PIECE_S = 0.5
+_LONGEST_STEP_S = 5.0  # a longer interval between readings is a gap
+_LEAST_PIECES = 6
+_SIGN_SIGMAS = 5.0
+_SIGN_SHARE = 0.2
+_SIZE_SIGMAS = 3.0
+_SIZE_FACTOR = 4.0
+_OUTSIDE_SHARE = 0.3
+_WANDER_SHARE = 0.1
+_ERROR_SHARE = 0.15
+_SLOW = 3.0  # below so many Stribeck speeds the friction of a piece is not known better than by half of c
+_INNOVATIONS_KEPT = 20.0
+
+
+class SignWatch:
+    """Takes the loop's samples with the command that followed each. Time comes with the data."""
+
+    def __init__(
+        self,
+        expected: tuple[float, float, float],
+        stribeck_speed_rad_s: float,
+        step_rad_s: float,
+    ) -> None:
+        """expected: motor gain [rad/s^2/A], viscous [1/s], Coulomb [rad/s^2]. step_rad_s: of a reading, or its noise."""
+        k, b, c = (abs(value) for value in expected)
+        self._expected, self._coulomb = k, c
+        self._step = step_rad_s
+        self._at_rest = stribeck_speed_rad_s + 2.0 * step_rad_s
+        self._slow = _SLOW * stribeck_speed_rad_s + 2.0 * step_rad_s
+        self._x = np.array([0.0, b, c, 0.0])
+        self._P = np.diag([(10.0 * k) ** 2, (2.0 * b) ** 2 + 1.0e-12, c * c, (_OUTSIDE_SHARE * c) ** 2])
+        self._nis = 1.0
+        self.pieces = 0
+        self._last: WheelSample | None = None
+        self._command: IssuedCommand | None = None
+        self._in_force_A: float | None = None
+        self._at_s = self._from_rad_s = 0.0  # time of the last sample; speed at the start of the piece
+        self._charge = self._turned = self._dry = self._T = 0.0
+        self._fastest, self._slowest, self._known = 0.0, math.inf, True
+
+    @property
+    def gain(self) -> tuple[float, float]:
+        """The gain kappa and its standard deviation [rad/s^2/A]."""
+        return float(self._x[0]), math.sqrt(float(self._P[0, 0]) * max(self._nis, 1.0))
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the current turns the wheel the other way than the reading says."""
+        gain, _ = self.gain
+        enough = self.pieces >= _LEAST_PIECES and gain < -_SIGN_SHARE * self._expected
+        return enough and self._largest_gain() < 0.0
+
+    @property
+    def odd_factor(self) -> float | None:
+        """By which factor the size of the gain is off what was expected; None where it is not, or cannot be told."""
+        gain, std = self.gain
+        gain = abs(gain)
+        if self.pieces < _LEAST_PIECES or self._expected == 0.0:
+            return None
+        large = gain - _SIZE_SIGMAS * std > _SIZE_FACTOR * self._expected
+        small = gain + _SIZE_SIGMAS * std < self._expected / _SIZE_FACTOR
+        return gain / self._expected if large or small else None
+
+    def _largest_gain(self) -> float:
+        """The largest motor gain that the readings leave [rad/s^2/A], by so many sigmas and friction not negative."""
+        widened = max(self._nis, 1.0)
+        variance, both, coulomb = (widened * float(self._P[i, j]) for i, j in ((0, 0), (0, 2), (2, 2)))
+        gain, c = float(self._x[0]), float(self._x[2])
+        freely = gain + _SIGN_SIGMAS * math.sqrt(variance)
+        if coulomb <= 0.0:
+            return freely
+        slope = both / coulomb
+        reach = _SIGN_SIGMAS * math.sqrt(coulomb)
+        ends = (max(-reach, -max(c, 0.0)) * slope, reach * slope)
+        bounded = gain + max(ends) + _SIGN_SIGMAS * math.sqrt(max(variance - both * slope, 0.0))
+        return min(freely, bounded)
+
+    def add(self, sample: WheelSample, command: IssuedCommand | None) -> None:
+        """Take one sample with the command that followed it."""
+        last = self._last
+        following, self._command = self._command, command
+        if sample.speed_rad_s is None:  # the piece goes on over it: the currents are known all the same
+            if last is not None and following is not None:
+                self._current_over(sample.time_s - self._at_s, following)
+                self._at_s = sample.time_s
+            return
+        same = last is not None and sample.segment == last.segment
+        dt = sample.time_s - self._at_s
+        self._last, self._at_s = sample, sample.time_s
+        if not same or last is None or not 0.0 < sample.time_s - last.time_s < _LONGEST_STEP_S or following is None:
+            self._in_force_A = None
+            self._drop()
+            self._from_rad_s = sample.speed_rad_s
+            if same and following is not None:
+                self._in_force_A = following.current_A
+            return
+        self._current_over(dt, following)
+        whole = sample.time_s - last.time_s
+        assert last.speed_rad_s is not None
+        speed = 0.5 * (last.speed_rad_s + sample.speed_rad_s)
+        self._fastest = max(self._fastest, abs(sample.speed_rad_s))
+        self._slowest = min(self._slowest, abs(sample.speed_rad_s), abs(speed))
+        self._T += whole
+        self._turned += speed * whole
+        self._dry += math.copysign(whole, speed)
+        if self._T >= PIECE_S - 1.0e-6:
+            if self._known and self._fastest > self._at_rest:
+                self._take(sample.speed_rad_s - self._from_rad_s)
+            self._drop()
+            self._from_rad_s = sample.speed_rad_s
+
+    def _current_over(self, dt: float, following: IssuedCommand) -> None:
+        """Add the charge of an interval; a command that nobody confirmed spoils the piece."""
+        before = following.current_A if self._in_force_A is None else self._in_force_A
+        late = min(max(following.delay_s, 0.0), max(dt, 0.0))
+        self._charge += before * late + following.current_A * (dt - late)
+        self._known = self._known and following.acknowledged
+        self._in_force_A = following.current_A
+
+    def _drop(self) -> None:
+        self._charge = self._turned = self._dry = self._T = 0.0
+        self._fastest, self._slowest = 0.0, math.inf
+        self._known = True
+
+    def _take(self, change_rad_s: float) -> None:
+        """One piece into the regression (eq. 1)."""
+        h: NDArray[np.float64] = np.array([self._charge, -self._turned, -self._dry, self._T])
+        c = self._coulomb
+        variance = 2.0 * self._step**2 + (_ERROR_SHARE * c * self._T) ** 2
+        if self._slowest < self._slow:
+            variance += (0.5 * c * self._T) ** 2
+        self._P[3, 3] += (_WANDER_SHARE * c) ** 2 * self._T
+        ph = self._P @ h
+        spread = float(h @ ph) + variance
+        residual = change_rad_s - float(h @ self._x)
+        gain = ph / spread
+        self._x = self._x + gain * residual
+        self._P = self._P - np.outer(gain, ph)
+        self._P = 0.5 * (self._P + self._P.T)
+        self.pieces += 1
+        share = 1.0 / min(float(self.pieces), _INNOVATIONS_KEPT)
+        self._nis += share * (residual * residual / spread - self._nis)

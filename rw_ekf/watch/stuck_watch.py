@@ -1,0 +1,179 @@
+"""Readings that stand still although the wheel must have moved: a stuck reading, told from a wheel at steady speed.
+
+The proof is by contradiction. As long as a reading repeats to the last bit, either it is alive, and then the wheel
+still turns at that speed v, or it is stuck. If it is alive, the torque at v is known from the estimator's belief of
+*before* the reading began to repeat (what it has learnt since, it has learnt from the reading in question):
+
+    a = k I - sgn(v) [b |v| + c + (s - c) g(v)],          sd(a)^2 = phi' P phi + (0.05 k I)^2 + (0.1 R)^2       (1)
+
+with phi = da/d(k, b, c, s), P their covariance and R the friction (model: [CK13 (1), (4)]). The last two terms are
+what a wheel may have beyond the model; at rest, where friction is known worst, a quarter of R stands in place of a
+tenth. The least that the wheel must have moved, upward and likewise downward, is a cumulative sum ([Page 1954], CUSUM)
+of the lower bound of (1),
+
+    m_i = max(0, m_(i-1) + (a_i - 2 sd(a_i)) dt_i).                                                             (2)
+
+Several steps of the reading in m, and the reading has not moved: it is no measurement of this wheel. At steady speed a
+is zero within its bounds, and the sum stays at zero for any length of time, whatever the resolution.
+
+[CK13]: docs/model.md. [Page 1954]: Continuous inspection schemes, Biometrika 41, 100-115.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.model.friction import stribeck
+from rw_ekf.model.state import STATE_SIZE, StateIndex
+
+_SIGMAS = 2.0
+_DRIVE_SHARE = 0.05  # eq. 1
+_FRICTION_SHARE = 0.1
+_REST_SHARE = 0.25
+_STEPS = 4.0  # so many steps of the reading, or standard deviations where those are larger, are "several"
+_REPEATS = 4  # fewer repetitions prove nothing: telemetry may be refreshed more slowly than it is read
+_ALIVE_AFTER = 2.0  # a reading that moves again must have been plausible for so many times the silence
+
+Belief = tuple[NDArray[np.float64], NDArray[np.float64]]  # mean and covariance over the state, copies
+
+
+class Judged(NamedTuple):
+    """What a reading is worth."""
+
+    used: bool  # False: it is no measurement
+    stuck: bool  # True: the wheel must not be driven by it
+    news: str | None = None  # "stuck" or "alive" where that begins
+
+
+class StuckWatch:
+    """Takes every reading with the mean current of the interval before it. One of these per run."""
+
+    def __init__(
+        self, step_rad_s: float, noise_rad_s: float, silence_s: float, stribeck_speed_rad_s: float, law: int
+    ) -> None:
+        """step_rad_s: resolution of a reading; noise_rad_s: its noise; silence_s: the age at which a reading is old."""
+        self._step = max(step_rad_s, noise_rad_s)
+        self._silence_s = silence_s
+        self._omega_s = stribeck_speed_rad_s
+        # Below it a wheel may be at rest: few tachometers count so slowly, and some are a step or two off zero.
+        self._near_rest = max(stribeck_speed_rad_s, 2.0 * step_rad_s)
+        self._law = law
+        self._value: float | None = None
+        self._last_s = self._since_s = 0.0
+        self._repeats = 0
+        self._belief: Belief | None = None
+        self._mean: list[float] = []  # of the belief, and
+        self._P: list[list[float]] = []  # its covariance over the parameters, once a reading repeats
+        self._up = self._down = 0.0
+        self._alive_since_s: float | None = None
+        self.stuck = False
+        self.moved_rad_s = 0.0  # how far the wheel must have moved since the reading began to repeat, at least
+        self.repeated_s = 0.0
+        self.value_rad_s = 0.0  # the reading that repeats
+
+    def forget(self) -> None:
+        """A new segment, or a current nobody knows: what came before says nothing about what follows."""
+        self._value, self._alive_since_s = None, None
+
+    def add(self, time_s: float, speed_rad_s: float, current_A: float | None, belief: Callable[[], Belief]) -> Judged:
+        """Judge a reading. current_A: mean over the interval that ends with it; None: not known.
+
+        belief: gives the estimator's state and covariance before this reading.
+        """
+        if self._value is None or current_A is None:
+            self._begin(time_s, speed_rad_s, belief)
+            return Judged(not self.stuck, self.stuck)
+        dt_s, self._last_s = time_s - self._last_s, time_s
+        if speed_rad_s != self._value:
+            return self._changed(time_s, dt_s, speed_rad_s, current_A, belief)
+        self._repeats += 1
+        if self.stuck and self._alive_since_s is None:
+            return Judged(used=False, stuck=True)
+        a, sd = self._acceleration(current_A)
+        self._up = max(0.0, self._up + (a[0] - _SIGMAS * sd) * dt_s)
+        self._down = max(0.0, self._down - (a[1] + _SIGMAS * sd) * dt_s)
+        return self._repeated(time_s)
+
+    def _repeated(self, time_s: float) -> Judged:
+        moved = max(self._up, self._down)
+        assert self._value is not None
+        rest = self._near_rest if abs(self._value) <= self._near_rest else 0.0
+        if self._repeats < _REPEATS or moved <= _STEPS * self._step + rest:
+            return self._settled(time_s)
+        if self.stuck:
+            self._alive_since_s = None
+            return Judged(used=False, stuck=True)
+        if time_s - self._since_s < self._silence_s:
+            return Judged(used=False, stuck=False)
+        self.stuck = True
+        self.moved_rad_s, self.repeated_s, self.value_rad_s = moved, time_s - self._since_s, self._value
+        return Judged(used=False, stuck=True, news="stuck")
+
+    def _changed(
+        self, time_s: float, dt_s: float, speed_rad_s: float, current_A: float, belief: Callable[[], Belief]
+    ) -> Judged:
+        """A reading that moves is alive; one that was stuck has to show that it moves as the wheel does."""
+        assert self._value is not None
+        before = self._value
+        if not self.stuck:
+            self._begin(time_s, speed_rad_s, belief)
+            return Judged(used=True, stuck=False)
+        a, sd = self._acceleration(current_A)
+        apart = speed_rad_s - before
+        within = 3.0 * _SIGMAS * self._step + 3.0 * sd * dt_s
+        plausible = min(a[1], a[0], 0.0) * dt_s - within <= apart <= max(a[0], a[1], 0.0) * dt_s + within
+        if self._alive_since_s is None or not plausible:  # the first step away may be of any size: time has passed
+            self._alive_since_s = time_s
+        self._begin(time_s, speed_rad_s, belief)
+        return self._settled(time_s)
+
+    def _settled(self, time_s: float) -> Judged:
+        """Whether a reading that was stuck has been plausible for long enough."""
+        if not self.stuck:
+            return Judged(used=True, stuck=False)
+        if self._alive_since_s is None or time_s - self._alive_since_s < _ALIVE_AFTER * self._silence_s:
+            return Judged(used=False, stuck=True)
+        self.stuck, self._alive_since_s = False, None
+        return Judged(used=True, stuck=False, news="alive")
+
+    def _begin(self, time_s: float, speed_rad_s: float, belief: Callable[[], Belief]) -> None:
+        self._value = speed_rad_s
+        self._last_s = self._since_s = time_s
+        self._repeats = 0
+        self._up = self._down = 0.0
+        if not self.stuck:  # while it is, the filter predicts on and learns nothing: the old belief is the better one
+            self._belief = belief()
+            self._mean = []
+
+    def _acceleration(self, current_A: float) -> tuple[tuple[float, float], float]:
+        """Eq. 1: accelerations of a wheel that moves up and one that moves down (the same unless at rest), and sd."""
+        assert self._belief is not None
+        assert self._value is not None
+        if not self._mean:
+            self._mean = self._belief[0].tolist()
+            self._P = self._belief[1][1:STATE_SIZE, 1:STATE_SIZE].tolist()
+        mean = self._mean
+        v = abs(self._value)
+        g = stribeck(v / self._omega_s, self._law)
+        phi = (current_A, -v, g - 1.0, -g)
+        drive = mean[StateIndex.MOTOR_GAIN] * current_A
+        c, s = mean[StateIndex.COULOMB], mean[StateIndex.STATIC]
+        friction = max(mean[StateIndex.VISCOUS] * v + c + (s - c) * g, 0.0)
+        forward = self._value > 0.0 if v > self._near_rest else drive > 0.0
+        if not forward:
+            phi = (-current_A, *phi[1:])
+        variance = (_DRIVE_SHARE * drive) ** 2 + (
+            (_FRICTION_SHARE if v > self._near_rest else _REST_SHARE) * friction
+        ) ** 2
+        for slope, row in zip(phi, self._P, strict=True):
+            variance += slope * (row[0] * phi[0] + row[1] * phi[1] + row[2] * phi[2] + row[3] * phi[3])
+        sd = math.sqrt(max(variance, 0.0))
+        if not v > self._near_rest:
+            return (drive - friction, drive + friction), sd
+        a = drive - math.copysign(friction, self._value)
+        return (a, a), sd
