@@ -9,6 +9,9 @@ RATE_AFTER_S = 0.05
 # reading up to a period before it is asked for, and no quartz is wrong by a fiftieth.
 SLACK_S = 0.15
 SLACK_SHARE = 0.02
+# A clock is taken to run as the host's unless its first two seconds show that it does not, by more than this.
+FIXED_AFTER_S = 2.0
+SAME_RATE = 0.005
 # A clock that has jumped so often within so many readings is no clock.
 MOST_JUMPS = 3
 AMONG_READINGS = 20
@@ -23,9 +26,9 @@ class WheelClock:
         r (h-_i - h+_j) - e  <=  u_i - u_j  <=  r (h+_i - h-_j) + e,      e = r (0.15 s + 2 % of h+_i - h-_j)
 
     must hold between readings j and i, however long the host was stopped in between: the reading was taken at some
-    time while it was waited for. Where it does not, the clock has jumped, and a new segment begins. r is 1, or, in a
-    simulation that runs fast, what the first two intervals of a clock agree on. A clock that jumps again and again is
-    not believed any more: from then on the host counts.
+    time while it was waited for; j is the reading before, and the first of the segment. Where it does not, the clock
+    has jumped, and a new segment begins. r is 1, or, in a simulation that runs at another rate, what a clock shows in
+    its first two seconds. A clock that jumps again and again is not believed any more: from then on the host counts.
     """
 
     def __init__(self) -> None:
@@ -39,9 +42,10 @@ class WheelClock:
         self._wraps_s = 0.0
         self._restart_noted = False
         self._flag_expected = False  # a restart was seen by uptime; the flag that says the same is still to come
-        self._began: tuple[float, float] | None = None  # wheel time and host time of the segment's first reading
+        self._began: tuple[float, float, float] | None = None  # the segment's first: its time, asked at, came at
         self._nominal = 1.0  # the rate that intervals are compared with
         self._settled = False  # whether an interval has agreed with it
+        self._fixed = False  # whether it has been found for good
         self._candidate: float | None = None
         self._jumped: deque[bool] = deque(maxlen=AMONG_READINGS)
 
@@ -107,6 +111,11 @@ class WheelClock:
     def _consistent(self, advance_s: float, least_s: float, most_s: float, count_s: float) -> bool:
         """Whether an interval agrees with the host's clock; the first ones may find another rate."""
         agrees = advance_s > 0.0 and self._agrees(advance_s, least_s, most_s, self._nominal, count_s)
+        if self._fixed and self._began is not None and agrees:
+            began_s, began_asked_s, began_came_s = self._began
+            total_s, shift_s = self._time_s + advance_s - began_s, self._asked_s - began_asked_s
+            least_s += self._came_s - began_came_s if began_came_s < self._came_s else 0.0
+            agrees = self._agrees(total_s, least_s, most_s + shift_s, self._nominal, count_s)
         first = not self._settled and self._candidate is None
         if not agrees and not self._settled and advance_s > 0.0 and most_s > 0.0:
             if self._candidate is not None and self._agrees(advance_s, least_s, most_s, self._candidate, count_s):
@@ -143,8 +152,12 @@ class WheelClock:
     def _measure_rate(self, time_s: float, host_s: float) -> None:
         """Compare the clocks since the segment began; readings a millisecond coarse need some tens to say anything."""
         if self._began is None:
-            self._began = (time_s, host_s)
+            self._began = (time_s, host_s, self._came_s)
             return
-        passed_s = host_s - self._began[1]
+        total_s, passed_s = time_s - self._began[0], host_s - self._began[1]
+        if passed_s > FIXED_AFTER_S and self._settled and not self._fixed:
+            least_s, most_s = host_s - self._began[2], self._came_s - self._began[1]
+            same = (1.0 - SAME_RATE) * least_s <= total_s <= (1.0 + SAME_RATE) * most_s
+            self._nominal, self._fixed = 1.0 if same else total_s / passed_s, True
         if passed_s > RATE_AFTER_S and self.believed:
             self.rate = (time_s - self._began[0]) / passed_s

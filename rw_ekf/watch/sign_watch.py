@@ -37,6 +37,7 @@ _SIZE_FACTOR = 4.0
 _OUTSIDE_SHARE = 0.3
 _WANDER_SHARE = 0.1
 _ERROR_SHARE = 0.15
+_MOVES = 4.0  # noises or steps of a reading: a piece that never gets so far from zero may be one of a wheel at rest
 _SLOW = 3.0  # below so many Stribeck speeds the friction of a piece is not known better than by half of c
 _INNOVATIONS_KEPT = 20.0
 
@@ -50,11 +51,11 @@ class SignWatch:
         stribeck_speed_rad_s: float,
         step_rad_s: float,
     ) -> None:
-        """expected: motor gain [rad/s^2/A], viscous [1/s], Coulomb [rad/s^2]. step_rad_s: of a reading, or its noise."""
+        """expected: motor gain [rad/s^2/A], viscous [1/s], Coulomb [rad/s^2]; step_rad_s: of a reading (or noise)."""
         k, b, c = (abs(value) for value in expected)
         self._expected, self._coulomb = k, c
         self._step = step_rad_s
-        self._at_rest = stribeck_speed_rad_s + 2.0 * step_rad_s
+        self._at_rest = _MOVES * step_rad_s
         self._slow = _SLOW * stribeck_speed_rad_s + 2.0 * step_rad_s
         self._x = np.array([0.0, b, c, 0.0])
         self._P = np.diag([(10.0 * k) ** 2, (2.0 * b) ** 2 + 1.0e-12, c * c, (_OUTSIDE_SHARE * c) ** 2])

@@ -167,9 +167,8 @@ class StuckWatch:
         forward = self._value > 0.0 if v > self._near_rest else drive > 0.0
         if not forward:
             phi = (-current_A, *phi[1:])
-        variance = (_DRIVE_SHARE * drive) ** 2 + (
-            (_FRICTION_SHARE if v > self._near_rest else _REST_SHARE) * friction
-        ) ** 2
+        share = _FRICTION_SHARE if v > self._near_rest else _REST_SHARE
+        variance = (_DRIVE_SHARE * drive) ** 2 + (share * friction) ** 2
         for slope, row in zip(phi, self._P, strict=True):
             variance += slope * (row[0] * phi[0] + row[1] * phi[1] + row[2] * phi[2] + row[3] * phi[3])
         sd = math.sqrt(max(variance, 0.0))

@@ -71,6 +71,22 @@ def test_a_limit_that_the_wire_cannot_carry(
     assert "wheel.yaml:" in errors
 
 
+@pytest.mark.parametrize("verb", [("check-config",), ("run", "--config")])
+def test_a_temperature_limit_on_a_map_without_a_temperature(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: tuple[str, ...]
+) -> None:
+    """Nobody could keep it: refused where it is written down, and no word about the default."""
+    content = yaml.safe_load(protocol_path("sunspace-wheel").read_text(encoding="utf-8"))
+    for register in content["registers"]:
+        register["fields"] = [f for f in register["fields"] if f["name"] != "temperature"]
+    wire_map = tmp_path / "map.yaml"
+    wire_map.write_text(yaml.safe_dump(content), encoding="utf-8")
+    named = {"wheel": {"protocol": str(wire_map)}}
+    assert main([*verb, str(write_config(tmp_path, "/nowhere", **named, limits={"temperature_degC": 50.0}))]) == 2
+    assert "limits.temperature_degC" in capsys.readouterr().err
+    assert main(["check-config", str(write_config(tmp_path, "/nowhere", **named))]) == 0
+
+
 def duplicate_id(content: Map) -> None:
     content["registers"].append({"id": 137, "name": "again", "access": "read", "fields": [{"name": "x", "type": "u8"}]})
 

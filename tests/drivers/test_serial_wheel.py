@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import pty
+import struct
 import subprocess
 import sys
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, cast
@@ -22,7 +24,7 @@ from drivers.register_server import Manipulator, RegisterServer, Reply
 from drivers.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.wire_map import Where, WireMap, wire_map_from_mapping
 from rw_ekf.errors import DriverError
-from rw_ekf.records import WheelIdentity
+from rw_ekf.records import FAULT, WheelIdentity
 
 Served = Callable[..., AbstractContextManager[RegisterServer]]
 TIMEOUT_S = 0.15  # generous: the machine may be busy
@@ -327,6 +329,77 @@ def test_a_map_without_a_cycle_reads_register_by_register(
     assert second.current_A == pytest.approx(0.2)
     assert (second.temperature_degC, second.status) == (None, None)
     assert 0.0 < second.time_s - first.time_s < 1.0
+
+
+@pytest.mark.parametrize(("name", "wild"), [("speed", 3.0e38), ("current", -3.0e38), ("temperature", 1.0e12)])
+def test_a_value_beyond_any_machine_did_not_arrive(
+    map_data: dict[str, Any], where: Where, served: Served, tmp_path: Path, name: str, wild: float
+) -> None:
+    """A float register that carries 3e38: without the speed there is no sample, another value alone is missing."""
+    cycle = next(r for r in map_data["registers"] if r["name"] == "cycle")
+    for field in cycle["fields"]:
+        if field["name"] == name:
+            field["type"] = "f32"
+            field.pop("scale", None)
+    floating = wire_map_from_mapping(map_data, where)
+    register = floating.speed_register
+    at = struct.calcsize("<" + register.packing.format[1:].split("f")[0])
+
+    def damage(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        (frame,) = decode(content, floating.framing).frames
+        if frame.id != register.id:
+            return [Reply(content)]
+        data = frame.data[:at] + struct.pack("<f", wild) + frame.data[at + 4 :]
+        return [Reply(encode(frame.seq, frame.id, data, floating.framing))]
+
+    with served(floating, tmp_path / "wheel", manipulate=damage):
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), floating, TIMEOUT_S)
+        sample = wheel.read(1.0)
+        wheel.close()
+    assert wheel.link.damaged >= 1
+    if name == "speed":
+        assert sample is None
+    else:
+        assert sample is not None
+        assert sample.speed_rad_s == pytest.approx(50.0, abs=0.3)
+        assert getattr(sample, {"current": "current_A", "temperature": "temperature_degC"}[name]) is None
+
+
+def test_a_clock_too_coarse_for_a_sample_gives_it_no_time(
+    map_data: dict[str, Any], where: Where, served: Served, tmp_path: Path
+) -> None:
+    """An uptime in whole seconds: samples are timed by the host, and each is later than the one before."""
+    for register in map_data["registers"]:
+        for field in register["fields"]:
+            if field["name"] == "uptime":
+                field["unit"] = "s"
+    coarse = wire_map_from_mapping(map_data, where)
+    with served(coarse, tmp_path / "wheel"):
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), coarse, TIMEOUT_S)
+        samples = [wheel.read(1.0) for _ in range(5)]
+        wheel.close()
+    times = [sample.time_s for sample in samples if sample is not None]
+    assert len(times) == 5
+    assert all(a < b for a, b in itertools.pairwise(times))
+
+
+def test_what_the_status_flags_mean_stands_in_the_sample(line: tuple[SerialWheel, RegisterServer]) -> None:
+    """A fault is in the conditions of the next sample after the flag is read, and gone soon after it has cleared."""
+    wheel, server = line
+
+    def conditions_become(wanted: set[str]) -> bool:
+        end_s = time.monotonic() + 10.0
+        while time.monotonic() < end_s:
+            sample = wheel.read(1.0)
+            if sample is not None and sample.conditions == wanted:
+                return True
+        return False
+
+    assert conditions_become(set())
+    server.fault = True
+    assert conditions_become({FAULT})
+    server.fault = False
+    assert conditions_become(set())
 
 
 def test_a_wheel_behind_a_socket(wire_map: WireMap) -> None:

@@ -40,3 +40,58 @@ def test_a_restart_told_twice_is_one_segment(flag_first: bool) -> None:
     assert clock.segment == 1
     clock.time_s(0.1, 2.0, None)
     assert clock.segment == 2
+
+
+def follow(clock: WheelClock, *readings: tuple[float, float], span_s: float | None = None) -> list[tuple[float, int]]:
+    """Time and segment of each reading (uptime, host time); a reply takes 5 ms."""
+    return [(clock.time_s(up, host, span_s, host + 0.005, 0.001), clock.segment) for up, host in readings]
+
+
+@pytest.mark.parametrize("jump_s", [3600.0, 0.6, -1000.0, -0.7, 1.0e9])
+def test_a_jump_of_the_clock_is_a_new_segment(jump_s: float) -> None:
+    """Forward or back, an hour or half a second: one new segment, time steady within it, the rate not spoilt."""
+    clock = WheelClock()
+    before = [(5000.0 + 0.1 * i, 1.0 + 0.1 * i) for i in range(50)]
+    after = [(5005.0 + jump_s + 0.1 * i, 6.0 + 0.1 * i) for i in range(50)]
+    told = follow(clock, *before, *after)
+    assert [segment for _, segment in told] == [0] * 50 + [1] * 50
+    steps = [b[0] - a[0] for a, b in zip(told[50:], told[51:], strict=False)]
+    assert steps == pytest.approx([0.1] * 49, abs=1e-4)
+    assert clock.rate == pytest.approx(1.0, rel=0.01)
+    assert clock.believed
+
+
+@pytest.mark.parametrize("rate", [0.2, 0.97, 0.9999, 1.0001, 1.03, 10.0, 200.0])
+def test_a_clock_at_another_rate_is_no_clock_that_jumps(rate: float) -> None:
+    """A simulation that runs fast or slow, a quartz 100 ppm off, and a host that stands for 3 s: one segment."""
+    clock = WheelClock()
+    host = [0.1 * i + (3.0 if i > 40 else 0.0) + 0.02 * (i % 3) for i in range(200)]
+    told = follow(clock, *((rate * at, at) for at in host))
+    assert {segment for _, segment in told} == {0}
+    assert clock.rate == pytest.approx(rate, rel=0.01)
+
+
+def test_a_counter_that_wraps_has_not_jumped() -> None:
+    """Through 2^32 ms time goes on in the same segment, also where replies were lost meanwhile."""
+    span_s = 2**32 / 1000.0
+    clock = WheelClock()
+    told = follow(clock, *(((span_s - 2.0 + at) % span_s, at) for at in (0.0, 0.1, 0.2, 1.9, 2.1, 30.0)), span_s=span_s)
+    assert told[-1] == (pytest.approx(span_s + 28.0), 0)
+
+
+def test_the_same_uptime_is_the_same_time_and_nothing_has_jumped_when_it_goes_on() -> None:
+    """A reply that is repeated for ten seconds is no later reading; the next true one continues the segment."""
+    clock = WheelClock()
+    told = follow(clock, (10.0, 0.0), (10.1, 0.1), *((10.1, 0.2 + 0.1 * i) for i in range(100)), (20.2, 10.2))
+    assert {time for time, _ in told[1:-1]} == {10.1}
+    assert told[-1] == (20.2, 0)
+
+
+def test_a_clock_that_jumps_again_and_again_is_not_believed() -> None:
+    """After the third jump within some readings the host counts; time grows, and there is no further segment."""
+    clock = WheelClock()
+    told = follow(clock, *((100.0 + 7.3 * i, 0.1 * i) if i > 20 else (100.0 + 0.1 * i, 0.1 * i) for i in range(60)))
+    assert not clock.believed
+    assert clock.segment == 3
+    steps = [b[0] - a[0] for a, b in zip(told[30:], told[31:], strict=False)]
+    assert steps == pytest.approx([0.1] * 29, abs=1e-6)

@@ -1,0 +1,190 @@
+"""A stuck reading told from a wheel at steady speed: an own wheel, own readings, virtual time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from rw_ekf.filter.belief import DEFAULT_PRIOR
+from rw_ekf.model.friction import GAUSS
+from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.watch.stuck_watch import Belief, StuckWatch
+
+PERIOD_S = 0.1
+SILENCE_S = 0.5
+STRIBECK = 4.0 * RAD_S_PER_RPM
+
+
+class Wheel(NamedTuple):
+    """Truth of a wheel, per unit inertia."""
+
+    k: float = 15.2
+    b: float = 0.0032
+    c: float = 0.586
+    s: float = 0.62
+
+    def after(self, speed: float, current: float, dt: float) -> float:
+        """Speed after dt [s], in steps of 10 ms."""
+        for _ in range(round(dt / 0.01)):
+            drive = self.k * current
+            if speed == 0.0:
+                speed = math.copysign((abs(drive) - self.s) * 0.01, drive) if abs(drive) > self.s else 0.0
+                continue
+            following = speed + 0.01 * (drive - math.copysign(self.b * abs(speed) + self.c, speed))
+            speed = 0.0 if following * speed < 0.0 and abs(drive) <= self.s else following
+        return speed
+
+    @property
+    def belief(self) -> Belief:
+        """What an estimator has learnt of it in a minute: 3 % of k, 30 % of the friction."""
+        std = np.array([1e-3, 0.03 * self.k, 0.3 * self.b, 0.3 * self.c, 0.3 * self.s])
+        return np.array([0.0, *self]), np.diag(std * std)
+
+
+def watch(step_rpm: float = 0.5, noise_rpm: float = 1.0) -> StuckWatch:
+    return StuckWatch(step_rpm * RAD_S_PER_RPM, noise_rpm * RAD_S_PER_RPM, SILENCE_S, STRIBECK, GAUSS)
+
+
+def news(
+    judge: StuckWatch,
+    wheel: Wheel,
+    current: Callable[[float], float],
+    duration_s: float,
+    *,
+    speed: float = 0.0,
+    step_rpm: float = 0.5,
+    noise_rpm: float = 0.0,
+    belief: Belief | None = None,
+    frozen: Callable[[float], bool] = lambda t: False,
+    refresh: int = 1,
+) -> list[tuple[float, str]]:
+    """What is said over a run, with its times; the wheel coasts while it is stuck."""
+    believed = belief if belief is not None else wheel.belief
+    noise = np.random.default_rng(7).normal(0.0, max(noise_rpm, 1e-12), round(duration_s / PERIOD_S) + 1)
+    said, flows, reading = [], 0.0, 0.0
+    for i in range(round(duration_s / PERIOD_S)):
+        t = PERIOD_S * i
+        if i % refresh == 0 and not frozen(t):
+            reading = round((speed / RAD_S_PER_RPM + noise[i]) / step_rpm) * step_rpm * RAD_S_PER_RPM
+        judged = judge.add(t, reading, flows, lambda: believed)
+        if judged.news is not None:
+            said.append((t, judged.news))
+        flows = 0.0 if judged.stuck else current(t)
+        speed = wheel.after(speed, flows, PERIOD_S)
+    return said
+
+
+@pytest.mark.parametrize(
+    ("current_A", "step_rpm", "off"), [(0.1, 0.5, 1.0), (0.1, 0.5, 1.04), (0.06, 2.0, 0.97), (-0.2, 0.5, 1.0)]
+)
+def test_a_day_at_steady_speed_is_no_alarm(current_A: float, step_rpm: float, off: float) -> None:
+    """24 h of readings that repeat to the last bit, with a gain that is right or 4 % off: nothing is said."""
+    wheel = Wheel()
+    speed = math.copysign((wheel.k * abs(current_A) - wheel.c) / wheel.b, current_A)
+    reading = round(speed / RAD_S_PER_RPM / step_rpm) * step_rpm * RAD_S_PER_RPM
+    mean, covariance = wheel.belief
+    believed = mean * np.array([1.0, off, 1.0, 1.0, 1.0]), covariance
+    judge = watch(step_rpm)
+    judged = {judge.add(PERIOD_S * i, reading, current_A, lambda: believed) for i in range(24 * 36_000)}
+    assert judged == {(True, False, None)}
+
+
+@pytest.mark.parametrize("rate_A_per_s", [2e-6, -2e-6])
+def test_a_slow_ramp_is_no_alarm(rate_A_per_s: float) -> None:
+    """Hours in which the speed creeps from one step of the reading to the next: nothing is said."""
+    wheel = Wheel()
+    steady = (wheel.k * 0.1 - wheel.c) / wheel.b
+    assert news(watch(), wheel, lambda t: 0.1 + rate_A_per_s * t, 7200.0, speed=steady) == []
+
+
+@pytest.mark.parametrize("current_A", [0.0, 0.01, 0.039, -0.039])
+def test_a_wheel_at_rest_below_break_away_is_no_alarm(current_A: float) -> None:
+    """Zero is read again and again because the wheel stands: nothing is said, with the default prior or better."""
+    for belief in (None, (DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)):
+        assert news(watch(), Wheel(), lambda t: current_A, 600.0, belief=belief) == []
+
+
+@pytest.mark.parametrize("share", [0.7, 1.3])
+@pytest.mark.parametrize("period_s", [3.0, 30.0])
+def test_a_healthy_wheel_under_a_wide_prior_is_no_alarm(share: float, period_s: float) -> None:
+    """k 30 % off the default prior and nothing learnt, readings with and without noise, through reversals: nothing."""
+    wheel = Wheel(k=15.2 * share, c=0.586 * (2.0 - share), s=0.65 * (2.0 - share))
+    prior = DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance
+    for noise_rpm in (0.0, 1.0):
+        said = news(
+            watch(),
+            wheel,
+            lambda t: 0.1 * math.sin(2.0 * math.pi * t / period_s),
+            120.0,
+            belief=prior,
+            noise_rpm=noise_rpm,
+        )
+        assert said == []
+
+
+@pytest.mark.parametrize(("refresh", "period_s"), [(3, 20.0), (5, 60.0)])
+def test_telemetry_refreshed_more_slowly_than_it_is_read_is_not_stuck(refresh: int, period_s: float) -> None:
+    """Each reading is sent three or five times, up to the silence: repeats teach nothing, and nothing is said."""
+    said = news(watch(), Wheel(), lambda t: 0.3 * math.sin(2.0 * math.pi * t / period_s), 120.0, refresh=refresh)
+    assert said == []
+
+
+@pytest.mark.parametrize("current_A", [0.15, 0.3, 0.6, -0.4])
+@pytest.mark.parametrize("speed_rpm", [40.0, -700.0, 2000.0])
+@pytest.mark.parametrize("noise_rpm", [0.0, 1.0])
+def test_a_reading_that_freezes_under_current_is_found(current_A: float, speed_rpm: float, noise_rpm: float) -> None:
+    """From then on the wheel must move: found no sooner than the silence, and before it is two seconds old."""
+    wheel = Wheel()
+    steady = (wheel.k * abs(current_A) - wheel.c - wheel.b * abs(speed_rpm) * RAD_S_PER_RPM) * math.copysign(
+        1, current_A
+    )
+    assert abs(steady) > 0.3  # else it is near its own steady speed, and would not move
+    said = news(
+        watch(),
+        wheel,
+        lambda t: current_A,
+        8.0,
+        speed=speed_rpm * RAD_S_PER_RPM,
+        noise_rpm=noise_rpm,
+        frozen=lambda t: t > 2.0,
+    )
+    ((at_s, what),) = said
+    assert what == "stuck"
+    assert 2.0 + SILENCE_S - 2.0 * PERIOD_S <= at_s <= 4.0
+
+
+def test_a_coasting_wheel_whose_reading_freezes_is_found() -> None:
+    """Without any current friction alone must slow it down."""
+    said = news(watch(), Wheel(), lambda t: 0.0, 8.0, speed=100.0, frozen=lambda t: t > 2.0)
+    assert [what for _, what in said] == ["stuck"]
+
+
+@pytest.mark.parametrize("share", [0.7, 1.0, 1.3])
+def test_a_reading_frozen_from_the_start_is_found_under_the_default_prior(share: float) -> None:
+    """Nothing was ever learnt, k is within 30 %: a wheel that reads zero under 0.3 A is not believed for long."""
+    prior = DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance
+    said = news(watch(), Wheel(k=15.2 * share), lambda t: 0.3, 5.0, belief=prior, frozen=lambda t: True)
+    assert [what for _, what in said] == ["stuck"]
+    assert said[0][0] < 2.0
+
+
+def test_a_reading_that_moves_again_is_believed_only_after_it_moved_as_the_wheel_does() -> None:
+    """Frozen for three seconds: alive again no sooner than twice the silence after it moved, and then not stuck."""
+    sine = lambda t: 0.1 * math.sin(t)  # noqa: E731
+    said = news(watch(), Wheel(), sine, 20.0, speed=30.0, noise_rpm=1.0, frozen=lambda t: 3.0 < t < 6.0)
+    assert [what for _, what in said] == ["stuck", "alive"]
+    assert said[1][0] >= 6.0 + 2.0 * SILENCE_S - PERIOD_S
+
+
+def test_readings_that_jump_about_after_they_were_stuck_are_not_believed() -> None:
+    """What moves by hundreds of rpm from sample to sample is not a coasting wheel: stuck it stays."""
+    wheel, judge = Wheel(), watch()
+    said = news(judge, wheel, lambda t: 0.3, 4.0, speed=30.0, frozen=lambda t: t > 1.0)
+    assert [what for _, what in said] == ["stuck"]
+    for i in range(100):
+        judged = judge.add(4.0 + PERIOD_S * i, 50.0 * (i % 2) + 1.0, 0.0, lambda: wheel.belief)
+        assert judged == (False, True, None)
