@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Mapping
 
-from drivers.wire_layout import TYPES, Field, Register
+from drivers.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, TYPES, Field, Register
 
 
 def decode_register(register: Register, data: bytes) -> dict[str, float]:
@@ -16,6 +16,20 @@ def decode_register(register: Register, data: bytes) -> dict[str, float]:
         raise ValueError(f"register {register.name} has {packing.size} data bytes, not {len(data)}")
     numbers = packing.unpack(data)
     return {field.name: field.to_si(number) for field, number in zip(register.fields, numbers, strict=True)}
+
+
+def is_plausible(register: Register, values_si: Mapping[str, float]) -> bool:
+    """Whether every value that the program uses is finite and such as a machine can have.
+
+    A float register carries infinity, NaN and 3e38 as readily as a speed, and the checksum is right. Fields of names
+    that the program does not use may hold what they like.
+    """
+    return all(
+        abs(values_si[field.name]) <= BEYOND_ANY_MACHINE.get(QUANTITIES[field.name], math.inf)
+        and math.isfinite(values_si[field.name])
+        for field in register.fields
+        if field.name in QUANTITIES
+    )
 
 
 def encode_register(register: Register, values_si: Mapping[str, float]) -> bytes:

@@ -6,42 +6,19 @@ import math
 import time
 
 from drivers.line_errors import silent_error
-from drivers.registers import decode_register, encode_register, rounded_si
+from drivers.registers import decode_register, encode_register, is_plausible, rounded_si
 from drivers.serial_link import Exchange, SerialLink
 from drivers.wheel_clock import WheelClock
+from drivers.wheel_registers import FLAG_RESET, conditions, registers_beside, uptime_field
 from drivers.wire_layout import Field, Register
 from drivers.wire_map import STATUS_OK, WireMap
 from rw_ekf.errors import DriverError
-from rw_ekf.records import (
-    CURRENT_LIMITED,
-    FAULT,
-    OVER_TEMPERATURE,
-    IssuedCommand,
-    LinkCounters,
-    WheelIdentity,
-    WheelSample,
-)
+from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
 ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
 QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
-COARSEST_S = 0.05  # a clock that counts in larger steps gives no time to a sample
-FLAG_RESET = 8  # reset since last read
-FLAGS = {1: FAULT, 2: CURRENT_LIMITED, 4: OVER_TEMPERATURE}
-WILDEST = 1.0e9  # SI; no machine turns, is driven or lasts by such numbers: a value beyond it is damage
-NO_CONDITIONS: frozenset[str] = frozenset()
-TELEMETRY = (
-    "speed",
-    "current",
-    "current_command",
-    "temperature",
-    "pressure",
-    "bus_voltage",
-    "angle",
-    "uptime",
-    "flags",
-)
 
 
 class SerialWheel:
@@ -55,8 +32,8 @@ class SerialWheel:
         self._map = wire_map
         self.clock = clock if clock is not None else WheelClock()
         self._main = wire_map.speed_register
-        self._others = _registers_beside(self._main, wire_map)
-        self._uptime_field = _uptime_field((self._main, *self._others))
+        self._others = registers_beside(self._main, wire_map)
+        self._uptime_field = uptime_field((self._main, *self._others))
         self._flags: int | None = None
         self._status_due_s = 0.0
         self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
@@ -97,7 +74,7 @@ class SerialWheel:
             angle_rad=values.get("angle"),
             status=None if flags is None else int(flags),
             segment=self.clock.segment,
-            conditions=_conditions(flags),
+            conditions=conditions(flags),
             news=news,
         )
 
@@ -155,19 +132,14 @@ class SerialWheel:
         return self._line.request(register.id, b"", register.size, deadline_s - now_s)
 
     def _values(self, register: Register, exchange: Exchange) -> dict[str, float] | None:
-        """SI values of a reply, or None where there was none, or none that a machine can have.
-
-        A value beyond any machine is a value that did not arrive; without the speed, nothing did.
-        """
+        """SI values of a reply; None where there was none, or where it holds a number that no wheel can have."""
         if exchange.data is None:
             return None
         values = decode_register(register, exchange.data)
-        wild = [name for name, value in values.items() if not abs(value) <= WILDEST]
-        if wild:
+        if not is_plausible(register, values):
             self.link.damaged += 1
-            for name in wild:
-                del values[name]
-        return None if register is self._main and "speed" not in values else values
+            return None
+        return values
 
     def _time_s(self, values: dict[str, float], exchange: Exchange) -> float:
         """When the speed was read: by the wheel's clock, else when the request reached the wheel, since opening."""
@@ -192,7 +164,7 @@ class SerialWheel:
             return
         first = self._flags is None
         self._flags = int(values["flags"])
-        self._status_due_s = now_s + (ALARMED_EVERY_S if _conditions(self._flags) else STATUS_EVERY_S)
+        self._status_due_s = now_s + (ALARMED_EVERY_S if conditions(self._flags) else STATUS_EVERY_S)
         if self._flags & FLAG_RESET and self._uptime_field is not None:
             self.clock.note_restart()
         elif self._flags & FLAG_RESET and not first:
@@ -264,33 +236,6 @@ def open_serial_wheel(
     if previous is not None:
         wheel.link.reconnects += 1
     return wheel
-
-
-def _registers_beside(main: Register, wire_map: WireMap) -> tuple[Register, ...]:
-    """Where the speed's register lacks a value, the registers that are named after one and carry it."""
-    known = {field.name for field in main.fields}
-    return tuple(
-        register
-        for register in wire_map.readable()
-        if register is not main
-        and register.name in TELEMETRY
-        and register.name not in known
-        and register.field(register.name)
-    )
-
-
-def _uptime_field(registers: tuple[Register, ...]) -> Field | None:
-    """The field that gives a sample its time; None where the wheel has no clock, or one too coarse for that."""
-    for register in registers:
-        field = register.field("uptime")
-        if field is not None:
-            return field if field.type == "f32" or field.si_per_count <= COARSEST_S else None
-    return None
-
-
-def _conditions(flags: float | None) -> frozenset[str]:
-    """What the wheel's status flags mean."""
-    return NO_CONDITIONS if not flags else frozenset(name for bit, name in FLAGS.items() if int(flags) & bit)
 
 
 def _toward_zero(field: Field, current_A: float) -> float:

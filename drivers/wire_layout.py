@@ -57,6 +57,19 @@ QUANTITIES: dict[str, str] = {
     "serial_number": "number",
 }
 
+# By quantity, what no machine reports [SI]: the size above which a value is damage, however good its checksum. Far
+# beyond what exists; speed and current below what a replay refuses (rw_ekf.replay): no run leaves a log it cannot read.
+BEYOND_ANY_MACHINE: dict[str, float] = {
+    "speed": 2.0e5,  # 1.9 million rpm; the fastest rotors on bearings reach a million, limits.speed_rpm allows as much
+    "current": 1.0e4,  # limits.current_A allows a tenth
+    "temperature": 1.0e4,  # hotter than any solid; an open sensor on a scaled integer (-327.68 degC) stays below
+    "pressure": 1.0e9,
+    "voltage": 1.0e6,
+    "time": 1.0e10,  # three hundred years
+    "angle": 1.0e13,  # at the highest speed, a year and a half
+    "number": 2.0**53,  # beyond it a double has no whole numbers
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Field:

@@ -77,8 +77,8 @@ class SignSink:
         size = f"{factor:.3g} times" if factor > 1.0 else f"1/{1.0 / factor:.3g} of"
         return (
             f"the motor gain is {gain:.3g} +- {std:.1g} rad/s^2/A, {size} what {self._expectation}: is a scale of "
-            f"the wire map wrong, {current} or {speed}? If the wheel is of that size, give its filter.prior.motor_gain, "
-            "and wheel.inertia_kg_m2, on which every torque depends"
+            f"the wire map wrong, {current} or {speed}? If the wheel is like that, give filter.prior.motor_gain, and "
+            "wheel.inertia_kg_m2, on which every torque depends"
         )
 
     def _scales(self) -> tuple[str, str]:

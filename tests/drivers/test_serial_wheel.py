@@ -331,11 +331,11 @@ def test_a_map_without_a_cycle_reads_register_by_register(
     assert 0.0 < second.time_s - first.time_s < 1.0
 
 
-@pytest.mark.parametrize(("name", "wild"), [("speed", 3.0e38), ("current", -3.0e38), ("temperature", 1.0e12)])
+@pytest.mark.parametrize(("name", "wild"), [("speed", 3.0e38), ("speed", -1.0e12), ("current", -3.0e38)])
 def test_a_value_beyond_any_machine_did_not_arrive(
     map_data: dict[str, Any], where: Where, served: Served, tmp_path: Path, name: str, wild: float
 ) -> None:
-    """A float register that carries 3e38: without the speed there is no sample, another value alone is missing."""
+    """A float register that carries 3e38: there is no sample, and it counts as damaged."""
     cycle = next(r for r in map_data["registers"] if r["name"] == "cycle")
     for field in cycle["fields"]:
         if field["name"] == name:
@@ -357,12 +357,7 @@ def test_a_value_beyond_any_machine_did_not_arrive(
         sample = wheel.read(1.0)
         wheel.close()
     assert wheel.link.damaged >= 1
-    if name == "speed":
-        assert sample is None
-    else:
-        assert sample is not None
-        assert sample.speed_rad_s == pytest.approx(50.0, abs=0.3)
-        assert getattr(sample, {"current": "current_A", "temperature": "temperature_degC"}[name]) is None
+    assert sample is None
 
 
 def test_a_clock_too_coarse_for_a_sample_gives_it_no_time(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from drivers.wheel_clock import WheelClock
@@ -55,7 +57,7 @@ def test_a_jump_of_the_clock_is_a_new_segment(jump_s: float) -> None:
     after = [(5005.0 + jump_s + 0.1 * i, 6.0 + 0.1 * i) for i in range(50)]
     told = follow(clock, *before, *after)
     assert [segment for _, segment in told] == [0] * 50 + [1] * 50
-    steps = [b[0] - a[0] for a, b in zip(told[50:], told[51:], strict=False)]
+    steps = [b[0] - a[0] for a, b in itertools.pairwise(told[50:])]
     assert steps == pytest.approx([0.1] * 49, abs=1e-4)
     assert clock.rate == pytest.approx(1.0, rel=0.01)
     assert clock.believed
@@ -76,7 +78,8 @@ def test_a_counter_that_wraps_has_not_jumped() -> None:
     span_s = 2**32 / 1000.0
     clock = WheelClock()
     told = follow(clock, *(((span_s - 2.0 + at) % span_s, at) for at in (0.0, 0.1, 0.2, 1.9, 2.1, 30.0)), span_s=span_s)
-    assert told[-1] == (pytest.approx(span_s + 28.0), 0)
+    assert told[-1][0] == pytest.approx(span_s + 28.0)
+    assert told[-1][1] == 0
 
 
 def test_the_same_uptime_is_the_same_time_and_nothing_has_jumped_when_it_goes_on() -> None:
@@ -93,5 +96,5 @@ def test_a_clock_that_jumps_again_and_again_is_not_believed() -> None:
     told = follow(clock, *((100.0 + 7.3 * i, 0.1 * i) if i > 20 else (100.0 + 0.1 * i, 0.1 * i) for i in range(60)))
     assert not clock.believed
     assert clock.segment == 3
-    steps = [b[0] - a[0] for a, b in zip(told[30:], told[31:], strict=False)]
+    steps = [b[0] - a[0] for a, b in itertools.pairwise(told[30:])]
     assert steps == pytest.approx([0.1] * 29, abs=1e-6)
