@@ -148,6 +148,7 @@ class LiveWheel:
         """Return what commands the wheel after each sample: the request, through the guard."""
 
         def write(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
+            self.check.estimated(result)
             if not self._answered:
                 return self._command_of_a_missed_tick()
             try:

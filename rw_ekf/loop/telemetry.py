@@ -9,12 +9,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.records import (
     CONDITIONS_THAT_STOP,
     CURRENT_LIMITED,
     FAULT,
     OVER_TEMPERATURE,
     IssuedCommand,
+    Outcome,
+    StepResult,
     WheelIdentity,
     WheelSample,
 )
@@ -59,6 +62,8 @@ class TelemetryCheck:
         self._last: WheelSample | None = None
         self._in_force_A: float | None = None
         self._following: IssuedCommand | None = None
+        self._interval: tuple[float, float] | None = None  # length [s] and mean current [A] of the last interval
+        self._speed_rad_s: float | None = None  # believed after the last sample
         self._sentences: dict[str, tuple[str, int]] = {}
         self.hold: str | None = None  # why nothing but zero may be written
         self.other_wheel: str | None = None  # the sentence, where another wheel answers than at the start
@@ -80,6 +85,15 @@ class TelemetryCheck:
     def commanded(self, command: IssuedCommand) -> None:
         """Note the command that follows the sample judged last."""
         self._following = command
+
+    def estimated(self, result: StepResult) -> None:
+        """Note what the estimator made of the sample judged last; only an augmented model says more than its belief."""
+        interval, self._interval = self._interval, None
+        before, self._speed_rad_s = self._speed_rad_s, result.mean[0]
+        if self._stuck is None or len(result.mean) == STATE_SIZE or interval is None or before is None:
+            return
+        if result.outcome in (Outcome.UPDATED, Outcome.MISSING, Outcome.GATED):
+            self._stuck.note_prediction(before, interval[1], result.predicted_speed_rad_s, interval[0])
 
     def judge(self, sample: WheelSample, identity: WheelIdentity | None) -> tuple[WheelSample, bool]:
         """Return the sample as it may be used, and whether readings have just come back to life.
@@ -148,7 +162,9 @@ class TelemetryCheck:
         if last is not None and sample.segment != last.segment:
             watch.forget()
             self._in_force_A = None
-        current_A = self._mean_current(sample, 0.0 if last is None else sample.time_s - last.time_s)
+        dt_s = 0.0 if last is None else sample.time_s - last.time_s
+        current_A = self._mean_current(sample, dt_s)
+        self._interval = None if current_A is None else (dt_s, current_A)
         judged = watch.add(sample.time_s, speed_rad_s, current_A, self._belief)
         if judged.news == "stuck":
             doing = "Zero is written until it moves again. " if self._writes else ""

@@ -8,8 +8,9 @@ still turns at that speed v, or it is stuck. If it is alive, the torque at v is 
 
 with phi = da/d(k, b, c, s), P their covariance and R the friction (model: [CK13 (1), (4)]). The last two terms are
 what a wheel may have beyond the model; at rest, where friction is known worst, a quarter of R stands in place of a
-tenth. The least that the wheel must have moved, upward and likewise downward, is a cumulative sum ([Page 1954], CUSUM)
-of the lower bound of (1),
+tenth. What the effects of an augmented model add is taken from the estimator's own predictions, and half of it doubted.
+The least that the wheel must have moved, upward and likewise downward, is a cumulative sum ([Page 1954], CUSUM) of the
+lower bound of (1),
 
     m_i = max(0, m_(i-1) + (a_i - 2 sd(a_i)) dt_i).                                                             (2)
 
@@ -28,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.model.friction import stribeck
+from rw_ekf.model.friction import acceleration, stribeck
 from rw_ekf.model.state import STATE_SIZE, StateIndex
 
 _SIGMAS = 2.0
@@ -37,6 +38,8 @@ _FRICTION_SHARE = 0.1
 _REST_SHARE = 0.25
 _STEPS = 4.0  # so many steps of the reading, or standard deviations where those are larger, are "several"
 _REPEATS = 4  # fewer repetitions prove nothing: telemetry may be refreshed more slowly than it is read
+_EFFECTS_SHARE = 0.5  # of the torque of a model's effects that may be wrong where the reading repeats
+_EFFECTS_OVER_S = 1.0
 _ALIVE_AFTER = 2.0  # a reading that moves again must have been plausible for so many times the silence
 
 Belief = tuple[NDArray[np.float64], NDArray[np.float64]]  # mean and covariance over the state, copies
@@ -71,10 +74,23 @@ class StuckWatch:
         self._P: list[list[float]] = []  # its covariance over the parameters, once a reading repeats
         self._up = self._down = 0.0
         self._alive_since_s: float | None = None
+        self._beyond = self._beyond_now = 0.0
         self.stuck = False
         self.moved_rad_s = 0.0  # how far the wheel must have moved since the reading began to repeat, at least
         self.repeated_s = 0.0
         self.value_rad_s = 0.0  # the reading that repeats
+
+    def note_prediction(self, speed_rad_s: float, current_A: float, predicted_rad_s: float, dt_s: float) -> None:
+        """Note what the estimator's effects did in an interval: its prediction beyond that of the four parameters.
+
+        speed_rad_s: believed at the interval's start; predicted_rad_s: at its end. Only for an estimator with effects.
+        """
+        if self._belief is None or not dt_s > 0.0:
+            return
+        _, k, b, c, s = self._belief[0][:STATE_SIZE].tolist()
+        base = acceleration(speed_rad_s, k * current_A, b, c, s, self._omega_s, self._law)
+        beyond = (predicted_rad_s - speed_rad_s) / dt_s - base
+        self._beyond_now += min(dt_s / _EFFECTS_OVER_S, 1.0) * (beyond - self._beyond_now)
 
     def forget(self) -> None:
         """A new segment, or a current nobody knows: what came before says nothing about what follows."""
@@ -148,6 +164,7 @@ class StuckWatch:
         self._up = self._down = 0.0
         if not self.stuck:  # while it is, the filter predicts on and learns nothing: the old belief is the better one
             self._belief = belief()
+            self._beyond = self._beyond_now
             self._mean = []
 
     def _acceleration(self, current_A: float) -> tuple[tuple[float, float], float]:
@@ -172,6 +189,8 @@ class StuckWatch:
         for slope, row in zip(phi, self._P, strict=True):
             variance += slope * (row[0] * phi[0] + row[1] * phi[1] + row[2] * phi[2] + row[3] * phi[3])
         sd = math.sqrt(max(variance, 0.0))
+        sd = math.hypot(sd, _EFFECTS_SHARE * self._beyond)
+        drive += self._beyond
         if not v > self._near_rest:
             return (drive - friction, drive + friction), sd
         a = drive - math.copysign(friction, self._value)

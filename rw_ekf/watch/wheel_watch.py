@@ -15,6 +15,7 @@ from rw_ekf.watch.thresholds import dependence_threshold, onset_threshold
 
 AFTER_SPIKE = "a drag spike that the estimator has to unlearn"
 _UNLEARNS_S = 7200.0
+_JUMP_S = 60.0
 # The estimator's first innovations show how it learns. It has settled when a reading hardly moves the speed any more
 # and Coulomb friction is known, or, at steady speed, which never shows that by itself, after a minute's turning.
 _SETTLED_GAIN = 0.05
@@ -91,7 +92,7 @@ class WheelWatch:
             return news
         if evidence.time_s > self._unlearns_until_s:
             self._residual.context = None
-        if evidence.time_s < self._last_s:  # a new segment's clock
+        if not 0.0 <= evidence.time_s - self._last_s < _JUMP_S:  # a new segment's clock, or a gap as long as a window
             self._residual.forget()
         self._last_s = evidence.time_s
         return news + self._residual.add(evidence)

@@ -188,3 +188,16 @@ def test_readings_that_jump_about_after_they_were_stuck_are_not_believed() -> No
     for i in range(100):
         judged = judge.add(4.0 + PERIOD_S * i, 50.0 * (i % 2) + 1.0, 0.0, lambda: wheel.belief)
         assert judged == (False, True, None)
+
+
+def test_a_torque_that_only_an_effect_of_the_model_explains_is_no_alarm() -> None:
+    """A declared offset holds the wheel at a steady speed: without it the four parameters would call it stuck."""
+    wheel, offset = Wheel(), 0.8
+    current = (wheel.c + wheel.b * 100.0 + offset) / wheel.k
+    for told in (True, False):
+        judge = watch()
+        for i in range(600):
+            judge.add(PERIOD_S * i, 100.0 + (1e-3 * i if i < 30 else 0.0), current, lambda: wheel.belief)
+            if told:
+                judge.note_prediction(100.0, current, 100.0, PERIOD_S)
+        assert judge.stuck is not told
