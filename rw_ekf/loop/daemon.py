@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 
+_SURE = 5.0  # standard deviations
+
+
 @dataclass(frozen=True)
 class RunFiles:
     """Where one run leaves its files; all beside each other under one stem."""
@@ -158,6 +161,12 @@ def run_daemon(
                     do="the wheel may still carry its last current: run `rw-ekf stop --config F`, or cut its power",
                 )
         belief = Belief(estimator.mean, estimator.covariance)
+        if live.halted is None and belief.mean[1] + _SURE * belief.std[1] < 0.0:
+            check.found(
+                "negative_gain",
+                f"the motor gain is estimated as {belief.mean[1]:.3g} +- {belief.std[1]:.1g} rad/s^2/A, and no wheel "
+                "has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
+            )
         model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
         write_text(files.model, model_now.to_text())
         ended_by = "halt" if live.halted is not None else stop.requested or "duration"

@@ -7,10 +7,11 @@ still turns at that speed v, or it is stuck. If it is alive, the torque at v is 
     a = k I - sgn(v) [b |v| + c + (s - c) g(v)],          sd(a)^2 = phi' P phi + (0.05 k I)^2 + (0.1 R)^2       (1)
 
 with phi = da/d(k, b, c, s), P their covariance and R the friction (model: [CK13 (1), (4)]). The last two terms are
-what a wheel may have beyond the model; at rest, where friction is known worst, a quarter of R stands in place of a
-tenth. What the effects of an augmented model add is taken from the estimator's own predictions, and half of it doubted.
-The least that the wheel must have moved, upward and likewise downward, is a cumulative sum ([Page 1954], CUSUM) of the
-lower bound of (1),
+what a wheel may have beyond the model; at rest, where friction is known worst, a half of R stands in place of a
+tenth. A belief in a gain or a friction that is negative, by more than its sigma, is none of a wheel: the one that the
+estimator started from stands in for it. What the effects of an augmented model add is taken from the estimator's own
+predictions, and half of it doubted. The least that the wheel must have moved, upward and likewise downward, is a
+cumulative sum ([Page 1954], CUSUM) of the lower bound of (1),
 
     m_i = max(0, m_(i-1) + (a_i - 2 sd(a_i)) dt_i).                                                             (2)
 
@@ -35,7 +36,7 @@ from rw_ekf.model.state import STATE_SIZE, StateIndex
 _SIGMAS = 2.0
 _DRIVE_SHARE = 0.05  # eq. 1
 _FRICTION_SHARE = 0.1
-_REST_SHARE = 0.25
+_REST_SHARE = 0.5
 _STEPS = 4.0  # so many steps of the reading, or standard deviations where those are larger, are "several"
 _REPEATS = 4  # fewer repetitions prove nothing: telemetry may be refreshed more slowly than it is read
 _EFFECTS_SHARE = 0.5  # of the torque of a model's effects that may be wrong where the reading repeats
@@ -70,6 +71,7 @@ class StuckWatch:
         self._last_s = self._since_s = 0.0
         self._repeats = 0
         self._belief: Belief | None = None
+        self._first: Belief | None = None  # before any reading: what the estimator started from
         self._mean: list[float] = []  # of the belief, and
         self._P: list[list[float]] = []  # its covariance over the parameters, once a reading repeats
         self._up = self._down = 0.0
@@ -164,6 +166,7 @@ class StuckWatch:
         self._up = self._down = 0.0
         if not self.stuck:  # while it is, the filter predicts on and learns nothing: the old belief is the better one
             self._belief = belief()
+            self._first = self._belief if self._first is None else self._first
             self._beyond = self._beyond_now
             self._mean = []
 
@@ -172,8 +175,9 @@ class StuckWatch:
         assert self._belief is not None
         assert self._value is not None
         if not self._mean:
-            self._mean = self._belief[0].tolist()
-            self._P = self._belief[1][1:STATE_SIZE, 1:STATE_SIZE].tolist()
+            belief = self._belief if self._first is None or _is_physical(self._belief) else self._first
+            self._mean = belief[0].tolist()
+            self._P = belief[1][1:STATE_SIZE, 1:STATE_SIZE].tolist()
         mean = self._mean
         v = abs(self._value)
         g = stribeck(v / self._omega_s, self._law)
@@ -195,3 +199,9 @@ class StuckWatch:
             return (drive - friction, drive + friction), sd
         a = drive - math.copysign(friction, self._value)
         return (a, a), sd
+
+
+def _is_physical(belief: Belief) -> bool:
+    """Whether the parameters can be a wheel's: an undeclared effect may have led the filter anywhere."""
+    mean, covariance = belief
+    return all(mean[i] > -math.sqrt(max(covariance[i, i], 0.0)) for i in range(1, STATE_SIZE))

@@ -201,3 +201,16 @@ def test_a_torque_that_only_an_effect_of_the_model_explains_is_no_alarm() -> Non
             if told:
                 judge.note_prediction(100.0, current, 100.0, PERIOD_S)
         assert judge.stuck is not told
+
+
+def test_a_belief_that_no_wheel_can_have_accuses_none() -> None:
+    """An undeclared torque has taught the filter negative friction: what it started from is asked instead."""
+    wheel = Wheel()
+    absurd = wheel.belief[0] * np.array([1.0, 1.0, -4.0, 2.0, -1.0]), 1e-2 * wheel.belief[1]
+    current = -(wheel.c + wheel.b * 1.3) / wheel.k
+    for first, accused in ((wheel.belief, False), (absurd, True)):
+        judge = watch()
+        judge.add(0.0, -1.0, current, lambda first=first: first)  # type: ignore[misc]
+        for i in range(1, 100):
+            judge.add(PERIOD_S * i, -1.3, current, lambda: absurd)
+        assert judge.stuck is accused
