@@ -107,7 +107,7 @@ def replay_log(
     belief = _beside_other_stribeck_speeds(data, setup, run) if not online else Belief(run.mean, run.covariance)
     statistics = RunStatistics.of_run(data, run)
     consistency = judge_log(data, setup, belief)
-    warnings = [*log.warnings, *setup.notes, *_remarks(data, log, statistics), *consistency.warnings()]
+    warnings = [*log.warnings, *setup.notes, *_remarks(data, log, setup, statistics), *consistency.warnings()]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
 
@@ -177,16 +177,14 @@ def _value(values: NDArray[np.float64] | None, i: int) -> float | None:
     return None if values is None or np.isnan(values[i]) else float(values[i])
 
 
-def _remarks(data: FilterInput, log: WheelLog, statistics: RunStatistics) -> list[str]:
+def _remarks(data: FilterInput, log: WheelLog, setup: FilterSetup, statistics: RunStatistics) -> list[str]:
     said = []
     present = int(np.isfinite(data.speed_rad_s).sum())
     if present < _FEW_SAMPLES:
         said.append(f"only {present} speed readings: the estimates are little more than the prior")
-    if statistics.rejected > 0.05 * max(present, 1):
-        said.append(
-            f"{statistics.rejected} of {present} readings were rejected by the gate: the model or the noise does not "
-            "fit this record"
-        )
+    refused = statistics.gate_finding(setup.constants.gate)
+    if refused is not None:
+        said.append(refused)
     if not np.any(log.current_A != 0.0):
         said.append("the current is zero throughout: the motor gain cannot be learned from this log")
     return said

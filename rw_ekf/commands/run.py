@@ -96,6 +96,9 @@ def _warnings(outcome: RunOutcome) -> list[str]:
     if outcome.statistics.samples == 0:
         return [*said, "no sample came from the wheel"]
     said += outcome.alarms
+    refused = outcome.statistics.gate_finding(outcome.setup.constants.gate)
+    if refused is not None:
+        said.append(refused)
     try:
         data = input_of_log(read_log(outcome.files.log))
         said += judge_log(data, outcome.setup, outcome.belief).warnings()

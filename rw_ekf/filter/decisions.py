@@ -1,4 +1,12 @@
-"""What becomes of a sample: the rules that the online estimator and the compiled pass share (math only, integers)."""
+"""What becomes of a sample: the rules that the online estimator and the compiled pass share (math only, scalars).
+
+A reading beyond the gate teaches nothing. The speed starts afresh from such readings only where they agree with each
+other and with what a wheel can do in that time (docs/filter.md, "Gate and re-seeding"); what is needed to know that
+stands in a short vector, the gate's memory, that both paths hand from sample to sample.
+"""
+
+import math
+from typing import Any
 
 FIRST = 0
 UPDATED = 1
@@ -7,6 +15,24 @@ GATED = 3
 REPEATED = 4
 BACKWARD = 5
 RESEEDED = 6
+
+# Places in the gate's memory.
+_SINCE_USED_S = 0  # since the last reading that was used, or seeded from
+_CONFIRMED = 1  # 1 where a reading was accepted since the speed was seeded
+_STRONGEST_A = 2  # largest current so far
+_AGREEING = 3  # how many of the last gated readings follow one from the other
+_AGREEING_S = 4  # from the first to the last of them
+_SINCE_GATED_S = 5  # since the last gated one
+_LAST_GATED = 6  # [rad/s]
+_VARIED = 7  # 1 where the agreeing ones are not all the very same number
+_REACHABLE = 8  # 1 where a wheel can have come from the filter's speed to the first of them
+MEMORY_SIZE = 9
+
+_GENEROUS = 5.0  # times the acceleration that the model can give: a drag spike, a lurch, a gain that is far off
+_PARAMETER_SIGMAS = 3.0
+_TWITCH_S = 0.1  # at high rates the noise, not the wheel, decides how far apart two readings are
+_FAR_LONGER = 20  # times as many readings must agree after a step that no wheel can take, ...
+_FAR_LONGER_S = 10.0  # ... and for so long
 
 
 def timing(dt: float, seeded: bool, new_segment: bool, has_speed: bool, max_gap_s: float) -> int:
@@ -29,10 +55,82 @@ def timing(dt: float, seeded: bool, new_segment: bool, has_speed: bool, max_gap_
     return UPDATED
 
 
-def gating(nis: float, gate: float, gated_in_a_row: int, reseed_after: int) -> int:
-    """UPDATED; GATED; or RESEEDED where the gate has refused `reseed_after` samples running (the filter is wrong)."""
-    if nis <= gate:
+def forget(memory: Any) -> None:
+    """Begin the gate's memory anew: the speed has just been seeded. The largest current stays known."""
+    strongest = memory[_STRONGEST_A]
+    for i in range(MEMORY_SIZE):
+        memory[i] = 0.0
+    memory[_STRONGEST_A] = strongest
+
+
+def elapse(memory: Any, dt: float, currents: Any, start: int, stop: int) -> None:
+    """Note an interval of `dt` [s] that the filter predicted over, under the currents [A] from start to stop."""
+    memory[_SINCE_USED_S] += dt
+    memory[_SINCE_GATED_S] += dt
+    for i in range(start, stop):
+        memory[_STRONGEST_A] = max(memory[_STRONGEST_A], abs(currents[i]))
+
+
+def most_acceleration(x: Any, P: Any, strongest_A: float, speed: float) -> float:
+    """Largest acceleration [rad/s^2] that a wheel with the belief x (n,), P (n, n) can have up to `speed` [rad/s].
+
+    Drive and friction at three sigma of their parameters, both ways, times a generous factor.
+    """
+    gain = abs(x[1]) + _PARAMETER_SIGMAS * math.sqrt(P[1, 1])
+    viscous = abs(x[2]) + _PARAMETER_SIGMAS * math.sqrt(P[2, 2])
+    coulomb = abs(x[3]) + _PARAMETER_SIGMAS * math.sqrt(P[3, 3])
+    static = abs(x[4]) + _PARAMETER_SIGMAS * math.sqrt(P[4, 4])
+    return _GENEROUS * (gain * strongest_A + viscous * abs(speed) + max(coulomb, static))
+
+
+def within_reach(change: float, variance: float, gate: float, acceleration: float, dt: float) -> bool:
+    """Whether a speed can change so much in dt [s]; variance [rad^2/s^2] of the difference by noise alone."""
+    return abs(change) <= math.sqrt(gate * variance) + acceleration * max(dt, _TWITCH_S)
+
+
+def gating(
+    innovation: float,
+    variance: float,
+    reading: float,
+    x: Any,
+    P: Any,
+    speed_variance: float,
+    gate: float,
+    reseed_after: int,
+    memory: Any,
+) -> int:
+    """UPDATED within the gate; GATED beyond it; or RESEEDED where the gated readings show that the filter is wrong.
+
+    They do where `reseed_after` running, this the last, follow one from the other as a wheel's speeds can, the first
+    of them can be reached from the filter's own speed, and they are not one number repeated (a wheel at rest may
+    repeat itself). After a step that no wheel can take it needs twenty times as many, over ten seconds.
+    """
+    if innovation * innovation <= gate * variance:
+        forget(memory)
+        memory[_CONFIRMED] = 1.0
         return UPDATED
-    if gated_in_a_row + 1 >= reseed_after:
-        return RESEEDED
-    return GATED
+    acceleration = most_acceleration(x, P, memory[_STRONGEST_A], max(abs(x[0]), abs(reading)))
+    change = reading - memory[_LAST_GATED]
+    if memory[_AGREEING] > 0.0 and within_reach(
+        change, 2.0 * speed_variance, gate, acceleration, memory[_SINCE_GATED_S]
+    ):
+        memory[_AGREEING] += 1.0
+        memory[_AGREEING_S] += memory[_SINCE_GATED_S]
+        if change != 0.0:
+            memory[_VARIED] = 1.0
+    else:
+        memory[_AGREEING] = 1.0
+        memory[_AGREEING_S] = 0.0
+        memory[_VARIED] = 0.0
+        # A speed that nothing has confirmed since it was seeded may itself have been the wild one.
+        reached = within_reach(innovation, variance, gate, acceleration, memory[_SINCE_USED_S])
+        memory[_REACHABLE] = 1.0 if reached or memory[_CONFIRMED] == 0.0 else 0.0
+    memory[_SINCE_GATED_S] = 0.0
+    memory[_LAST_GATED] = reading
+    at_rest = reading * reading <= gate * speed_variance
+    if memory[_VARIED] == 0.0 and not at_rest:
+        return GATED
+    if memory[_REACHABLE] == 1.0:
+        return RESEEDED if memory[_AGREEING] >= reseed_after else GATED
+    enough = memory[_AGREEING] >= _FAR_LONGER * reseed_after and memory[_AGREEING_S] >= _FAR_LONGER_S
+    return RESEEDED if enough else GATED

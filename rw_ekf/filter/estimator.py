@@ -53,7 +53,7 @@ class Estimator:
         self._last: WheelSample | None = None
         self._seeded = False
         self._ever_seeded = False
-        self._gated_in_a_row = 0
+        self._gate_memory = [0.0] * decisions.MEMORY_SIZE
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -110,6 +110,8 @@ class Estimator:
         surroundings = self._gatherer.interval(self._last.time_s, sample.time_s)
         if self._seeded and dt <= self.constants.max_gap_s:
             self.ekf.predict_over(dt, surroundings)
+            currents = surroundings.currents_A
+            decisions.elapse(self._gate_memory, dt, currents, surroundings.start, len(currents))
             return True
         self.ekf.grow_parameters(dt)
         self._seeded = False
@@ -119,23 +121,24 @@ class Estimator:
         assert sample.speed_rad_s is not None
         self.ekf.seed_speed(sample.speed_rad_s, self._gatherer.schedule.in_force_A)
         self._seeded = self._ever_seeded = True
-        self._gated_in_a_row = 0
+        decisions.forget(self._gate_memory)
 
     def _weigh(self, sample: WheelSample) -> tuple[int, Innovation]:
         assert sample.speed_rad_s is not None
         c = self.constants
         residual, variance = self.ekf.compare(sample.speed_rad_s)
         nis = residual * residual / variance
-        what = decisions.gating(nis, c.gate, self._gated_in_a_row, c.reseed_after)
+        what = decisions.gating(
+            residual, variance, sample.speed_rad_s, self.ekf.x, self.ekf.P,
+            c.speed_variance, c.gate, c.reseed_after, self._gate_memory,
+        )  # fmt: skip
         if what == decisions.UPDATED:
             self.ekf.update_speed(sample.speed_rad_s)
-            self._gated_in_a_row = 0
             reason = None
         elif what == decisions.RESEEDED:
             self._seed(sample)
             reason = "reseeded"
         else:
-            self._gated_in_a_row += 1
             reason = "gate"
         return what, Innovation(sample.time_s, residual, math.sqrt(variance), nis, c.gate, reason is None, reason)
 

@@ -24,11 +24,16 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.decisions import (
     BACKWARD,
     FIRST,
+    MEMORY_SIZE,
     REPEATED,
     RESEEDED,
     UPDATED,
+    elapse,
+    forget,
     gating,
+    most_acceleration,
     timing,
+    within_reach,
 )
 from rw_ekf.filter.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
 from rw_ekf.filter.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
@@ -56,6 +61,10 @@ make_jitable(
         interval,
         transition,
         timing,
+        forget,
+        elapse,
+        most_acceleration,
+        within_reach,
         gating,
         *_dispatch.JITABLE,
         _dispatch.contribution,
@@ -189,7 +198,7 @@ def _filter_pass(
     temperature, angle = 20.0, 0.0  # until known: effects of temperature are relative to 20 degC
     before = 0.0
     seeded = ever_seeded = False
-    gated_in_a_row = 0
+    gate_memory = np.zeros(MEMORY_SIZE)
     last = 0  # the sample the state belongs to
     for i in range(n_samples):
         speed = speed_rad_s[i]
@@ -231,6 +240,8 @@ def _filter_pass(
                 noise[0] = constants.acceleration_noise * dt + curvature
                 if x[0] == 0.0:
                     noise[0] += constants.stuck_variance
+            if continuous:
+                elapse(gate_memory, dt, piece_current_A, piece_start[last], piece_start[i])
             else:  # the speed starts afresh, or waits for a reading that it can start from
                 row[:] = 0.0
                 row[0] = 0.0 if has_speed else 1.0
@@ -248,30 +259,26 @@ def _filter_pass(
                     held = max(piece_start[i] - 1, first_piece)  # in force when the speed was read
                     seed_hidden(x, P, table, piece_current_A[min(held, piece_current_A.size - 1)], constants.omega_s)
                 seeded = ever_seeded = True
-                gated_in_a_row = 0
+                forget(gate_memory)
             if keep_all:
                 _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
             if what == UPDATED:
                 residual = speed - x[0]
                 S = P[0, 0] + R
-                nis = residual * residual / S
                 innovation[i] = residual
                 innovation_variance[i] = S
-                what = gating(nis, constants.gate, gated_in_a_row, constants.reseed_after)
+                what = gating(residual, S, speed, x, P, R, constants.gate, constants.reseed_after, gate_memory)
                 if what == UPDATED:
                     _update_joseph(x, P, residual, S, R, work)
-                    gated_in_a_row = 0
                 elif what == RESEEDED:
                     _seed_speed(x, P, speed, R)
                     if table.hidden > 0:
                         held = max(piece_start[i] - 1, first_piece)
                         seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
-                    gated_in_a_row = 0
+                    forget(gate_memory)
                     if keep_all:
                         row[:] = 0.0
                         _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
-                else:
-                    gated_in_a_row += 1
             last = i
             if with_effects:
                 if not math.isnan(temperature_degC[i]):

@@ -76,7 +76,7 @@ def rough_log(seed: int, *, burst: bool = False, first_A: float = 0.0) -> tuple[
     time_s[200:] += 7.0
     time_s[400:] -= time_s[400] - 3.0
     if burst:
-        speed[550:557] += 80.0 * RAD_S_PER_RPM
+        speed[550:557] += 20.0 * RAD_S_PER_RPM  # within reach of the wheel: the gate gives up after five
     temperature = 25.0 + 5.0 * np.sin(0.005 * np.arange(n))
     temperature[rng.random(n) < 0.3] = np.nan
     angle = np.where(np.arange(n) % 40 == 0, rng.uniform(0.0, 6.0, n), np.nan)

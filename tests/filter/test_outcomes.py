@@ -139,25 +139,71 @@ def test_a_spike_is_gated_and_its_innovation_kept() -> None:
 
 
 def test_five_gated_samples_in_a_row_reseed() -> None:
-    """When the gate refuses five running, the fifth re-seeds the speed, keeps its nis, and the filter goes on."""
+    """When the gate refuses five running that a wheel can have, the fifth re-seeds and keeps its nis."""
     _, feed = estimator_at()
-    outcomes = [feed(SPEED + 20.0).outcome for _ in range(4)]
+    readings = [SPEED + 2.0 + 0.01 * i for i in range(6)]
+    outcomes = [feed(reading).outcome for reading in readings[:4]]
     assert outcomes == [Outcome.GATED] * 4
-    fifth = feed(SPEED + 20.0)
+    fifth = feed(readings[4])
     assert fifth.outcome is Outcome.RESEEDED
-    assert fifth.mean[0] == SPEED + 20.0
+    assert fifth.mean[0] == readings[4]
     assert fifth.innovation is not None
     assert not fifth.innovation.accepted
     assert fifth.innovation.reason == "reseeded"
-    assert feed(SPEED + 20.0).outcome is Outcome.UPDATED
+    assert feed(readings[5]).outcome is Outcome.UPDATED
+
+
+def test_a_step_that_no_wheel_can_take_needs_a_far_longer_agreement() -> None:
+    """After a step of 20 rad/s in a period the speed waits for a hundred readings over ten seconds, then follows."""
+    estimator, feed = estimator_at()
+    parameters = estimator.mean[1:]
+    outcomes = [feed(SPEED + 20.0 + 0.01 * (i % 7)).outcome for i in range(102)]
+    assert outcomes[:99] == [Outcome.GATED] * 99
+    assert outcomes.count(Outcome.RESEEDED) == 1
+    at = outcomes.index(Outcome.RESEEDED)
+    assert set(outcomes[at + 1 :]) <= {Outcome.UPDATED}
+    np.testing.assert_allclose(estimator.mean[1:], parameters, rtol=0.05)
+
+
+@pytest.mark.parametrize("wild", ["one number", "ends by turns", "anything"])
+def test_readings_that_do_not_agree_never_reseed(wild: str) -> None:
+    """One number repeated, the register's ends by turns, or any numbers, 300 long: gated, and the parameters stay."""
+    estimator, feed = estimator_at()
+    rng = np.random.default_rng(3)
+    parameters = estimator.mean[1:]
+    for i in range(300):
+        wrong = {
+            "one number": 290.0,
+            "ends by turns": 1715.6 * (-1.0) ** i,
+            "anything": float(rng.uniform(-500.0, 500.0)),
+        }[wild]
+        assert feed(wrong).outcome is Outcome.GATED
+    assert (estimator.mean[1:] == parameters).all()
+
+
+def test_a_wheel_at_rest_may_repeat_itself() -> None:
+    """Zero, read again and again where the filter believed in motion, re-seeds: a wheel at rest reads the same."""
+    _, feed = estimator_at(1.5)
+    outcomes = [feed(0.0).outcome for _ in range(5)]
+    assert outcomes[0] is Outcome.GATED
+    assert outcomes[-1] is Outcome.RESEEDED
+
+
+def test_a_wild_first_reading_is_outvoted_by_the_five_that_follow() -> None:
+    """A speed that nothing confirmed has no more standing than the readings that contradict it."""
+    estimator = Estimator(constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
+    assert estimator.step(WheelSample(0.0, 300.0)).outcome is Outcome.FIRST
+    readings = [SPEED - 0.06 * i for i in range(1, 6)]
+    outcomes = [estimator.step(WheelSample(0.1 * i, w)).outcome for i, w in enumerate(readings, start=1)]
+    assert outcomes == [Outcome.GATED] * 4 + [Outcome.RESEEDED]
 
 
 def test_four_gated_samples_then_a_good_one_start_the_count_afresh() -> None:
     """An accepted sample clears the count of gated ones."""
     _, feed = estimator_at()
     for _ in range(2):
-        for _ in range(4):
-            assert feed(SPEED + 20.0).outcome is Outcome.GATED
+        for i in range(4):
+            assert feed(SPEED + 2.0 + 0.01 * i).outcome is Outcome.GATED
         assert feed(SPEED).outcome is Outcome.UPDATED
 
 
