@@ -80,7 +80,7 @@ def most_acceleration(x: Any, P: Any, strongest_A: float, speed: float) -> float
     viscous = abs(x[2]) + _PARAMETER_SIGMAS * math.sqrt(P[2, 2])
     coulomb = abs(x[3]) + _PARAMETER_SIGMAS * math.sqrt(P[3, 3])
     static = abs(x[4]) + _PARAMETER_SIGMAS * math.sqrt(P[4, 4])
-    return _GENEROUS * (gain * strongest_A + viscous * abs(speed) + max(coulomb, static))
+    return float(_GENEROUS * (gain * strongest_A + viscous * abs(speed) + max(coulomb, static)))
 
 
 def within_reach(change: float, variance: float, gate: float, acceleration: float, dt: float) -> bool:
