@@ -12,6 +12,7 @@ from rw_ekf.diagnosis.records import Diagnosis
 from rw_ekf.diagnosis.selection import Search
 from rw_ekf.diagnosis.split import Kind, split_record
 from rw_ekf.diagnosis.verdict import Verdict
+from rw_ekf.likelihood import work
 from rw_ekf.replay import input_of_log
 
 if TYPE_CHECKING:
@@ -39,8 +40,12 @@ def diagnose_log(
     if reason is not None:
         return _unjudged(log, reason, split)
     advance("fitting the base model")
-    found = look(prepare(log, configuration, model, split), advance)
-    if split == "blocks" and not found.new_ids and found.left:
+    prepared = prepare(log, configuration, model, split)
+    prepared.work.start_clock()
+    found = look(prepared, advance)
+    if split == "blocks" and not found.new_ids and found.left and not prepared.work.has(work.OTHER_PART):
+        prepared.work.leave_out("a search of the other part of the record")
+    elif split == "blocks" and not found.new_ids and found.left:
         # What acts may have acted in the held-out blocks alone: then they are searched, and the others held out.
         other = look(found.prepared.swapped(), advance)
         if other.new_ids:
@@ -91,5 +96,6 @@ def _unjudged(log: WheelLog, reason: str, kind: Kind) -> Diagnosis:
         "map": [],
         "residual_tests": {"before": None, "after": None},
         "warnings": list(log.warnings),
+        "left_out": [],
     }
     return Diagnosis(log, document, split.heldout, None, None, None, None, False, None)

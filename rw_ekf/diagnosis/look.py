@@ -20,6 +20,7 @@ from rw_ekf.diagnosis.trial import Selection, determined, matters
 from rw_ekf.diagnosis.verdict import left_over
 from rw_ekf.diagnosis.wander import WANDER, wandering
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 
 Advance = Callable[[str], object]
@@ -84,11 +85,19 @@ def look(prepared: Prepared, advance: Advance) -> Found:
         search.with_rivals(selection)
         _settle_rivals(search, selection)
         _confirm(prepared, search, selection, new_ids(selection))
-    _widen(prepared, search, selection, advance)
+    if prepared.work.has(work.WIDEN):
+        _widen(prepared, search, selection, advance)
+    else:
+        prepared.work.leave_out("the search of the whole record for what a part shows too little of")
     _drop_trifles(search, selection)
     advance("mapping the residual")
     found = _mapped(prepared, search, selection)
-    return _with_wandering_friction(found) if found.left or not found.new_ids else found
+    if not found.left and found.new_ids:
+        return found
+    if not prepared.work.has(work.WANDER):
+        prepared.work.leave_out("a dry friction that wanders with time")
+        return found
+    return _with_wandering_friction(found)
 
 
 def _drop_trifles(search: Search, selection: Selection) -> None:
@@ -135,7 +144,7 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     """
     advance("searching the whole record")
     whole, facts = prepared.whole, prepared.facts
-    everywhere = Search(whole, whole, prepared.seen, prepared.prior, facts, advance, enough=WHOLE_P)
+    everywhere = Search(whole, whole, prepared.seen, prepared.prior, facts, advance, WHOLE_P, work.WIDEN)
     wide = everywhere.run(search.on_whole(selection.final))
     names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
     if not names:

@@ -22,6 +22,7 @@ from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.work import Work
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.replay import input_of_log
 from rw_ekf.starting_point import FilterSetup, setup_of_record
@@ -63,6 +64,11 @@ class Prepared:
     temperature_is_logged: bool
     kept: NDArray[np.bool_]  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
+
+    @property
+    def work(self) -> Work:
+        """What the diagnosis has cost so far."""
+        return self.whole.work
 
     def over_log(self, values: Float64Array) -> Float64Array:
         """An array over the samples looked at as one over the whole log, NaN elsewhere."""
@@ -152,12 +158,14 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
     everything = np.ones(n, dtype=bool)
     by_filter = smoothed_by_filter(data, everything, start.base, setup.constants, noise)
-    record = Record.of(data, everything, setup.constants, temperature, logged_angle)
+    work = Work()
+    record = Record.of(data, everything, setup.constants, temperature, logged_angle, work)
     seen = robust_fit(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
     angle = logged_angle if turned else integrated_angle(data, seen.speed)
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
-        Record.of(data, mask, setup.constants, temperature, angle) for mask in (split.fit, everything, split.heldout)
+        Record.of(data, mask, setup.constants, temperature, angle, work)
+        for mask in (split.fit, everything, split.heldout)
     )
     base = robust_fit(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
     facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)

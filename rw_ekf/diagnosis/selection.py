@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.scorer import Scorer
 from rw_ekf.diagnosis.trial import Selection, Trial, determined, lines_in, matters
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts
+from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model, columns_of_candidate
@@ -45,8 +46,15 @@ class Search:
         facts: RecordFacts,
         advance: Callable[[str], object],
         enough: float = SIGNIFICANT_P,
+        share: float = work.SEARCH,
     ) -> None:
-        """seen: the whole record's speed, smoothed under the base model; enough: p-value at which an effect enters."""
+        """seen: the whole record's speed, smoothed under the base model; enough: p-value at which an effect enters.
+
+        share: of the diagnosis's work that may be spent before the search ends where it stands.
+        """
+        self.work = whole.work
+        self.share = share
+        self.where = "the whole record" if fit_part is whole else "the part that is searched"
         self.fit_part = fit_part
         self.whole = whole
         self.seen = seen
@@ -64,7 +72,10 @@ class Search:
         """Add effects to the base until nothing more is asked for."""
         selection = Selection(base, base)
         current = base
-        for _ in range(_MOST_TURNS):
+        for turn in range(_MOST_TURNS):
+            if turn > 0 and not self.work.has(self.share):
+                self.work.leave_out(f"the search of {self.where} for more than {_said(current)}")
+                break
             self.advance("searching the catalogue")
             contenders = self._contenders(current, selection)
             if not contenders:
@@ -154,6 +165,9 @@ class Search:
         best: tuple[Fit, Trial] | None = None
         local = contenders[0].hypothesis.effect.local_in_time
         for score in contenders[:_TRIED]:
+            if best is not None and not self.work.has(self.share):
+                self.work.leave_out(f"a full fit of {score.id}")
+                continue
             if score.hypothesis.effect.linear and score.statistic < _ALIAS_SHARE * contenders[0].statistic:
                 continue
             self.advance(f"fitting {score.id}")
@@ -211,11 +225,17 @@ class Search:
             near = self._near(selection, name)
             if not near:
                 continue
+            if not self.work.has(max(work.RIVALS, self.share)):
+                self.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
+                continue
             self.advance(f"comparing rivals of {name}")
             less = self.without(final, name)
             scores = self._scores(less, near)
             value = next(column.value for column in final.model.columns if column.id == name)
             for effect in near:
+                if not self.work.has(max(work.RIVALS, self.share)):
+                    self.work.leave_out(f"rivals of {name} ({effect.id})")
+                    continue
                 score = scores.get(effect.id)
                 starts = [] if score is None else score.hypothesis.starts(score.coefficients)
                 if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
@@ -266,6 +286,10 @@ class Search:
                 selection.trials[name].decision = f"explained by {', '.join(rest)}"
             fit = less
         return fit
+
+
+def _said(fit: Fit) -> str:
+    return ", ".join(fit.model.effects.ids) or "the model"
 
 
 def _shape_std(fit: Fit, name: str) -> dict[str, float]:

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.effects.effect import FrictionMemoryEffect, StaticEffect
 from rw_ekf.effects.table import ABSENT
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference, is_differentiable, predict
+from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
+from rw_ekf.likelihood.work import whitening_units
 
 Float64Array = NDArray[np.float64]
 
@@ -77,6 +79,7 @@ class Frame:
         r, A = np.full(n, np.nan), np.zeros((n, m))
         period = self.record.data.period_s
         held = np.zeros((0, m)) if memory_columns is None else memory_columns
+        self.record.work.charge(whitening_units(n, m))
         logs = whiten(self.chain, columns, held, ratio * scale / period, scale, r, A)
         used = np.isfinite(r)
         return r[used], A[used], logs
@@ -100,17 +103,15 @@ def linearise(
     with_columns: bool = True,
 ) -> Frame:
     """Predict every interval and differentiate by the model's vector; `omit` (n,) readings are left out."""
-    analytic = with_columns and is_differentiable(model.effects) and not model.refined
-    centre = predict(record, model.coefficients, model.effects, model.omega_s, model.law, reference, with_rows=analytic)
+    centre = predict(
+        record, model.coefficients, model.effects, model.omega_s, model.law, reference, with_rows=with_columns
+    )
     with_memory = model.effects.table().memory_state_at != ABSENT
     n = reference.speed.size
-    if not with_columns:
-        columns, memory_columns = np.zeros((n, 0)), np.zeros((n if with_memory else 0, 0))
-    elif analytic:
-        columns = np.ascontiguousarray(centre.rows[:, 1:])
-        memory_columns = np.zeros((0, columns.shape[1]))
+    if with_columns:
+        columns, memory_columns = _columns(record, model, reference, centre.rows, with_memory=with_memory)
     else:
-        columns, memory_columns = _differences(record, model, reference, with_memory=with_memory)
+        columns, memory_columns = np.zeros((n, 0)), np.zeros((n if with_memory else 0, 0))
     extra = centre.bend**2
     resting = record.follows & (centre.end == 0.0)
     extra[resting] += _STUCK_SHARE**2 * noise.variance
@@ -140,15 +141,40 @@ def _before(memory_end: Float64Array, record: Record, reference: Reference, mode
     return np.where(record.follows, memory_end, settled)
 
 
-def _differences(
-    record: Record, model: Model, reference: Reference, *, with_memory: bool
+def _columns(
+    record: Record, model: Model, reference: Reference, rows: Float64Array, *, with_memory: bool
 ) -> tuple[Float64Array, Float64Array]:
-    """Slopes of speeds and memories by the model's vector, by central differences of whole passes: (n, p) twice."""
+    """Slopes of speeds and memories by the model's vector, (n, p) twice: written out where the flow knows them.
+
+    The others - shapes, and coefficients of a delay, a current's lag or a Stribeck shape - are differences of passes.
+    """
+    p, known = model.vector.size, 4 + len(model.columns)
+    n, states = rows.shape[0], model.effects.table().size
+    columns = np.zeros((n, p))
+    memory_columns = np.zeros((n if with_memory else 0, p))
+    columns[:, :known] = rows[:, 1 : 1 + known]
+    if with_memory:
+        memory_columns[:, :known] = rows[:, states + 1 : states + 1 + known]
+    others = [
+        4 + i for i, c in enumerate(model.columns) if not issubclass(c.effect, StaticEffect | FrictionMemoryEffect)
+    ]
+    _differences(record, model, reference, [*others, *range(known, p)], columns, memory_columns)
+    return columns, memory_columns
+
+
+def _differences(
+    record: Record,
+    model: Model,
+    reference: Reference,
+    places: list[int],
+    columns: Float64Array,
+    memory_columns: Float64Array,
+) -> None:
+    """Fill the columns at `places` of the model's vector by central differences of whole passes."""
     vector = model.vector
-    n = reference.speed.size
-    columns = np.zeros((n, vector.size))
-    memory_columns = np.zeros((n if with_memory else 0, vector.size))
-    for j, h in enumerate(_step_sizes(model)):
+    sizes = _step_sizes(model) if places else []
+    for j in places:
+        h = sizes[j]
         ends, moved = [], []
         for sign in (1.0, -1.0):
             point = vector.copy()
@@ -163,10 +189,9 @@ def _differences(
         width = moved[0] - moved[1]
         if width != 0.0:
             columns[:, j] = np.where(record.follows, (ends[0].end - ends[1].end) / width, 0.0)
-            if with_memory:
+            if memory_columns.shape[0]:
                 change = (ends[0].memory_end - ends[1].memory_end) / width
                 memory_columns[:, j] = np.where(record.follows, change, 0.0)
-    return columns, memory_columns
 
 
 def _step_sizes(model: Model) -> list[float]:

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects.propagation import effect_interval
+from rw_ekf.effects.propagation import effect_interval, row_size
 from rw_ekf.effects.table import ABSENT, EffectSet, EffectTable
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.likelihood.work import Work, pass_units
 from rw_ekf.model.state import STATE_SIZE
 
 Float64Array = NDArray[np.float64]
@@ -56,12 +57,12 @@ def _one_step_pass(
     end[i + 1] [rad/s], memory_end[i + 1] [rad/s^2] for a friction with a memory, whose reference is `memory`, carried
     on from the interval before where it is NaN. slopes[i + 1] (4,): of speed by speed and memory, of memory by both,
     statistical near zero over the spreads; an empty array where they are not wanted. bend[i + 1]: the curvature
-    neglected there [rad/s]; rows (n, m) or (0, m): analytic slopes by the state, for a table that has them.
+    neglected there [rad/s]; rows (n, m) or (0, m): slopes of the speed by the state and, with a memory, of that.
     """
     n = table.size
     state = x.copy()
     ended = np.zeros(n)
-    row = np.zeros(n)
+    row = np.zeros(row_size(n))
     up = np.zeros(n)
     down = np.zeros(n)
     point = np.zeros(n)
@@ -82,7 +83,7 @@ def _one_step_pass(
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
         near = abs(reference[i]) < near_zero_speed or reference[i] * reference[i + 1] <= 0.0
-        written = differentiable and (analytic or not near)
+        written = analytic or (differentiable and not near)
         effect_interval(
             state, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
             begins, durations, currents, first_piece[i], piece_start[i], count, written, row, ended,
@@ -92,7 +93,7 @@ def _one_step_pass(
             if sloped:
                 slopes[i + 1, 0] = row[0]
             if analytic:
-                rows[i + 1, :] = row
+                rows[i + 1, :] = row[: rows.shape[1]]
         if sloped and (near or not differentiable):
             for way in range(2 if at >= 0 else 1):
                 h = _SPREAD * (spread[i] if way == 0 else memory_spread[i])
@@ -133,6 +134,7 @@ class Record:
     begins_s: Float64Array  # of the pieces
     first_piece: NDArray[np.int64]
     constants: FilterConstants  # of the filter that runs over it
+    work: Work = field(default_factory=Work)  # what the diagnosis has cost so far: one count for all its records
 
     @classmethod
     def of(
@@ -142,6 +144,7 @@ class Record:
         constants: FilterConstants,
         temperature: Float64Array,
         angle: Float64Array,
+        work: Work | None = None,
     ) -> Record:
         """Mark what belongs to `part` (n,); temperature [degC] and angle [rad] (n,) without gaps."""
         from rw_ekf.filter.current_schedule import begins_of_pieces
@@ -153,8 +156,9 @@ class Record:
         opens = np.diff(data.segment, prepend=data.segment[:1] - 1) != 0
         first_piece = data.pieces.start[np.maximum.accumulate(np.where(opens, np.arange(opens.size), 0))]
         return cls(
-            data, follows, temperature, angle, begins_of_pieces(data.time_s, data.pieces), first_piece, constants
-        )
+            data, follows, temperature, angle, begins_of_pieces(data.time_s, data.pieces), first_piece, constants,
+            Work() if work is None else work,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -180,7 +184,7 @@ class Prediction:
     memory_end: Float64Array
     slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row, or (0, 4)
     bend: Float64Array
-    rows: Float64Array  # (n, m) slopes by the state, or (0, m)
+    rows: Float64Array  # (n, m) slopes by the state, (n, 2 m) with those of a memory behind, or (0, m)
 
 
 def state_vector(parameters: Float64Array, effects: EffectSet) -> Float64Array:
@@ -210,8 +214,9 @@ def predict(
         np.zeros(n),
         np.zeros((n if with_slopes else 0, 4)),
         np.zeros(n),
-        np.zeros((n if with_rows else 0, table.size)),
+        np.zeros((n if with_rows else 0, table.size * (1 if table.memory_at == ABSENT else 2))),
     )
+    record.work.charge(pass_units(int(np.count_nonzero(record.follows)), table, slopes=with_slopes, rows=with_rows))
     near = 6.0 * omega_s
     if table.stribeck_at != ABSENT:
         near = max(near, 6.0 * float(parameters[table.stribeck_at - 1]))
@@ -223,12 +228,6 @@ def predict(
         record.temperature_degC, record.angle_rad, out.end, out.memory_end, out.slopes, out.bend, out.rows,
     )  # fmt: skip
     return out
-
-
-def is_differentiable(effects: EffectSet) -> bool:
-    """Whether the slopes of this model are written out (no hidden state, delay or Stribeck shape)."""
-    table = effects.table()
-    return table.hidden == 0 and table.delay_at == ABSENT and table.stribeck_at == ABSENT
 
 
 assert STATE_SIZE == 5  # rows and states here begin with omega, k, b, c, s

@@ -1,0 +1,92 @@
+"""What a diagnosis may cost: work counted where it is done, and what had to be left out for it.
+
+Counted, not timed: a log gets the same verdict on a busy machine as on an idle one. One unit is a nanosecond of an
+ordinary core, as the passes over a record cost it (`PASS_UNITS` and so on were measured once); other work goes along
+with these. Behind the count stands a clock, of processor time, for a machine that is several times slower.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rw_ekf.effects.table import ABSENT, EffectTable
+
+# Of a whole diagnosis. Ordinary records of ten minutes at 10 Hz spend a tenth of it.
+MOST_UNITS = 2.2e10
+MOST_SECONDS = 45.0
+
+# Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
+# with fewer rivals compared is a verdict, one that was never judged on the held-out part is none.
+SEARCH = 0.45
+RIVALS = 0.6
+WIDEN = 0.7
+OTHER_PART = 0.5
+WANDER = 0.85
+TRIFLES = 0.9
+
+
+_PASS = 250.0  # an interval without effects
+_STATIC = 70.0  # a static effect's contribution, or its slope
+_MEMORY = 900.0  # a flow of friction with a memory
+_LAG_STEPS = 4.0  # pieces that a lagging current is followed in
+_WHITE = 12.0  # a sample of one column whitened and projected
+
+
+def pass_units(intervals: int, table: EffectTable, *, slopes: bool, rows: bool) -> float:
+    """Units of one pass of one-step predictions; slopes by the reference double it or more, rows come on top."""
+    flow = _MEMORY if table.memory_at != ABSENT else _PASS
+    one = flow + _STATIC * table.static_at.size
+    runs = 1.0 + (4.0 if table.hidden > 0 else 0.5) * slopes
+    more = (5.0 * _MEMORY * (table.memory_at != ABSENT) + _STATIC * table.static_at.size) * rows
+    return intervals * (runs * one + more) * (_LAG_STEPS if table.lag_at != ABSENT else 1.0)
+
+
+def whitening_units(samples: int, columns: int) -> float:
+    """Units of whitening columns and a residual, and of the products that follow."""
+    return samples * (_WHITE * (columns + 2.0) + 0.5 * columns * columns)
+
+
+class Work:
+    """Counts the work of one diagnosis; stages ask it whether there is room, and note what they leave out."""
+
+    def __init__(
+        self,
+        most_units: float = MOST_UNITS,
+        most_seconds: float = MOST_SECONDS,
+        clock: Callable[[], float] = time.thread_time,
+    ) -> None:
+        """The clock starts now."""
+        self.units = 0.0
+        self.left_out: list[str] = []
+        self._most_units = most_units
+        self._most_seconds = most_seconds
+        self._clock = clock
+        self._began_s = clock()
+
+    def charge(self, units: float) -> None:
+        """Count work that has been done."""
+        self.units += units
+
+    def start_clock(self) -> None:
+        """Let the seconds count from now: what came before was reading and compiling."""
+        self._began_s = self._clock()
+
+    def has(self, share: float) -> bool:
+        """Whether less than that share of the whole is spent, by count and by clock."""
+        seconds = self._clock() - self._began_s
+        return self.units < share * self._most_units and seconds < share * self._most_seconds
+
+    def leave_out(self, what: str) -> None:
+        """Note for the user what was not done; the same thing once."""
+        if what not in self.left_out:
+            self.left_out.append(what)
+
+    def sentences(self) -> list[str]:
+        """What was left out, for a person; empty where nothing was."""
+        if not self.left_out:
+            return []
+        return [
+            f"the diagnosis reached its budget of work and left out: {'; '.join(self.left_out)}. A shorter record, or "
+            "one at a lower rate, is looked at in full"
+        ]
