@@ -19,12 +19,15 @@ from rw_ekf.likelihood.fitting import LEAST_RATIO
 from rw_ekf.likelihood.frame import Frame, Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.whitening import adjoint
+from rw_ekf.likelihood.work import screening_units
 
 Float64Array = NDArray[np.float64]
 
 _RATIOS_BELOW = 6
 _SCREENED = 24
 _NEIGHBOURS = 41
+_BLOCK = 64  # frequencies at once
+_EVEN = 1.0e-9  # of their spacing
 _GROUP_RANK = 0.02  # of a unit column: less is what the model's own parameters do
 _SEEN = 1.0e-4  # a column that the model's own explain to this share of its length says nothing
 
@@ -152,22 +155,45 @@ class Scorer:
         middle = frame.record.data.time_s - 0.5 * chain.step_s
         frequency = np.array([candidate.shape[0] for candidate in candidates])
         chosen: set[int] = set()
-        for i in (0, len(self.ratios) - 1):
+        moving = np.zeros((2, chain.reading.size))
+        for at, i in enumerate((0, len(self.ratios) - 1)):
             full = np.zeros(chain.reading.size)
             full[self.places] = self.residuals[i]
             back = np.zeros(chain.reading.size)
             adjoint(chain, self.ratios[i] * self.variance / frame.record.data.period_s, self.variance, full, back)
-            moving = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
-            used = moving != 0.0
-            power = np.zeros(frequency.size)
-            for first in range(0, frequency.size, 64):
-                turn = np.exp(-2j * math.pi * np.outer(frequency[first : first + 64], middle[used]))
-                power[first : first + 64] = np.abs(turn @ moving[used]) ** 2
-            power *= frequency**2 + frequency[0] ** 2  # a torque moves the speed by one over its frequency
+            moving[at] = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
+        frame.record.work.charge(screening_units(middle.size, frequency.size))
+        # A torque moves the speed by one over its frequency.
+        for power in powers(frequency, middle, moving) * (frequency**2 + frequency[0] ** 2):
             level = np.maximum(np.convolve(power, np.ones(_NEIGHBOURS), "same"), 1.0e-300)
             chosen |= {int(j) for j in np.argsort(power / level)[-_SCREENED // 2 :]}
             chosen |= {int(j) for j in np.argsort(power)[-_SCREENED // 2 :]}
         return [candidates[j] for j in sorted(chosen)]
+
+
+def powers(frequency_Hz: Float64Array, time_s: Float64Array, values: Float64Array) -> Float64Array:
+    """Power (k, m) of k series (k, n) at times (n,) in m frequencies [Hz].
+
+    Where a block of frequencies is as evenly spaced as the one before, its phasors are those turned on: a product in
+    place of an exponential.
+    """
+    used = np.any(values != 0.0, axis=0)
+    time, series = time_s[used] - time_s[0], values[:, used].T.astype(np.complex128)
+    power = np.empty((values.shape[0], frequency_Hz.size))
+    turn, shift, before = np.zeros((0, 0), np.complex128), 0.0, np.zeros(0)
+    on = np.zeros(0, np.complex128)
+    for first in range(0, frequency_Hz.size, _BLOCK):
+        block = frequency_Hz[first : first + _BLOCK]
+        apart = block - before if block.size == before.size else np.zeros(0)
+        if apart.size and np.ptp(apart) < _EVEN * apart[0]:
+            if apart[0] != shift:
+                shift, on = float(apart[0]), np.exp(-2j * math.pi * apart[0] * time)
+            turn *= on
+        else:
+            turn = np.exp(-2j * math.pi * np.outer(block, time))
+        before = block
+        power[:, first : first + _BLOCK] = (np.abs(turn @ series) ** 2).T
+    return power
 
 
 def information(frame: Frame, prior: Prior | None, variance: float, facts: RecordFacts) -> dict[str, float]:

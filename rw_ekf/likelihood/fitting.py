@@ -18,6 +18,7 @@ from rw_ekf.likelihood.frozen_filter import filtered_reference
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.whitening import smooth
+from rw_ekf.likelihood.work import FITS
 
 Float64Array = NDArray[np.float64]
 
@@ -194,6 +195,9 @@ def _gauss_newton(
     start = model
     step = np.zeros(0)
     for turn in range(turns):
+        if turn > 1 and not record.work.has(FITS):
+            record.work.leave_out("the last turns of fits")
+            break
         frame = linearise(record, model, reference, noise, omit)
         found = likelihood(frame, prior, noise)
         here = value_of(frame, found.noise)

@@ -18,18 +18,19 @@ MOST_SECONDS = 45.0
 
 # Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
 # with fewer rivals compared is a verdict, one that was never judged on the held-out part is none.
-SEARCH = 0.45
-RIVALS = 0.6
-WIDEN = 0.7
+SEARCH = 0.5
 OTHER_PART = 0.5
+RIVALS = 0.65
+WIDEN = 0.75
 WANDER = 0.85
-TRIFLES = 0.9
+FITS = 1.0
 
 
 _PASS = 250.0  # an interval without effects
 _STATIC = 70.0  # a static effect's contribution, or its slope
 _MEMORY = 900.0  # a flow of friction with a memory
 _LAG_STEPS = 4.0  # pieces that a lagging current is followed in
+_PHASOR = 10.0  # a sample's phasor turned on by one frequency
 _WHITE = 12.0  # a sample of one column whitened and projected
 
 
@@ -45,6 +46,11 @@ def pass_units(intervals: int, table: EffectTable, *, slopes: bool, rows: bool) 
 def whitening_units(samples: int, columns: int) -> float:
     """Units of whitening columns and a residual, and of the products that follow."""
     return samples * (_WHITE * (columns + 2.0) + 0.5 * columns * columns)
+
+
+def screening_units(samples: int, frequencies: int) -> float:
+    """Units of the power of a series in many frequencies."""
+    return _PHASOR * samples * frequencies
 
 
 class Work:
