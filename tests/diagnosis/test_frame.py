@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,10 +83,38 @@ def test_written_slopes_are_the_derivative() -> None:
 
 
 @pytest.mark.parametrize(
+    "added", [column("friction_lag", 0.08), column("presliding_hysteresis", 0.1, SHAPES["presliding_hysteresis"])]
+)
+def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Column) -> None:
+    """Speed and memory alike: the chain rule over the flow's own differences says what two whole passes say.
+
+    One interval in fifty may break loose, or come to rest, in one of them only.
+    """
+    record, reference = along_truth(1500, 3)
+    model = TRUTH.with_effect([*STATIC, added])
+    memory = np.clip(0.3 * reference.speed, -TRUTH.parameters.coulomb, TRUTH.parameters.coulomb)
+    reference = replace(reference, memory=memory, memory_spread=np.full(1500, 0.05))
+    frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
+    for j, size in enumerate(1.0e-4 * np.abs(model.coefficients)):
+        ends = []
+        for way in (size, -size):
+            point = model.coefficients
+            point[j] += way
+            ends.append(predict(record, point, model.effects, model.omega_s, model.law, reference, with_slopes=False))
+        for found, up, down in (
+            (frame.columns[:, j], ends[0].end, ends[1].end),
+            (frame.memory_columns[:, j], ends[0].memory_end, ends[1].memory_end),
+        ):
+            checked = (up - down) / (2.0 * size)
+            scale = np.quantile(np.abs(checked), 0.99)
+            assert np.mean(np.abs(found - checked) <= 0.03 * scale) > 0.98, (j, scale)
+
+
+@pytest.mark.parametrize(
     "added", [column("transport_delay", 0.05), column("stribeck_shape", 0.8), column("actuator_lag", 0.06)]
 )
 def test_slopes_by_differences_hardly_depend_on_the_step(added: Column) -> None:
-    """What has no written slopes gets those of a difference; one of a tenth of its width says the same."""
+    """Beside what has no written slope, written or by difference: differences of another width say the same."""
     record, reference = along_truth(1500, 2)
     model = TRUTH.with_effect([added])
     frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
