@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 from rw_ekf.effects.table import ABSENT, EffectTable
 
-# Of a whole diagnosis. Ordinary records of ten minutes at 10 Hz spend a tenth of it.
-MOST_UNITS = 2.2e10
+# Of a whole diagnosis. Ordinary records of ten minutes at 10 Hz spend a tenth to a third of it.
+MOST_UNITS = 3.2e10
 MOST_SECONDS = 45.0
 
 # Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
