@@ -19,7 +19,7 @@ from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.filter.log_filter import FilterInput
-from rw_ekf.likelihood.work import Work, pass_units
+from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.state import STATE_SIZE
 
 Float64Array = NDArray[np.float64]
@@ -134,7 +134,7 @@ class Record:
     begins_s: Float64Array  # of the pieces
     first_piece: NDArray[np.int64]
     constants: FilterConstants  # of the filter that runs over it
-    work: Work = field(default_factory=Work)  # what the diagnosis has cost so far: one count for all its records
+    work: Work = field(default_factory=unlimited)  # what the diagnosis has cost so far: one count for all its records
 
     @classmethod
     def of(
@@ -157,7 +157,7 @@ class Record:
         first_piece = data.pieces.start[np.maximum.accumulate(np.where(opens, np.arange(opens.size), 0))]
         return cls(
             data, follows, temperature, angle, begins_of_pieces(data.time_s, data.pieces), first_piece, constants,
-            Work() if work is None else work,
+            unlimited() if work is None else work,
         )  # fmt: skip
 
 

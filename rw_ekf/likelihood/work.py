@@ -7,6 +7,7 @@ with these. Behind the count stands a clock, of processor time, for a machine th
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -51,6 +52,11 @@ def whitening_units(samples: int, columns: int) -> float:
 def screening_units(samples: int, frequencies: int) -> float:
     """Units of the power of a series in many frequencies."""
     return _PHASOR * samples * frequencies
+
+
+def unlimited() -> Work:
+    """Work that is counted and never refused."""
+    return Work(math.inf, math.inf)
 
 
 class Work:

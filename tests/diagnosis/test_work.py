@@ -11,7 +11,7 @@ from rw_ekf.diagnosis import preparation
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.scorer import powers
 from rw_ekf.diagnosis.text import diagnosis_text
-from rw_ekf.diagnosis.work import Work
+from rw_ekf.likelihood.work import Work
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from tests.commands.logs import write_log
