@@ -16,7 +16,7 @@ _SHORT_RECORD_S = 160.0
 _REVERSALS_A_BLOCK = 2.0
 _LEAST_BLOCKS = 4
 _SPREAD_OVER = 8  # blocks at least, where there are so many: of a long block its beginning
-_MOST_SAMPLES = 60_000  # of each part: more would only cost time
+_MOST_SAMPLES = 25_000  # of each part: what a diagnosis can look at within its budget
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def split_record(
     """Cut a record: every other block held out, or its second half.
 
     Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of a record
-    beyond 120,000 samples only so many blocks are looked at, in pairs evenly spread; `looked_at` tells which.
+    beyond 50,000 samples only so many blocks are looked at, in pairs evenly spread; `looked_at` tells which.
     """
     elapsed = running_time(time_s, segment)
     duration = float(elapsed[-1]) if elapsed.size else 0.0
