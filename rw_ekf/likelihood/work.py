@@ -14,7 +14,7 @@ from collections.abc import Callable
 from rw_ekf.effects.table import ABSENT, EffectTable
 
 # Of a whole diagnosis. Ordinary records of ten minutes at 10 Hz spend a tenth to a third of it.
-MOST_UNITS = 3.2e10
+MOST_UNITS = 3.6e10
 MOST_SECONDS = 45.0
 
 # Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
@@ -29,8 +29,8 @@ FITS = 1.0
 
 _PASS = 250.0  # an interval without effects
 _STATIC = 70.0  # a static effect's contribution, or its slope
-_MEMORY = 900.0  # a flow of friction with a memory
-_LAG_STEPS = 4.0  # pieces that a lagging current is followed in
+_MEMORY = 550.0  # a flow of friction with a memory
+_LAG_STEPS = 3.0  # pieces that a lagging current is followed in
 _PHASOR = 10.0  # a sample's phasor turned on by one frequency
 _WHITE = 12.0  # a sample of one column whitened and projected
 
