@@ -42,6 +42,7 @@ class SerialLink:
         *,
         baud: int | None = None,
         counters: LinkCounters | None = None,
+        exclusive: bool = True,
     ) -> None:
         """Open the port: anything pyserial's serial_for_url takes. reply_timeout_s: behind a request's last byte."""
         self.port = port
@@ -54,7 +55,7 @@ class SerialLink:
         self.good_frames = 0
         self._seq = 0
         self._rest = b""
-        self._serial = self._open(line)
+        self._serial = self._open(line, exclusive=exclusive)
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """Send one frame and wait for the reply with the same seq and id and `reply_bytes` of data.
@@ -87,9 +88,9 @@ class SerialLink:
         with contextlib.suppress(*LINE_EXCEPTIONS):  # a port that is gone is closed
             self._serial.close()
 
-    def _open(self, line: LineSettings) -> Any:
-        """Open the port; exclusively where it is a device of this machine."""
-        options: dict[str, Any] = {"exclusive": True} if "://" not in self.port else {}
+    def _open(self, line: LineSettings, *, exclusive: bool) -> Any:
+        """Open the port; exclusively, if asked for, where it is a device of this machine."""
+        options: dict[str, Any] = {"exclusive": True} if exclusive and "://" not in self.port else {}
         if not self.port.startswith("rfc2217://"):  # which refuses to be opened with one
             options["write_timeout"] = max(self.reply_timeout_s, 0.050)
         try:

@@ -55,6 +55,8 @@ class SerialWheel:
         self._quiet_since_s = None
         for register in self._others:
             values = (self._values(register, self._exchange(register, deadline_s)) or {}) | values
+        if "uptime" not in values and any(register.field("uptime") for register in (self._main, *self._others)):
+            return None  # of no time: the host's clock in its place would be a jump
         self._sample_at_s = exchange.received_by_wheel_s
         segment = self.clock.segment
         time_s = self._time_s(values, exchange)
@@ -211,17 +213,21 @@ def open_serial_wheel(
     baud: int | None = None,
     probe: bool = True,
     previous: SerialWheel | None = None,
+    exclusive: bool = True,
 ) -> SerialWheel:
     """Open a wheel. Default timeout and baud are the wire map's.
 
     probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
-    segments go on from it. Raises DriverError: no such port, busy, no permission, nobody answers.
+    segments go on from it. exclusive: refuse a port that another process has locked. Raises DriverError: no such port,
+    busy, no permission, nobody answers.
     """
     if previous is not None:
         previous.close()
     counters = previous.link if previous is not None else None
     timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.line.reply_timeout_s
-    line = SerialLink(port, wire_map.framing, wire_map.line, timeout_s, baud=baud, counters=counters)
+    line = SerialLink(
+        port, wire_map.framing, wire_map.line, timeout_s, baud=baud, counters=counters, exclusive=exclusive
+    )
     wheel = SerialWheel(line, wire_map, previous.clock if previous is not None else None)
     if previous is not None:
         wheel.identity = previous.identity if previous.identity is not None else previous._expected

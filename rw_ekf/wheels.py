@@ -86,12 +86,12 @@ def check_wire(configuration: Configuration) -> WireMap:
 
 
 def serial_opener(
-    configuration: Configuration, wire_map: WireMap, *, probe: bool = True
+    configuration: Configuration, wire_map: WireMap, *, probe: bool = True, exclusive: bool = True
 ) -> Callable[[WheelDriver | None], WheelDriver]:
     """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
 
     probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
-    where its answers do not come through.
+    where its answers do not come through. exclusive: False writes beside a process that has locked the port.
     """
     from drivers.serial_wheel import SerialWheel, open_serial_wheel
 
@@ -103,6 +103,7 @@ def serial_opener(
             baud=configuration.wheel.baud,
             probe=probe and lost is None,
             previous=lost if isinstance(lost, SerialWheel) else None,
+            exclusive=exclusive,
         )
 
     return open_wheel

@@ -1,0 +1,119 @@
+"""Float registers carry infinity, NaN and 3e38 with a good checksum: none of them passes the driver."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import pytest
+
+from drivers.framing import Frame, decode, encode
+from drivers.register_server import Manipulator, RegisterServer, Reply
+from drivers.registers import decode_register, is_plausible
+from drivers.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
+from drivers.wire_map import WireMap
+from rw_ekf.replay import _WILD
+from rw_ekf.settings.schema import LimitsSection
+from rw_ekf.units import rad_s_from_rpm
+from tests.loop.bench import Recorder, served_wheel
+from tests.loop.daemon import run
+
+Served = Callable[..., AbstractContextManager[RegisterServer]]
+CYCLE = 137
+UNITS = {"speed": "rad/s", "current": "A", "current_command": "A", "temperature": "degC", "uptime": "s"}
+WRONG = (math.inf, -math.inf, math.nan, 3.0e38, -3.0e38)
+
+
+@pytest.fixture
+def float_map(wire_map: WireMap) -> WireMap:
+    """The project's map with a cycle of floats."""
+    fields = tuple(Field(name, "f32", unit) for name, unit in UNITS.items())
+    registers = tuple(r if r.id != CYCLE else dataclasses.replace(r, fields=fields) for r in wire_map.registers)
+    return dataclasses.replace(wire_map, registers=registers)
+
+
+def with_value(name: str, number: float, from_cycle: int = 1, replies: int = 2) -> Manipulator:
+    """From that cycle on, so many replies carry `number` in one field."""
+    place = list(UNITS).index(name)
+    count = 0
+
+    def manipulate(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        nonlocal count
+        if request.id != CYCLE:
+            return [Reply(content)] if content else []
+        count += 1
+        if not from_cycle <= count < from_cycle + replies:
+            return [Reply(content)]
+        (frame,) = decode(content, server.wire_map.framing).frames
+        numbers = list(struct.unpack("<5f", frame.data))
+        numbers[place] = number
+        return [Reply(encode(frame.seq, frame.id, struct.pack("<5f", *numbers), server.wire_map.framing))]
+
+    return manipulate
+
+
+@pytest.fixture
+def line(float_map: WireMap, served: Served, tmp_path: Path) -> Iterator[tuple[SerialWheel, RegisterServer]]:
+    """An open wheel with float telemetry, and the server behind it."""
+    with served(float_map, tmp_path / "wheel") as server:
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), float_map, 0.5)
+        yield wheel, server
+        wheel.close()
+
+
+@pytest.mark.parametrize("number", WRONG)
+@pytest.mark.parametrize("name", list(UNITS))
+def test_a_reply_with_an_impossible_number_is_damaged(
+    line: tuple[SerialWheel, RegisterServer], name: str, number: float
+) -> None:
+    """Two such replies cost two samples and are counted as damaged; the third is a sample with a later time."""
+    wheel, server = line
+    before = wheel.read(1.0)
+    server.manipulate = with_value(name, number)
+    assert wheel.read(1.0) is None
+    assert wheel.read(1.0) is None
+    assert wheel.link.damaged == 2
+    after = wheel.read(1.0)
+    assert before is not None
+    assert after is not None
+    assert before.time_s < after.time_s < before.time_s + 10.0
+    assert wheel.link.damaged == 2
+
+
+@pytest.mark.parametrize(("name", "number"), [("speed", math.inf), ("uptime", math.nan), ("current", 3.0e38)])
+def test_the_daemon_goes_on(
+    float_map: WireMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: float
+) -> None:
+    """In mid-run: every other sample is there, counted, logged, and the log reads."""
+    monkeypatch.setattr("tests.loop.daemon.check_wire", lambda configuration: float_map)
+    with served_wheel(tmp_path) as bench:
+        bench.registers.wire_map = float_map
+        bench.recorder.fault = with_value(name, number, from_cycle=8)
+        assert isinstance(bench.recorder, Recorder)
+        ran = run(bench, 2.0)
+    assert 1 <= ran.outcome.link.damaged <= 2  # on a busy machine one may come too late to be looked at
+    assert ran.outcome.statistics.missing >= ran.outcome.link.damaged
+    assert math.isfinite(ran.outcome.belief.mean[0])
+    assert ran.outcome.statistics.samples > 10
+    assert len(ran.log) == ran.outcome.statistics.samples
+
+
+def test_fields_that_nobody_uses_may_hold_anything() -> None:
+    """A reserved word of a register is not judged; one that is used is."""
+    register = Register(1, "mixed", "read", (Field("speed", "f32", "rad/s"), Field("reserved", "f32")))
+    assert is_plausible(register, decode_register(register, struct.pack("<2f", 1.0, math.nan)))
+    assert not is_plausible(register, decode_register(register, struct.pack("<2f", math.nan, 1.0)))
+
+
+def test_the_bounds_lie_between_what_is_allowed_and_what_a_replay_refuses() -> None:
+    """Every quantity has one; a limit that can be configured passes, and what passes can be replayed."""
+    assert set(BEYOND_ANY_MACHINE) == set(QUANTITIES.values())
+    most = {name: info.metadata for name, info in LimitsSection.model_fields.items()}
+    current, rpm = (next(m.le for m in most[name] if hasattr(m, "le")) for name in ("current_A", "speed_rpm"))
+    assert current < BEYOND_ANY_MACHINE["current"] < _WILD
+    assert rad_s_from_rpm(rpm) < BEYOND_ANY_MACHINE["speed"] < _WILD
