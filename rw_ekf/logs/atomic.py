@@ -1,48 +1,79 @@
-"""Files that are either whole or not there: written beside their place, synced, and renamed into it."""
+"""Files that are either whole or not there: written beside their place, synced, and renamed into it.
+
+A directory may be one that others write to. The temporary name cannot be guessed and is made anew, never opened; a
+symbolic link at the place itself is followed only where whoever runs this, or root, put it there; what a daemon writes
+by itself replaces a link instead of following it.
+"""
 
 from __future__ import annotations
 
 import os
+import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rw_ekf.errors import BadInputError
 
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+_MOST_LINKS = 40  # of one name, as the kernel counts
+
 
 @contextmanager
-def atomic_path(path: str | Path) -> Iterator[Path]:
+def atomic_path(path: str | Path, *, follow: bool = True) -> Iterator[Path]:
     """Give a temporary path in the same directory; it replaces `path` when the block ends without an exception.
 
-    A symbolic link keeps pointing where it did, and a device or pipe (/dev/null) is written to directly.
-    Raises BadInputError if the place cannot be written.
+    follow: a symbolic link of one's own keeps pointing where it did, and a device or pipe (/dev/null) is written to
+    directly; False replaces whatever stands there. Raises BadInputError if the place cannot be written.
     """
-    target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file() and not target.is_dir():
-        yield target
+    target = _followed(path) if follow else Path(os.path.abspath(path))
+    named = Path(path)
+    if follow and named.exists() and not named.is_file() and not named.is_dir():
+        yield named
         return
-    if target.is_dir():
+    if target.is_dir() and not target.is_symlink():
         raise BadInputError(f"{path}: is a directory: give the name of a file")
-    temporary = target.with_name(f".{target.stem[:100]}.{os.getpid()}.tmp{target.suffix}")
+    temporary = target.with_name(f".{target.stem[:100]}.{secrets.token_hex(8)}.tmp{target.suffix}")
     try:
-        temporary.touch()
+        descriptor = os.open(temporary, _NEW, 0o666)
     except (OSError, ValueError) as error:
         raise _cannot_write(path, error) from None
     try:
         yield temporary
+        if not os.path.samestat(os.lstat(temporary), os.fstat(descriptor)):
+            raise BadInputError(f"{path}: another program put something else in the place of {temporary}: try again")
         _sync(temporary)
         os.replace(temporary, target)
         _sync(target.parent)
     except OSError as error:
         raise _cannot_write(path, error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        os.close(descriptor)  # open until here, so that no other file can have got its number
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
-def write_text(path: str | Path, text: str) -> None:
+def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
     """Write a UTF-8 text file, all or nothing. Raises BadInputError if the place cannot be written."""
-    with atomic_path(path) as temporary:
+    with atomic_path(path, follow=follow) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def _followed(path: str | Path) -> Path:
+    """Where the symbolic links at `path` lead. Raises BadInputError for a link that another user put there."""
+    place = Path(os.path.abspath(path))
+    for _ in range(_MOST_LINKS):
+        try:
+            link = os.lstat(place)
+            if not place.is_symlink():
+                break
+            owner = link.st_uid
+            if owner not in (os.geteuid(), 0):
+                raise BadInputError(f"{path}: is a symbolic link of another user, not followed: give another place")
+            place = Path(os.path.abspath(place.parent.resolve() / os.readlink(place)))
+        except (OSError, ValueError):  # nothing there yet, or no name at all: writing will say what is wrong
+            break
+    return place
 
 
 def _sync(path: Path) -> None:

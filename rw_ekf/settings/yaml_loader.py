@@ -3,10 +3,12 @@
 Differences from plain PyYAML, each of which has bitten someone: a repeated key is an error (PyYAML: the last one wins
 silently); `1e-5` is a number (PyYAML: text); only `true` and `false` are booleans (PyYAML: also on, off, yes, no);
 `.nan` and `.inf` are refused; dates stay text. Anchors and aliases work; merge keys (`<<`) and tags are refused.
+Size, number of values (aliases written out) and depth are bounded, so that no file takes for ever or fills the memory.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,8 +25,13 @@ _HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)")
 _CONSTANTS = {"": None, "~": None, "null": None, "true": True, "false": False}
-_MAX_VALUES = 100_000  # far above any real file; stops aliases of aliases from filling the memory
+# Far above any real file: a model with twelve effects has 400 values in 10 kB, five levels deep.
+_MAX_BYTES = 1_000_000
+_MAX_VALUES = 100_000  # of any kind, tables too, counted with aliases written out: twenty lines can stand for 2**20
+_MAX_DEPTH = 50
 _MAX_DIGITS = 300  # of an integer; longer ones are no numbers anyone means, and Python refuses some of them
+_MAX_HEXADECIMAL_DIGITS = 200
+_SECTION = re.compile(r"^(?=[A-Za-z_][\w-]*\s*:)", re.MULTILINE)
 
 
 class _Composer(yaml.SafeLoader):
@@ -69,6 +76,47 @@ def load_yaml(path: str | Path) -> YamlDocument:
 
 def parse_yaml(text: str, name: str) -> YamlDocument:
     """Parse strict YAML text; `name` stands where a file name would in messages. Raises ConfigError."""
+    builder, data = _parse(text, name)
+    if builder.findings:
+        raise ConfigError(builder.findings)
+    return YamlDocument(name, data, builder.values, builder.keys)
+
+
+def load_what_can_be_read(path: str | Path) -> tuple[YamlDocument, list[str], frozenset[PathTuple]]:
+    """Read of a YAML file with mistakes what can be read: (document, findings, keys that stand there twice).
+
+    Where it is not even YAML, its sections (keys at the beginning of a line) are read one by one, and those that are
+    not YAML left out. For `stop`, which must not fail for a mistake in what it does not need. Raises ConfigError where
+    the file as a whole cannot be read.
+    """
+    text, name = _read_text(Path(path)), str(path)
+    try:
+        builder, data = _parse(text, name)
+    except ConfigError as error:
+        data, builder = {}, _Builder(name)
+        for start, end in _sections(text):
+            try:
+                part, found = _parse("\n" * text.count("\n", 0, start) + text[start:end], name)
+            except ConfigError:
+                continue
+            if isinstance(found, dict) and isinstance(data, dict):
+                builder.repeated |= part.repeated | {(key,) for key in found if key in data}
+                data = found | data
+                builder.values |= part.values
+                builder.keys |= part.keys
+                builder.findings += part.findings
+        builder.findings[:0] = error.findings
+    return YamlDocument(name, data, builder.values, builder.keys), builder.findings, frozenset(builder.repeated)
+
+
+def _sections(text: str) -> list[tuple[int, int]]:
+    """Where each top-level key of a text with block style at the top begins and ends."""
+    starts = [match.start() for match in _SECTION.finditer(text)]
+    return list(itertools.pairwise([*starts, len(text)]))
+
+
+def _parse(text: str, name: str) -> tuple[_Builder, Any]:
+    """Parse a text: what was built, with findings, and the data. Raises ConfigError where it is no YAML at all."""
     try:
         loader = _Composer(text)
         try:
@@ -87,16 +135,17 @@ def parse_yaml(text: str, name: str) -> YamlDocument:
     if node is None:
         raise ConfigError(f"{name}:1:1: the file is empty; nothing is configured")
     builder = _Builder(name)
-    data = builder.build(node, (), ())
-    if builder.findings:
-        raise ConfigError(builder.findings)
-    return YamlDocument(name, data, builder.values, builder.keys)
+    return builder, builder.build(node, (), ())
 
 
 def _read_text(path: Path) -> str:
     """Text of a UTF-8 file (with or without a byte order mark); ConfigError naming it otherwise."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        with path.open("rb") as stream:
+            content = stream.read(_MAX_BYTES + 1)
+        if len(content) > _MAX_BYTES:
+            raise ConfigError(f"{path}: longer than {_MAX_BYTES} bytes: this is no file of settings")
+        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -125,16 +174,22 @@ class _Builder:
         self.values: dict[PathTuple, tuple[int, int]] = {}
         self.keys: dict[PathTuple, tuple[int, int]] = {(): (1, 1)}
         self.findings: list[str] = []
+        self.repeated: set[PathTuple] = set()
+        self._count = 0
 
     def build(self, node: yaml.Node, path: PathTuple, parents: tuple[int, ...]) -> Any:
         """Plain data of `node`; `parents` are the ids of the nodes around it, to notice an alias of itself."""
         if id(node) in parents:
             return self._finding(node, "an alias contains itself")
-        if len(self.values) >= _MAX_VALUES:
-            if len(self.values) == _MAX_VALUES:
-                self._finding(node, f"more than {_MAX_VALUES} values: too many for a configuration file")
-                self.values[(*path, "")] = _position(node)
+        self._count += 1
+        if self._count > _MAX_VALUES:
+            if self._count == _MAX_VALUES + 1:
+                self._finding(
+                    node, f"more than {_MAX_VALUES} values, with aliases written out: too many for a file of settings"
+                )
             return None
+        if len(parents) > _MAX_DEPTH:
+            return self._finding(node, f"lists or tables are nested more than {_MAX_DEPTH} deep")
         if not isinstance(node, yaml.MappingNode):
             self.values[path] = _position(node)
         if node.tag not in _KNOWN_TAGS:
@@ -148,11 +203,14 @@ class _Builder:
     def _mapping(self, node: yaml.MappingNode, path: PathTuple, parents: tuple[int, ...]) -> dict[Any, Any]:
         result: dict[Any, Any] = {}
         for key_node, value_node in node.value:
+            if self._count > _MAX_VALUES:
+                break
             key = self._key(key_node)
             if key is None:
                 continue
             if key in result:
                 first = self.keys[(*path, key)]
+                self.repeated.add((*path, key))
                 self._finding(key_node, f"key '{key}' is repeated (first on line {first[0]}): keep one of them")
                 continue
             self.keys[(*path, key)] = _position(key_node)
@@ -162,6 +220,8 @@ class _Builder:
     def _sequence(self, node: yaml.SequenceNode, path: PathTuple, parents: tuple[int, ...]) -> list[Any]:
         result = []
         for index, item in enumerate(node.value):
+            if self._count > _MAX_VALUES:
+                break
             self.keys[(*path, index)] = _position(item)
             result.append(self.build(item, (*path, index), parents))
         return result
@@ -187,7 +247,8 @@ class _Builder:
         if _INTEGER.fullmatch(text):
             return int(text) if len(text) <= _MAX_DIGITS else self._finding(node, "a number with too many digits")
         if _HEXADECIMAL.fullmatch(text):
-            return int(text, 16)
+            short = len(text) <= _MAX_HEXADECIMAL_DIGITS
+            return int(text, 16) if short else self._finding(node, "a number with too many digits")
         if _FLOAT.fullmatch(text):
             value = float(text)
             return value if abs(value) != float("inf") else self._finding(node, f"{text} is too large for a number")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.errors import BadInputError, ConfigError
-from rw_ekf.settings.yaml_loader import load_yaml, parse_yaml
+from rw_ekf.settings.yaml_loader import load_what_can_be_read, load_yaml, parse_yaml
 
 
 def test_numbers_that_plain_yaml_takes_for_text_are_numbers() -> None:
@@ -50,6 +50,7 @@ def test_anchors_work() -> None:
         ("a: 1\nb: x\x01\n", "2:5", "does not allow"),
         ("[" * 3000, "1:1", "too deeply"),
         ("a: " + "9" * 5000, "1:4", "too many digits"),
+        ("a: 0x" + "f" * 5000, "1:4", "too many digits"),
     ],
 )
 def test_mistakes_name_file_line_and_column(text: str, place: str, words: str) -> None:
@@ -67,6 +68,56 @@ def test_aliases_of_aliases_do_not_fill_the_memory() -> None:
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 9)]
     with pytest.raises(ConfigError, match="too many"):
         parse_yaml("\n".join(lines), "f.yaml")
+
+
+@pytest.mark.parametrize("leaf", ["{}", "[]", "{a: {}}", "[[]]"])
+@pytest.mark.parametrize("wrap", ["[{}]", "{{{}}}"])
+def test_aliases_of_nothing_come_to_an_end(leaf: str, wrap: str) -> None:
+    """Proves that tables and lists count too: 36 lines that stand for 9**36 empty ones are refused."""
+    lines = [f"a0: &a0 {leaf}"]
+    for n in range(1, 37):
+        items = [f"*a{n - 1}" if wrap[0] == "[" else f"k{i}: *a{n - 1}" for i in range(9)]
+        lines.append(f"a{n}: &a{n} {wrap.format(', '.join(items))}")
+    with pytest.raises(ConfigError, match="too many"):
+        parse_yaml("\n".join(lines), "f.yaml")
+
+
+def test_aliases_cannot_nest_without_end() -> None:
+    """Proves that a chain of aliases, flat to the parser, is refused before it exhausts the stack."""
+    lines = ["a0: &a0 {}", *(f"a{n}: &a{n} [*a{n - 1}]" for n in range(1, 3000))]
+    with pytest.raises(ConfigError, match="nested more than"):
+        parse_yaml("\n".join(lines), "f.yaml")
+
+
+def test_a_file_without_end_is_refused(tmp_path: Path) -> None:
+    """Proves that neither /dev/zero nor a log given by mistake is read whole."""
+    long = tmp_path / "long.yaml"
+    long.write_bytes(b"# nothing\n" * 200_000)
+    for path in ("/dev/zero", long):
+        with pytest.raises(ConfigError, match="longer than"):
+            load_yaml(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "data", "repeated"),
+    [
+        ("a: {b: 1}\nc: [\nd: {e: 2}\n", {"a": {"b": 1}}, set()),
+        ("a: {b: 1, b: 2}\n", {"a": {"b": 1}}, {("a", "b")}),
+        ("a: 1\nx: {\na: 2\n", {"a": 1}, set()),
+        ("a: 1\nb: }\na: 2\n", {"a": 1}, {("a",)}),
+        ("[", {}, set()),
+    ],
+)
+def test_what_can_be_read_of_a_file_with_mistakes(
+    tmp_path: Path, text: str, data: dict[str, object], repeated: set[tuple[str, ...]]
+) -> None:
+    """Proves that sound sections come back beside the findings, and that a key that stands twice is told."""
+    path = tmp_path / "f.yaml"
+    path.write_text(text)
+    document, findings, twice = load_what_can_be_read(path)
+    assert findings
+    assert {key: document.data[key] for key in data} == data
+    assert twice >= repeated
 
 
 def test_all_mistakes_come_at_once() -> None:
