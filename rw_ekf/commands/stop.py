@@ -4,49 +4,104 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
-HELP = "zero current: ends a running daemon of that configuration, then writes zero itself"
+if TYPE_CHECKING:
+    from rw_ekf.loop.holder import HolderReport
+    from rw_ekf.records import WheelDriver
+    from rw_ekf.settings.line import LineConfiguration
+
+HELP = "zero current: ends a running daemon of that configuration's port, then writes zero itself"
 EXAMPLE = """example:
   rw-ekf stop --config my-wheel.yaml"""
+
+_TRY_S = 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--config", metavar="F", required=True, help="configuration file")
+    parser.add_argument("--config", metavar="F", required=True, help="configuration file; only its line is read")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Run the verb; raises RwEkfError, among them DriverError when the wheel does not confirm zero."""
+    """Run the verb; raises RwEkfError that says what was done and what could not be.
+
+    Of the configuration only the port, baud rate, reply timeout and wire map are used: other mistakes are warnings.
+    """
     from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
-    from rw_ekf.loop.claim import stop_holder
+    from rw_ekf.loop.holder import stop_holder
     from rw_ekf.loop.safety import CurrentGuard, SafetyLimits
-    from rw_ekf.settings.load import load_configuration
-    from rw_ekf.wheels import load_wire_map, serial_opener
+    from rw_ekf.settings.line import read_line
 
-    configuration = load_configuration(args.config)
-    port = configuration.wheel.port
-    trouble: DriverError | None = None
-    pid = None
+    line = read_line(args.config)
+    port = line.configuration.wheel.port
+    if line.findings:
+        _warn([*line.findings, "the configuration has mistakes; stop used its port and went on", *line.doubts])
+    report = stop_holder(port)
+    _warn(report.notes)
+    driver = _open(line, report)
     try:
-        pid = stop_holder(port)
-    except DriverError as error:  # zero is tried all the same
-        trouble = error
-    # Without a probe: zero goes out even where the wheel's answers are lost.
-    driver = serial_opener(configuration, load_wire_map(configuration.wheel.protocol), probe=False)(None)
-    try:
-        confirmed = CurrentGuard(driver, SafetyLimits.of(configuration.limits)).zero(1.0)
+        confirmed = CurrentGuard(driver, SafetyLimits.of(line.configuration.limits)).zero(_TRY_S)
     finally:
         driver.close()
     if not confirmed:
+        doubts = "".join(f"; {doubt}" for doubt in line.doubts)
         raise DriverError(
-            f"{port}: zero was sent but no wheel confirmed it within 1 s; check the port, try again, or cut its power"
+            f"{port}: {_done(report)}zero was sent but no wheel confirmed it within {_TRY_S:g} s{doubts}; check the "
+            "port, try again, or cut its power" + _still(report)
         )
-    if trouble is not None:
-        raise trouble
+    if report.remaining:
+        raise DriverError(f"{port}: {_done(report)}zero was sent and confirmed, but does not last" + _still(report))
     if args.json:
-        print_json({"schema": "rw_ekf.stop/1", "port": port, "zero_confirmed": True, "daemon": pid})
+        document = {
+            "schema": "rw_ekf.stop/1",
+            "port": port,
+            "zero_confirmed": True,
+            "daemon": report.ended[0] if report.ended else None,
+            "killed": bool(report.killed),
+            "warnings": [*line.findings, *line.doubts, *report.notes],
+        }
+        print_json(document)
     else:
-        ended = f"daemon {pid} ended; " if pid is not None else ""
-        sys.stdout.write(f"{port}: {ended}zero current confirmed\n")
+        sys.stdout.write(f"{port}: {_done(report)}zero current confirmed\n")
     return 0
+
+
+def _open(line: LineConfiguration, report: HolderReport) -> WheelDriver:
+    """The wheel's line, for ourselves, or beside a daemon that is still there. Raises RwEkfError with what was done."""
+    from rw_ekf.errors import ConfigError, DriverError
+    from rw_ekf.loop.holder import others_with
+    from rw_ekf.wheels import load_wire_map, serial_opener
+
+    configuration = line.configuration
+    port = configuration.wheel.port
+    try:
+        wire_map = load_wire_map(configuration.wheel.protocol)
+    except ConfigError as error:
+        said = f"{port}: {_done(report)}zero could not be written, because the wire map cannot be used{_still(report)}"
+        raise ConfigError([*error.findings, said]) from None
+    # Without a probe: zero goes out even where the wheel's answers are lost.
+    try:
+        return serial_opener(configuration, wire_map, probe=False, exclusive=not report.remaining)(None)
+    except DriverError as error:
+        others = "".join(f"; it is open in {other}" for other in others_with(port))
+        raise DriverError(f"{_done(report)}zero could not be written: {error}{others}{_still(report)}") from None
+
+
+def _done(report: HolderReport) -> str:
+    """What became of the daemons, to stand before what came of the zero."""
+    return "".join(
+        f"daemon {pid} did not end when told and was killed; " if pid in report.killed else f"daemon {pid} ended; "
+        for pid in report.ended
+    )
+
+
+def _still(report: HolderReport) -> str:
+    """Who goes on driving the wheel all the same."""
+    return "".join(f"; {text}" for text in report.remaining)
+
+
+def _warn(texts: list[str]) -> None:
+    for text in texts:
+        sys.stderr.write(f"rw-ekf: warning: {text}\n")

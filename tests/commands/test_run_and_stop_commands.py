@@ -61,7 +61,8 @@ def test_stop_without_a_daemon_writes_zero_itself(bench: Bench, capsys: pytest.C
     bench.registers._command_current(0.3)
     assert main(["stop", "--config", str(bench.config()), "--json"]) == 0
     document = document_of(capsys.readouterr().out)
-    assert document == {"schema": "rw_ekf.stop/1", "port": bench.port, "zero_confirmed": True, "daemon": None}
+    about = {"schema": "rw_ekf.stop/1", "port": bench.port, "zero_confirmed": True, "daemon": None}
+    assert document == about | {"killed": False, "warnings": []}
     assert bench.registers.command_A == 0.0
 
 
