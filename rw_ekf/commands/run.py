@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rw_ekf.loop.daemon import RunOutcome
+    from rw_ekf.loop.sinks import Unwritten
     from rw_ekf.settings.schema import Configuration
 
 HELP = "attach to a wheel: estimate, log and publish until a signal"
@@ -48,7 +49,8 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
     """Run the daemon and print what it came to.
 
     Exit status 1 if the link was lost, or the wheel silent, to the end, if the wheel did not confirm the last zero, or
-    if the run was halted because the wheel must not be driven on.
+    if the run was halted because the wheel must not be driven on, or if a part of what it was to leave could not be
+    written.
     A signal ends the run in order from here on, and a second one does not disturb the report.
     """
     from rw_ekf.loop.stop_signal import StopSignal
@@ -74,7 +76,7 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
         stopped = outcome.stopped_by is not None
         no_sample = outcome.statistics.samples == 0 and not stopped
         failed = outcome.lost or no_sample or outcome.halted is not None or not outcome.zero_confirmed
-        return 1 if failed else 0
+        return 1 if failed or outcome.unwritten else 0
 
 
 def _warnings(outcome: RunOutcome) -> list[str]:
@@ -93,6 +95,8 @@ def _warnings(outcome: RunOutcome) -> list[str]:
             f"the link was lost and taken up again {outcome.link.reconnects} times; the log has a gap each time"
         )
     said += outcome.findings
+    if outcome.unwritten:
+        said.append(_unwritten_text(outcome.unwritten))
     if outcome.statistics.samples == 0:
         return [*said, "no sample came from the wheel"]
     said += outcome.alarms
@@ -105,6 +109,13 @@ def _warnings(outcome: RunOutcome) -> list[str]:
     except (RwEkfError, ArithmeticError, ValueError) as error:
         said.append(f"the run's log could not be judged: {error}")
     return said
+
+
+def _unwritten_text(unwritten: Unwritten) -> str:
+    """What is missing from the run's files, in a sentence."""
+    missing = [f"{unwritten.log_rows} rows of the log"] if unwritten.log_rows else []
+    missing += [f"{unwritten.estimate_rows} rows of the estimates"] if unwritten.estimate_rows else []
+    return f"not written: {', '.join([*missing, *unwritten.other_files])} ({unwritten.reason})"
 
 
 def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
@@ -141,6 +152,12 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
             "late_ms_max": timing.late_ms_max,
         },
         "stopped_by": outcome.stopped_by,
-        "model": str(outcome.files.model),
+        "model": None if outcome.files.model.name in outcome.unwritten.other_files else str(outcome.files.model),
+        "unwritten": {
+            "log_rows": outcome.unwritten.log_rows,
+            "estimate_rows": outcome.unwritten.estimate_rows,
+            "state_files": outcome.unwritten.state_files,
+            "other_files": outcome.unwritten.other_files,
+        },
     }
     print_json(document)

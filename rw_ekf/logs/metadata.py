@@ -39,7 +39,7 @@ def write_metadata(log: str | Path, metadata: RunMetadata) -> Path:
     import yaml
 
     path = metadata_path(log)
-    write_text(path, yaml.safe_dump(_plain(asdict(metadata)), sort_keys=False, allow_unicode=True))
+    write_text(path, yaml.safe_dump(_plain(asdict(metadata)), sort_keys=False, allow_unicode=True), follow=False)
     return path
 
 

@@ -1,12 +1,16 @@
 """Writers for a run: one line per sample and per estimate, on its way to the disk at once.
 
-A line is handed to the operating system as it is written, so that whatever ends the run leaves a log that reads.
+A line is handed to the operating system as it is written, so that whatever ends the run leaves a log that reads. A line
+that does not fit on the disk leaves nothing of itself behind, so that what came before reads, and what may come after.
 Numbers are written with repr: the shortest text that reads back as the very same float.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import math
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +21,7 @@ from rw_ekf.logs.wheel_log import LOG_COLUMNS
 from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
 
 STATE_KEYS = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 INNOVATION_COLUMNS = ("innovation_rad_s", "innovation_std_rad_s", "nis", "accepted", "reason")
 
 
@@ -36,25 +41,46 @@ class RowWriter:
     """A CSV file that grows by whole lines. Never overwrites: a log that exists is someone's data."""
 
     def __init__(self, path: str | Path, columns: Iterable[str]) -> None:
+        """Make the file with its header. Raises BadInputError if it exists, or cannot be made."""
         self.path = Path(path)
         self.columns = tuple(columns)
+        self._length = 0  # of the whole lines so far [bytes]
+        self._descriptor: int | None = None
         try:
-            self._stream = self.path.open("x", encoding="utf-8", newline="")
+            self._descriptor = os.open(self.path, _NEW, 0o666)
+            self.write_row(self.columns)
         except FileExistsError:
             raise BadInputError(f"{path}: exists already and is not overwritten: choose another name") from None
         except (OSError, ValueError) as error:
+            self.close()
             reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             raise BadInputError(f"{path}: cannot be written ({reason})") from None
-        self.write_row(self.columns)
 
     def write_row(self, values: Iterable[float | str | None]) -> None:
-        """Write one line; values in the order of `columns`."""
-        self._stream.write(",".join(map(cell, values)) + "\n")
-        self._stream.flush()
+        """Write one line; values in the order of `columns`.
+
+        Raises OSError if the line cannot be written whole, or if the file has been removed; the next may be tried.
+        """
+        if self._descriptor is None:
+            raise OSError(errno.EBADF, "it is closed", str(self.path))
+        if os.fstat(self._descriptor).st_nlink == 0:  # the system goes on taking lines that nobody will ever read
+            raise OSError(errno.ENOENT, "it has been removed", str(self.path))
+        line = (",".join(map(cell, values)) + "\n").encode()
+        done = 0
+        try:
+            while done < len(line):
+                done += os.pwrite(self._descriptor, line[done:], self._length + done)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._descriptor, self._length)
+            raise
+        self._length += len(line)
 
     def close(self) -> None:
         """Close the file. Safe to call twice."""
-        self._stream.close()
+        descriptor, self._descriptor = self._descriptor, None
+        if descriptor is not None:
+            os.close(descriptor)
 
     def __enter__(self) -> Self:
         return self

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf import __version__
-from rw_ekf.errors import BadInputError
+from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.logs.metadata import RunMetadata, utc_text, write_metadata
+from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.loop.claim import PortClaim
 from rw_ekf.loop.commanders import request_of
@@ -22,11 +23,11 @@ from rw_ekf.loop.live import LiveWheel, LoopTiming, with_following_command
 from rw_ekf.loop.loop import Issue, Sink, run_loop
 from rw_ekf.loop.safety import SafetyLimits
 from rw_ekf.loop.sign_sink import SignSink
-from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, TerminalSink
+from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, TerminalSink, Unwritten
 from rw_ekf.loop.stop_signal import StopSignal
 from rw_ekf.loop.telemetry import TelemetryCheck
 from rw_ekf.loop.watch_sink import WatchSink, watch_sink_of
-from rw_ekf.model_file import WheelModel
+from rw_ekf.model_file import WheelModel, refusal_of
 from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
 from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
 from rw_ekf.statistics import RunStatistics
@@ -62,7 +63,7 @@ class RunFiles:
         safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)[:60]
         stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
         number = 1
-        while (directory / f"{stem}.csv").exists():
+        while os.path.lexists(directory / f"{stem}.csv"):
             number += 1
             stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
         return cls(
@@ -89,6 +90,7 @@ class RunOutcome:
     alarms: tuple[str, ...] = ()  # what the watch said, in sentences, oldest first
     findings: tuple[str, ...] = ()  # what the wheel, its line or its wire map did, in sentences, oldest first
     halted: str | None = None  # why the run ended before its time, where the wheel must not be driven on
+    unwritten: Unwritten = field(default_factory=Unwritten)
 
 
 def run_daemon(
@@ -115,7 +117,7 @@ def run_daemon(
     writes = configuration.command.profile != "none"
     request, profile_s = request_of(configuration.command) if writes else (None, None)
     lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
-    statistics = StatisticsSink()
+    statistics, unwritten = StatisticsSink(), Unwritten()
     watch = watch_sink_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port))
@@ -144,9 +146,12 @@ def run_daemon(
         confirmed = False
         try:
             files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
-            sinks = [*_sinks(stack, files, configuration, statistics, setup.state_names, watch), sign]
+            sinks = [
+                *_sinks(stack, files, configuration, statistics, setup.state_names, watch, unwritten, logger),
+                sign,
+            ]
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
-            samples = _with_metadata(live, live.samples(lasts_s), files, configuration)
+            samples = _with_metadata(live, live.samples(lasts_s), files, configuration, unwritten, logger)
             if request is None:
                 samples, issue = _following(samples)
             else:
@@ -168,7 +173,11 @@ def run_daemon(
                 "has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
             )
         model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
-        write_text(files.model, model_now.to_text())
+        with _tried(files.model, unwritten, logger):
+            refusal = refusal_of(model_now)
+            if refusal is not None:
+                raise BadInputError(f"{files.model}: not written, because nothing could read it: {refusal}")
+            write_text(files.model, model_now.to_text(), follow=False)
         ended_by = "halt" if live.halted is not None else stop.requested or "duration"
         logger.info("ended", by=ended_by, samples=statistics.statistics.samples)
         return RunOutcome(
@@ -184,6 +193,7 @@ def run_daemon(
             () if watch is None else tuple(watch.warnings),
             tuple(check.findings),
             live.halted,
+            unwritten,
         )
 
 
@@ -196,6 +206,17 @@ def expectation_of(configuration: Configuration, model: WheelModel | None) -> st
     return "filter.prior.motor_gain says" if given else "the built-in prior says"
 
 
+@contextlib.contextmanager
+def _tried(path: Path, unwritten: Unwritten, logger: Any) -> Iterator[None]:
+    """A file whose loss must not end a run that drives a wheel: counted, and said where it is the first."""
+    try:
+        yield
+    except (RwEkfError, OSError) as error:
+        unwritten.other_files.append(path.name)
+        if unwritten.note(str(error)):
+            logger.warning("not_written", file=str(path), reason=str(error))
+
+
 def _sinks(
     stack: contextlib.ExitStack,
     files: RunFiles,
@@ -203,14 +224,16 @@ def _sinks(
     statistics: StatisticsSink,
     names: tuple[str, ...],
     watch: WatchSink | None,
+    unwritten: Unwritten,
+    logger: Any,
 ) -> list[Sink]:
-    log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates, names))
+    log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates, names), unwritten, logger.warning)
     about = {"schema": "rw_ekf.state/1", "wheel": configuration.wheel.name, "log": files.log.name}
     sinks: list[Sink] = [
         log,
         statistics,
         *([] if watch is None else [watch]),
-        StateFileSink(files.state, about, names=names, alarms=None if watch is None else watch.active),
+        StateFileSink(files.state, about, names=names, alarms=watch.active if watch else None, unwritten=unwritten),
         SyncSink([files.log, files.estimates]),
         TerminalSink(),
     ]
@@ -220,23 +243,27 @@ def _sinks(
 
 
 def _with_metadata(
-    live: LiveWheel, samples: Iterator[WheelSample], files: RunFiles, configuration: Configuration
+    live: LiveWheel,
+    samples: Iterator[WheelSample],
+    files: RunFiles,
+    configuration: Configuration,
+    unwritten: Unwritten,
+    logger: Any,
 ) -> Iterator[WheelSample]:
     """Write the metadata when the first sample comes: only then is its UTC known."""
     first = True
     for sample in samples:
         if first:
             first = False
-            write_metadata(
-                files.log,
-                RunMetadata(
-                    utc_text(datetime.now(UTC)),
-                    live.driver.source,
-                    __version__,
-                    live.driver.identity,
-                    configuration.model_dump(mode="json"),
-                ),
+            about = RunMetadata(
+                utc_text(datetime.now(UTC)),
+                live.driver.source,
+                __version__,
+                live.driver.identity,
+                configuration.model_dump(mode="json"),
             )
+            with _tried(metadata_path(files.log), unwritten, logger):
+                write_metadata(files.log, about)
         yield sample
 
 

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,31 +27,87 @@ if TYPE_CHECKING:
     from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 
 
-class LogSink:
-    """Every sample, and every estimate, a line each as it comes; on disk at least every ten seconds."""
+Note = Callable[..., None]
 
-    def __init__(self, samples: SampleWriter, estimates: EstimateWriter) -> None:
+
+@dataclass
+class Unwritten:
+    """What a run could not put on the disk: it went on without (the `unwritten` object of `run --json`)."""
+
+    log_rows: int = 0
+    estimate_rows: int = 0
+    state_files: int = 0
+    other_files: list[str] = field(default_factory=list)  # metadata or model
+    reason: str | None = None  # of the first failure
+
+    def __bool__(self) -> bool:
+        """Whether anything that the run was to leave is missing; the state file only tells of the moment."""
+        return self.log_rows + self.estimate_rows + len(self.other_files) > 0
+
+    def note(self, reason: str) -> bool:
+        """Keep the first reason; True if this is the first."""
+        first = self.reason is None
+        self.reason = self.reason or reason
+        return first
+
+
+class LogSink:
+    """Every sample, and every estimate, a line each as it comes; on disk at least every ten seconds.
+
+    A wheel is not let go of because a disk is full or its directory gone: what cannot be written is counted, said once,
+    and tried again with the next sample. After rows that are missing a new segment begins in the log, because nobody
+    who reads it can know what current was in force between.
+    """
+
+    def __init__(
+        self,
+        samples: SampleWriter,
+        estimates: EstimateWriter,
+        unwritten: Unwritten | None = None,
+        note: Note | None = None,
+    ) -> None:
+        """unwritten: where the losses are counted; note: told of the first one."""
         self._samples = samples
         self._estimates = estimates
+        self.unwritten = unwritten if unwritten is not None else Unwritten()
+        self._note = note
+        self._breaks = 0
+        self._broken = False
 
     def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
         """Append one line to each file."""
         if result.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
             return  # a log's time only grows; the statistics count these
+        breaks = self._breaks + self._broken
         try:
-            self._samples.write(sample, command)
+            self._samples.write(replace(sample, segment=sample.segment + breaks) if breaks else sample, command)
+            self._breaks, self._broken = breaks, False
+        except OSError as error:
+            self._broken = True
+            self.unwritten.log_rows += 1
+            self._lost(self._samples.path, error)
+        try:
             self._estimates.write(result)
         except OSError as error:
-            raise RwEkfError(
-                f"{self._samples.path}: the log cannot be written on ({error.strerror}): make room, or give another "
-                "output.directory. The run ends; what is logged so far can be replayed."
-            ) from None
+            self.unwritten.estimate_rows += 1
+            self._lost(self._estimates.path, error)
 
     def close(self) -> None:
-        """Close both files; what a full disk did not take has been reported by the write that failed."""
+        """Close both files; what a full disk did not take has been counted by the write that failed."""
         for writer in (self._samples, self._estimates):
             with contextlib.suppress(OSError):
                 writer.close()
+
+    def _lost(self, path: Path, error: OSError) -> None:
+        reason = error.strerror or str(error)
+        if self.unwritten.note(f"{path}: {reason}") and self._note is not None:
+            self._note(
+                "not_written",
+                file=str(path),
+                reason=reason,
+                do="the run goes on and counts what is missing from its log: make room; a directory that was removed "
+                "does not come back during this run",
+            )
 
 
 class StatisticsSink:
@@ -82,9 +139,14 @@ class StateFileSink:
         every_s: float = 1.0,
         names: tuple[str, ...] = STATE_NAMES,
         alarms: Callable[[], list[dict[str, Any]]] | None = None,
+        unwritten: Unwritten | None = None,
     ) -> None:
-        """alarms: gives those that are on, as they are to be published; None: nobody watches."""
+        """alarms: gives those that are on, as they are to be published; None: nobody watches.
+
+        unwritten: where estimates that could not be published are counted.
+        """
         self.path = path
+        self._unwritten = unwritten if unwritten is not None else Unwritten()
         self._alarms = alarms
         self._names = names
         self._about = about
@@ -136,9 +198,9 @@ class StateFileSink:
                 if document is None:
                     return
             try:
-                write_text(self.path, json.dumps(document, indent=2, allow_nan=False) + "\n")
+                write_text(self.path, json.dumps(document, indent=2, allow_nan=False) + "\n", follow=False)
             except (OSError, ValueError, RwEkfError):
-                continue  # a full disk must not end the run; the log's own writer will say so
+                self._unwritten.state_files += 1  # it tells of the moment: the next one is tried, the log says why
 
 
 class TerminalSink:
@@ -239,7 +301,7 @@ class SyncSink:
             ended = self._stop.wait(self._every_s)
             for path in self._paths:
                 try:
-                    descriptor = os.open(path, os.O_RDONLY)
+                    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
                     try:
                         os.fsync(descriptor)
                     finally:

@@ -147,20 +147,6 @@ def test_a_second_daemon_on_one_port_is_refused(bench: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_a_full_disk_ends_the_run_with_zero_and_one_sentence(bench: Bench) -> None:
-    """The log can grow no more: exit status 1, a sentence that names the file, no traceback, the wheel at zero."""
-    limited = f"ulimit -f 5; exec {shlex.join(PROGRAM)} run --config {bench.config()} --duration 20"
-    with shell(limited) as daemon:
-        out, errors = daemon.communicate(timeout=30)
-    assert daemon.returncode == 1
-    assert out == ""
-    assert "Traceback" not in errors
-    assert "cannot be written on" in errors
-    assert any(abs(value) > 0.01 for value in bench.recorder.writes_A())
-    assert bench.registers.command_A == 0.0
-
-
-@pytest.mark.slow
 def test_a_link_lost_to_the_end_exits_1_with_the_document(bench: Bench) -> None:
     """Unplugged in mid-run and never back: status 1, the whole document with a warning, no traceback."""
     with program("run", "--config", str(bench.config()), "--duration", "1.5", "--json") as daemon:
