@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rw_ekf import model_bounds
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import Coefficient, Shape, StaticEffect
 from rw_ekf.effects.table import NO_EFFECTS, Column, EffectSet, columns_of
@@ -96,14 +97,17 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
     parameters = [checker.number(("parameters", name, "value")) for name in PARAMETER_NAMES]
     effects = checker.effects()
     covariance = checker.covariance(len(PARAMETER_NAMES) + len(effects.state_columns))
+    checker.plausible(parameters, effects, covariance)
     law = checker.get(("stribeck", "law"))
     if law not in LAW_CODES:
         checker.find(("stribeck", "law"), f"is {law!r}; it must be one of {', '.join(LAW_CODES)}")
     model = {
-        "stribeck_speed_rad_s": checker.number(("stribeck", "speed_rad_s"), positive=True),
-        "speed_noise_rad_s": checker.optional(("noise", "speed_rad_s"), positive=True),
-        "acceleration_noise": checker.optional(("noise", "acceleration_rad_s_per_sqrt_s")),
-        "inertia_kg_m2": checker.optional(("inertia_kg_m2",), positive=True),
+        "stribeck_speed_rad_s": checker.number(("stribeck", "speed_rad_s"), model_bounds.STRIBECK_SPEED_RAD_S),
+        "speed_noise_rad_s": checker.optional(("noise", "speed_rad_s"), model_bounds.SPEED_NOISE_RAD_S),
+        "acceleration_noise": checker.optional(
+            ("noise", "acceleration_rad_s_per_sqrt_s"), model_bounds.ACCELERATION_NOISE
+        ),
+        "inertia_kg_m2": checker.optional(("inertia_kg_m2",), model_bounds.INERTIA_KG_M2),
     }
     for key in data:
         if key not in {"schema", "source", "stribeck", "inertia_kg_m2", "parameters", "covariance", "noise", "effects"}:
@@ -118,6 +122,32 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         effects=effects,
         **model,  # type: ignore[arg-type]
     )
+
+
+_ANY = (-math.inf, math.inf)
+_LEAST_EIGENVALUE = 1.0e-12  # of the correlations; below it the matrix has no inverse in double precision
+
+
+def refusal_of(model: WheelModel) -> str | None:
+    """Why the file of this model would not be read again; None if it would.
+
+    A fit to a record that is no wheel's may end where no wheel is; then there is nothing to write.
+    """
+    import yaml
+
+    try:
+        model_from_data(yaml.safe_load(model.to_text()), lambda path: "the model")
+    except ConfigError as error:
+        return "; ".join(error.findings)
+    return None
+
+
+def _is_finite(value: object) -> bool:
+    """Whether it is a number that a double holds."""
+    try:
+        return _is_number(value) and math.isfinite(value)  # type: ignore[arg-type]
+    except OverflowError:  # an integer of three hundred digits and more
+        return False
 
 
 def _is_number(value: object) -> bool:
@@ -153,17 +183,36 @@ class _Checker:
                 value = value[key] if isinstance(key, int) and isinstance(value, list) else None
         return value
 
-    def number(self, path: tuple[str | int, ...], *, positive: bool = False) -> float:
+    def number(self, path: tuple[str | int, ...], bounds: tuple[float, float] = _ANY) -> float:
         value = self.get(path)
-        if not _is_number(value) or not math.isfinite(value):
+        if not _is_finite(value):
             self.find(path, f"is {value!r}; a finite number is needed" if value is not None else "is missing")
             return 1.0
-        if positive and value <= 0:
-            self.find(path, f"is {value!r}; it must be above zero")
+        if not bounds[0] <= value <= bounds[1]:
+            self.find(
+                path, f"is {value:g}; no machine is like that: it must lie between {bounds[0]:g} and {bounds[1]:g}"
+            )
         return float(value)
 
-    def optional(self, path: tuple[str, ...], *, positive: bool = False) -> float | None:
-        return None if self.get(path) is None else self.number(path, positive=positive)
+    def optional(self, path: tuple[str, ...], bounds: tuple[float, float] = _ANY) -> float | None:
+        return None if self.get(path) is None else self.number(path, bounds)
+
+    def plausible(self, parameters: list[float], effects: EffectSet, covariance: tuple[tuple[float, ...], ...]) -> None:
+        """Values and sigmas of the parameters and coefficients against what machines can be (model_bounds)."""
+        stds = [math.sqrt(row[i]) for i, row in enumerate(covariance)]
+        known: list[float | None] = [*stds, *([None] * len(parameters))][: len(parameters)] if stds else [None] * 4
+        for name, value, std in zip(PARAMETER_NAMES, parameters, known, strict=True):
+            fault = model_bounds.value_fault(name, value, std)
+            if fault is not None:
+                self.find(("parameters", name, "value"), fault)
+        least = [model_bounds.LEAST_STD] * len(parameters) + [model_bounds.LEAST_EFFECT_STD] * len(stds)
+        values = [*parameters, *effects.values]
+        for i, (value, std) in enumerate(zip(values, stds, strict=False)):
+            if i < len(parameters) and model_bounds.value_fault(PARAMETER_NAMES[i], value, std) is not None:
+                continue  # one finding a parameter: the sigma is judged by the size of the value
+            fault = model_bounds.std_fault(value, std, least=least[i])
+            if fault is not None:
+                self.find(("covariance", i), fault)
 
     def effects(self) -> EffectSet:
         """The effects, each known to the catalogue, with all its constants, or findings."""
@@ -229,7 +278,7 @@ class _Checker:
 
         rows: Any = self.data.get("covariance")
         try:
-            matrix = np.array([[v if _is_number(v) else math.nan for v in row] for row in rows], dtype=np.float64)
+            matrix = np.array([[v if _is_finite(v) else math.nan for v in row] for row in rows], dtype=np.float64)
         except (TypeError, ValueError):
             matrix = np.zeros(0)
         if matrix.shape != (size, size) or not np.isfinite(matrix).all():
@@ -241,7 +290,14 @@ class _Checker:
             self.find(("covariance",), "has a variance that is not above zero: nothing is known for certain")
             return ()
         scale = np.sqrt(np.diag(matrix))
-        normal = matrix / np.outer(scale, scale)
-        if not np.allclose(normal, normal.T, atol=1e-6) or np.linalg.eigvalsh(normal).min() < -1e-6:
-            self.find(("covariance",), "is not symmetric with non-negative eigenvalues: no covariance is like that")
+        normal = matrix / scale[:, None] / scale[None, :]
+        if not (np.abs(normal) <= 1.0 + 1.0e-6).all() or not np.allclose(normal, normal.T, atol=1e-6):
+            self.find(("covariance",), "is not symmetric with correlations from -1 to 1: no covariance is like that")
+            return ()
+        least = np.linalg.eigvalsh(normal).min()
+        if least < -1.0e-6:
+            self.find(("covariance",), "has a negative eigenvalue: no covariance is like that")
+            return ()
+        if least < _LEAST_EIGENVALUE:  # rounding of a combination that is known for certain: an inverse is needed
+            matrix = matrix + np.diag((_LEAST_EIGENVALUE - least) * np.diag(matrix))
         return tuple(tuple(float(v) for v in row) for row in matrix)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.errors import BadInputError, LogError
+from rw_ekf.errors import BadInputError, FilterError, LogError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
@@ -91,25 +91,41 @@ def replay_log(
         raise BadInputError(
             f"--smooth cannot look back through the hidden state of {', '.join(setup.effects.ids)}: leave it out"
         )
-    if online:
-        run = _online(log, setup, advance)
-    else:
-        run = filter_log(
-            data,
-            setup.constants,
-            setup.prior.mean,
-            setup.prior.covariance,
-            setup.effects,
-            setup.effect_drift,
-            keep_states=with_columns,
-            keep_history=smooth,
-        )
-    belief = _beside_other_stribeck_speeds(data, setup, run) if not online else Belief(run.mean, run.covariance)
-    statistics = RunStatistics.of_run(data, run)
-    consistency = judge_log(data, setup, belief)
+    try:
+        if online:
+            run = _online(log, setup, advance)
+        else:
+            run = filter_log(
+                data,
+                setup.constants,
+                setup.prior.mean,
+                setup.prior.covariance,
+                setup.effects,
+                setup.effect_drift,
+                keep_states=with_columns,
+                keep_history=smooth,
+            )
+        _refuse_runaway(run)
+        belief = _beside_other_stribeck_speeds(data, setup, run) if not online else Belief(run.mean, run.covariance)
+        statistics = RunStatistics.of_run(data, run)
+        consistency = judge_log(data, setup, belief)
+    except FilterError as error:
+        if model is None:
+            raise
+        raise BadInputError(
+            f"{log.name}: with the model given the filter runs away ({error}): it is not a model of this machine, or "
+            "not in the units of this log"
+        ) from None
     warnings = [*log.warnings, *setup.notes, *_remarks(data, log, setup, statistics), *consistency.warnings()]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
+
+
+def _refuse_runaway(run: FilterRun) -> None:
+    """Raise FilterError where predictions went beyond what any machine does, gated readings or not."""
+    worst = float(np.nanmax(np.abs(run.innovation_rad_s), initial=0.0))
+    if not worst <= _WILD or not np.isfinite(run.covariance).all():
+        raise FilterError(f"a prediction missed by {worst:.3g} rad/s")
 
 
 def _beside_other_stribeck_speeds(data: FilterInput, setup: FilterSetup, run: FilterRun) -> Belief:

@@ -55,6 +55,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.filter.identifiability import report
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
+    from rw_ekf.model_file import refusal_of
     from rw_ekf.replay import input_of_log
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 
@@ -99,9 +100,15 @@ def execute(args: argparse.Namespace) -> int:
         "noise": _noise_document(noise),
         "warnings": [*log.warnings, *setup.notes, *warnings],
     }
+    refusal = None
     if args.out is not None:
         source = {"method": args.method, "log": Path(log.name).name, "samples": len(log)}
-        write_text(Path(args.out), model_of(belief, setup, source, noise).to_text())
+        model = model_of(belief, setup, source, noise)
+        refusal = refusal_of(model)
+        if refusal is None:
+            write_text(Path(args.out), model.to_text())
+        else:
+            document["warnings"].append(f"{args.out} was not written, because nothing could read it: {refusal}")
     if args.json:
         print_json(document)
     else:
@@ -109,7 +116,7 @@ def execute(args: argparse.Namespace) -> int:
         if setup.inertia_kg_m2 is not None:
             torques = torques_text(belief.parameters, belief.std[1:], setup.inertia_kg_m2, setup.inertia_from)
         _print(document, reports, noise, torques)
-    return 0
+    return 0 if refusal is None else 1
 
 
 def _fit(

@@ -23,6 +23,7 @@ from rw_ekf.diagnosis.verdict import (
     separation,
 )
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.model_file import refusal_of
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -70,6 +71,9 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         trial.decision = "added" if not unexplained else "explains only part of the residual"
     advance("writing the model")
     model = augmented_model(found, lattice if quantised else None) if chosen else None
+    refusal = None if model is None else refusal_of(model)
+    if refusal is not None:
+        model = None
     if chosen and quantised and not names:
         after = before
     document = {
@@ -91,7 +95,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             "before": residual_tests(before.trace.normalised_innovation),
             "after": residual_tests((after if chosen else before).trace.normalised_innovation),
         },
-        "warnings": [*prepared.log.warnings, *prepared.setup.notes, *prepared.notes, *prepared.work.sentences()],
+        "warnings": [*prepared.log.warnings, *prepared.setup.notes, *prepared.notes, *prepared.work.sentences(), *_not_written(refusal)],
         "left_out": list(prepared.work.left_out),
     }
     heldout = np.zeros(prepared.kept.size, dtype=bool)
@@ -117,6 +121,10 @@ def _over_log(prepared: Prepared, trace: ModelTrace) -> ModelTrace:
         prepared.over_log(trace.residual_acceleration_rad_s2),
         prepared.over_log(trace.normalised_innovation),
     )
+
+
+def _not_written(refusal: str | None) -> list[str]:
+    return [] if refusal is None else [f"no model was written, because none could read it: {refusal}"]
 
 
 def _verdict(found: Found, lattice: Lattice | None, before: Judged, after: Judged) -> Verdict:

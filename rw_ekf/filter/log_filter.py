@@ -121,7 +121,8 @@ class FilterRun:
     @property
     def nis(self) -> Float64Array:
         """Normalised innovation squared, (n,) [-]."""
-        return self.innovation_rad_s**2 / self.innovation_variance
+        with np.errstate(over="ignore"):  # a model that runs away misses by more than a double can square
+            return self.innovation_rad_s**2 / self.innovation_variance
 
     @property
     def log_likelihood(self) -> float:

@@ -102,9 +102,10 @@ class _Problem:
         simulated, _ = simulate(
             self.data, self.runs, omega_0, FrictionParameters(*p), self.constants.omega_s, self.constants.law
         )
-        r = (self.data.speed_rad_s - simulated)[self.used] * self.weight
-        a = self.prior_root @ (self.prior_mean - p)
-        loss = float(r @ r + a @ a)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step too far: its loss counts as infinite
+            r = (self.data.speed_rad_s - simulated)[self.used] * self.weight
+            a = self.prior_root @ (self.prior_mean - p)
+            loss = float(r @ r + a @ a)
         return _Point(p, omega_0, loss if math.isfinite(loss) else math.inf, simulated)
 
     def linearise(self, at: _Point) -> tuple[list[_Linearised], Float64Array, Float64Array]:

@@ -15,6 +15,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from rw_ekf.errors import ConfigError
+from rw_ekf.model_bounds import VALUES, std_fault, value_fault
 from rw_ekf.settings.findings import validation_findings
 from rw_ekf.settings.resources import is_path, protocol_path
 from rw_ekf.settings.schema import (
@@ -133,10 +134,28 @@ def _cross_findings(document: YamlDocument, sections: dict[str, Section]) -> lis
             protocol_path(wheel.protocol)
         except ConfigError as error:
             findings.append(f"{document.where(('wheel', 'protocol'))}: wheel.protocol: {error}")
+    if isinstance(filter_section, FilterSection):
+        findings += _prior_findings(document, filter_section)
     if isinstance(filter_section, FilterSection) and filter_section.model is not None:
         findings += _missing_file(document, ("filter", "model"), filter_section.model)
     if isinstance(command, CommandSection) and command.log is not None:
         findings += _missing_file(document, ("command", "log"), command.log)
+    return findings
+
+
+def _prior_findings(document: YamlDocument, section: FilterSection) -> list[str]:
+    """A prior that no machine can have, or that would overflow; the same bounds as a model's."""
+    findings = []
+    for name in VALUES if section.prior is not None else ():
+        prior = getattr(section.prior, name)
+        if prior is None:
+            continue
+        fault, key = value_fault(name, prior.value, prior.std), "value"
+        if fault is None:
+            fault, key = std_fault(prior.value, prior.std), "std"
+        if fault is not None:
+            path = ("filter", "prior", name, key)
+            findings.append(f"{document.where(path)}: {'.'.join(path)} {fault}")
     return findings
 
 
