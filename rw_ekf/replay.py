@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +92,7 @@ def replay_log(
         raise BadInputError(
             f"--smooth cannot look back through the hidden state of {', '.join(setup.effects.ids)}: leave it out"
         )
-    try:
+    with _blaming(model, log.name):
         if online:
             run = _online(log, setup, advance)
         else:
@@ -109,16 +110,32 @@ def replay_log(
         belief = _beside_other_stribeck_speeds(data, setup, run) if not online else Belief(run.mean, run.covariance)
         statistics = RunStatistics.of_run(data, run)
         consistency = judge_log(data, setup, belief)
-    except FilterError as error:
-        if model is None:
-            raise
-        raise BadInputError(
-            f"{log.name}: with the model given the filter runs away ({error}): it is not a model of this machine, or "
-            "not in the units of this log"
-        ) from None
     warnings = [*log.warnings, *setup.notes, *_remarks(data, log, setup, statistics), *consistency.warnings()]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
+
+
+def refuse_runaway_model(
+    log: WheelLog, data: FilterInput, configuration: Configuration | None, model: WheelModel
+) -> None:
+    """Raise BadInputError where the filter, with that model, goes beyond what any machine does in this log."""
+    setup = setup_of_record(data, configuration, model)
+    with _blaming(model, log.name):
+        _refuse_runaway(filter_log(data, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects))
+
+
+@contextmanager
+def _blaming(model: WheelModel | None, log: str) -> Iterator[None]:
+    """Where the filter breaks with a model that somebody gave, that model is bad input."""
+    try:
+        yield
+    except FilterError:
+        if model is None:
+            raise
+        raise BadInputError(
+            f"{log}: with the model given the filter runs away from these readings: it is not a model of this machine, "
+            "or not in the units of this log; give another model, or none"
+        ) from None
 
 
 def _refuse_runaway(run: FilterRun) -> None:

@@ -280,3 +280,18 @@ def test_every_verb_refuses_in_a_sentence(
     assert f"{path}:" in errors
     assert "parameters.coulomb.value is -4" in errors
     assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize("verb", ["replay", "diagnose"])
+def test_a_model_that_runs_away_is_refused(
+    log: WheelLog, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    """Cubic drag that drives, a thousand million times too strong, within all bounds: one sentence, status 2."""
+    covariance = np.diag(np.square([*STDS, 10.0])).tolist()
+    drag = {"effect": "cubic_drag", "coefficient": {"value": -1.0, "std": 10.0, "unit": "s/rad^2"}}
+    path = tmp_path / "m.yaml"
+    path.write_text(yaml.safe_dump(document(covariance=covariance, effects=[drag])))
+    assert main([verb, log.name, "--model", str(path)]) == 2
+    out, errors = capsys.readouterr()
+    assert out == ""
+    assert "the filter runs away" in errors

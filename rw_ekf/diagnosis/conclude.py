@@ -95,7 +95,13 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             "before": residual_tests(before.trace.normalised_innovation),
             "after": residual_tests((after if chosen else before).trace.normalised_innovation),
         },
-        "warnings": [*prepared.log.warnings, *prepared.setup.notes, *prepared.notes, *prepared.work.sentences(), *_not_written(refusal)],
+        "warnings": [
+            *prepared.log.warnings,
+            *prepared.setup.notes,
+            *prepared.notes,
+            *prepared.work.sentences(),
+            *_not_written(refusal),
+        ],
         "left_out": list(prepared.work.left_out),
     }
     heldout = np.zeros(prepared.kept.size, dtype=bool)

@@ -13,7 +13,7 @@ from rw_ekf.diagnosis.selection import Search
 from rw_ekf.diagnosis.split import Kind, split_record
 from rw_ekf.diagnosis.verdict import Verdict
 from rw_ekf.likelihood import work
-from rw_ekf.replay import input_of_log
+from rw_ekf.replay import input_of_log, refuse_runaway_model
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
@@ -33,12 +33,15 @@ def diagnose_log(
 ) -> Diagnosis:
     """Diagnose a log. Raises LogError for one without a single usable speed, FilterError where nothing can be fitted.
 
-    model: what is known already, its effects included; without it the four parameters alone are the base.
+    model: what is known already, its effects included; without it the four parameters alone are the base. Raises
+    BadInputError for one with which the filter runs away.
     """
     data = input_of_log(log)
     reason = unfit(log, data)
     if reason is not None:
         return _unjudged(log, reason, split)
+    if model is not None and model.effects.columns:
+        refuse_runaway_model(log, data, configuration, model)
     advance("fitting the base model")
     prepared = prepare(log, configuration, model, split)
     prepared.work.start_clock()
