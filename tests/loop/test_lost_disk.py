@@ -86,10 +86,10 @@ def test_a_full_disk_leaves_a_log_that_reads(bench: Bench) -> None:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 32 kB."""
+    """A file system of 1 MB."""
     place = tmp_path / "small"
     place.mkdir()
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=32k", "none", place], capture_output=True, check=False)
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", place], capture_output=True, check=False)
     if made.returncode != 0:
         pytest.skip("needs the right to mount")
     yield place
@@ -103,7 +103,7 @@ def test_a_disk_that_fills_up_and_is_tidied(bench: Bench, small_disk: Path) -> N
     def fill() -> None:
         with filler.open("wb", buffering=0) as stream, contextlib.suppress(OSError):
             while True:
-                stream.write(bytes(512))
+                stream.write(bytes(4096))
 
     def tidy() -> None:
         wait_for(lambda: "not_written" in notes.events)
