@@ -109,7 +109,7 @@ def test_a_disk_that_fills_up_and_is_tidied(bench: Bench, small_disk: Path) -> N
         wait_for(lambda: "not_written" in notes.events)
         filler.unlink()
 
-    rate = {"rate_hz": 50, "reply_timeout_ms": 15}
+    rate = {"rate_hz": 20}
     notes = Notes()
     ran = run(bench, 6.0, (0.5, fill), (0.6, tidy), notes=notes, output={"directory": str(small_disk)}, loop=rate)
     unwritten, log = ran.outcome.unwritten, ran.log
