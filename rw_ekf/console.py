@@ -4,19 +4,78 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
+
+_TICK_S = 0.5
+_LONG = 1.0e5  # beyond it, times mostly, six digits would lose the unit
+_LEAST_COLUMNS, _USUAL_COLUMNS = 10, 80  # a terminal that says it is narrower knows nothing of its width
+
+
+class Status:
+    """One line at the bottom of standard error's terminal that keeps changing; log lines go above it."""
+
+    def __init__(self) -> None:
+        self._shown = ""
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether anybody could see it."""
+        try:
+            return sys.stderr.isatty()
+        except (ValueError, AttributeError):
+            return False
+
+    def columns(self) -> int:
+        """Width of the terminal as it is now."""
+        try:
+            columns = os.get_terminal_size(sys.stderr.fileno()).columns
+        except (OSError, ValueError, AttributeError):
+            columns = 0
+        return columns if columns > _LEAST_COLUMNS else _USUAL_COLUMNS
+
+    def show(self, line: str) -> None:
+        """Replace what is shown. The line must be shorter than the terminal is wide, or each one scrolls."""
+        self._put(f"\r{line}\x1b[K")
+        self._shown = line
+
+    def say(self, text: str) -> None:
+        """Write lines that stay, above the changing one."""
+        if not self._shown:
+            self._put(f"{text}\n")
+        else:
+            self._put(f"\r\x1b[K{text}\n{self._shown}")
+
+    def leave(self) -> None:
+        """Let the line stay as it is and begin a new one."""
+        if self._shown:
+            self._put("\n")
+            self._shown = ""
+
+    def _put(self, text: str) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
+
+STATUS = Status()
 
 
 class _Quiet:
-    """Standard error that may vanish with its terminal without taking the program along."""
+    """Standard error that may vanish with its terminal without taking the program along; lines go above `STATUS`."""
+
+    def __init__(self) -> None:
+        self._begun = ""
 
     def write(self, text: str) -> int:
-        with contextlib.suppress(OSError, ValueError):
-            sys.stderr.write(text)
+        *lines, self._begun = (self._begun + text).split("\n")
+        for line in lines:
+            STATUS.say(line)
         return len(text)
 
     def flush(self) -> None:
@@ -33,10 +92,29 @@ def open_missing_streams() -> None:
             setattr(sys, name, os.fdopen(number, "w", closefd=False))
 
 
+def shown_path(path: str | Path) -> str:
+    """A path as a person can type it from where they stand, quoted for a shell where it has to be."""
+    import shlex
+
+    absolute = Path(path).absolute()
+    try:
+        return shlex.quote(str(absolute.relative_to(Path.cwd())))
+    except (ValueError, OSError):  # elsewhere, or the present folder is gone
+        return shlex.quote(str(absolute))
+
+
 def abandon_output() -> None:
     """Send standard output nowhere from now on: its reader, or its terminal, has gone."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _short_numbers(_logger: object, _name: str, entry: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+    """Six digits are enough for a line that people read; the log file has them all."""
+    for key, value in entry.items():
+        if isinstance(value, float) and math.isfinite(value):
+            entry[key] = float(f"{value:.6g}") if abs(value) < _LONG else round(value, 1)
+    return entry
 
 
 def logger(log_format: str = "text") -> Any:
@@ -54,6 +132,7 @@ def logger(log_format: str = "text") -> Any:
             structlog.processors.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             structlog.processors.format_exc_info,
+            _short_numbers,
             renderer,
         ],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
@@ -64,9 +143,29 @@ def logger(log_format: str = "text") -> Any:
 
 
 @contextmanager
-def progress(title: str, total: int | None, unit: str = "") -> Iterator[Any]:
-    """Progress bar on standard error after two seconds; silent where that is no terminal. Yields a tqdm to update."""
+def progress(title: str, total: int | None, unit: str = "", *, delay_s: float = 2.0) -> Iterator[Any]:
+    """Progress bar on standard error after delay_s; silent where that is no terminal. Yields a tqdm to update.
+
+    Its clock goes on while nothing is updated.
+    """
+    import threading
+
     from tqdm import tqdm
 
-    with tqdm(total=total, desc=title, unit=unit, delay=2.0, disable=None, file=sys.stderr, leave=False) as bar:
-        yield bar
+    ended = threading.Event()
+    with tqdm(total=total, desc=title, unit=unit, delay=delay_s, disable=None, file=sys.stderr, leave=False) as bar:
+
+        def tick() -> None:
+            if not ended.wait(delay_s):
+                while not ended.wait(_TICK_S):
+                    bar.refresh()
+
+        clock = threading.Thread(target=tick, name="progress-clock", daemon=True)
+        if not bar.disable:
+            clock.start()
+        try:
+            yield bar
+        finally:
+            ended.set()
+            if clock.is_alive():
+                clock.join()

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 _JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
+_JUDGED_PLAIN = 1_200  # the same in plain Python
 _FEW_SAMPLES = 20
 _WILD = 1.0e9  # no machine turns, or is driven, by such numbers: a value beyond it is damage, and would only overflow
 
@@ -165,7 +166,9 @@ def _beside_other_stribeck_speeds(data: FilterInput, setup: FilterSetup, run: Fi
     return Belief(mean, covariance)
 
 
-def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consistency:
+def judge_log(
+    data: FilterInput, setup: FilterSetup, belief: Belief, most_samples: int = _JUDGED_SAMPLES
+) -> Consistency:
     """Whether what a fit of the four parameters leaves of the log is noise (docs/decisions/0012).
 
     Judged at the log's own noises, where a wrong model does not pass for a noisy one; that the noises are other than
@@ -173,18 +176,34 @@ def judge_log(data: FilterInput, setup: FilterSetup, belief: Belief) -> Consiste
     """
     if setup.fit_of_record is not None:
         return judge_fit(setup.fit_of_record, setup.constants)
-    head = busiest(data, _JUDGED_SAMPLES)
+    head = busiest(data, most_samples)
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
         return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters
     if setup.effects.columns:
-        head = data.head(_JUDGED_SAMPLES)
+        head = data.head(most_samples)
         mean, covariance = frozen(found, belief.mean)
         run = filter_log(head, without_drift(setup.constants), mean, covariance, setup.effects)
         return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     starts = [found, found._replace(static=found.coulomb), found._replace(static=1.35 * found.coulomb)]
     start = least_squares(head, setup.constants, setup.prior.core, starts=starts).parameters
     return judge_fit(fit_log(head, setup.constants, setup.prior.core, start), setup.constants)
+
+
+def judge_now(data: FilterInput, setup: FilterSetup, belief: Belief) -> tuple[Consistency, int]:
+    """`judge_log` without ever waiting for a compiler, and the samples it looked at.
+
+    Where the cache of compiled routines is cold, the same functions run as plain Python over a shorter head: some two
+    seconds on a desktop computer.
+    """
+    from rw_ekf import compile_ahead
+    from rw_ekf.filter.compiled import interpreted
+
+    passes = compile_ahead.EFFECTS if setup.effects.state_columns else compile_ahead.FILTER
+    if not compile_ahead.cold((*passes, *compile_ahead.LEAST_SQUARES)):
+        return judge_log(data, setup, belief), min(_JUDGED_SAMPLES, data.time_s.size)
+    with interpreted():
+        return judge_log(data, setup, belief, _JUDGED_PLAIN), min(_JUDGED_PLAIN, data.time_s.size)
 
 
 def rows_of_log(log: WheelLog) -> Iterator[tuple[WheelSample, IssuedCommand]]:

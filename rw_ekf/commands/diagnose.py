@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
     read_configuration,
@@ -41,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
+    from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
     from rw_ekf.json_output import print_json
 
@@ -59,6 +61,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.diagnosis.report import write_report
     from rw_ekf.diagnosis.text import diagnosis_text
 
+    make_ready(DIAGNOSIS)
     with progress("diagnose", _STEPS) as bar:
 
         def advance(text: str) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
     read_configuration,
@@ -49,6 +50,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     import numpy as np
 
+    from rw_ekf import compile_ahead
     from rw_ekf.console import progress
     from rw_ekf.documents import FIT_SCHEMA, physical, torques_text
     from rw_ekf.errors import LogError
@@ -72,6 +74,7 @@ def execute(args: argparse.Namespace) -> int:
     readings = int(np.count_nonzero(np.isfinite(data.speed_rad_s)))
     if readings < 10:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
+    make_ready((*compile_ahead.FILTER, *compile_ahead.LEAST_SQUARES))
     setup = setup_of_record(data, configuration, prior_model)
     with progress("fit", None, " evaluations") as bar:
         belief, found, quality, warnings = _fit(args.method, data, log, setup, bar.update)

@@ -7,6 +7,7 @@ import sys
 import time
 from typing import Any
 
+from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
     read_configuration,
@@ -60,8 +61,12 @@ def execute(args: argparse.Namespace) -> int:
     logs = read_logs(args.logs, args.columns)
     read_s = time.perf_counter() - started
 
+    from rw_ekf import compile_ahead
     from rw_ekf.replay import replay_log
 
+    with_effects = model is not None and bool(model.effects.state_columns)
+    judged_by = compile_ahead.EFFECTS if with_effects else compile_ahead.LEAST_SQUARES
+    make_ready((*compile_ahead.FILTER, *judged_by, *(compile_ahead.SMOOTHER if args.smooth else ())))
     started = time.perf_counter()
     done = []
     with progress("replay", sum(len(log) for log in logs), " samples") as bar:

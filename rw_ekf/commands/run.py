@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.console import shown_path
+
 if TYPE_CHECKING:
     from rw_ekf.loop.daemon import RunOutcome
     from rw_ekf.loop.sinks import Unwritten
@@ -25,6 +27,9 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     """Options that `excite` shares."""
     parser.add_argument("--config", metavar="F", required=True, help="configuration file")
     parser.add_argument("--duration", metavar="S", type=_seconds, help="end after S seconds of samples")
+    parser.add_argument(
+        "--model", metavar="F", help="model YAML to start from, effects included, instead of the configuration's"
+    )
     parser.add_argument("--log-format", choices=("text", "json"), default="text", help="of the lines on standard error")
 
 
@@ -62,12 +67,10 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
         from rw_ekf.wheels import check_wire
 
         wire_map = check_wire(configuration)
-        model = read_wheel_model(None, configuration)
+        model = read_wheel_model(args.model, configuration)
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
         outcome = run_daemon(configuration, wire_map, model, args.duration, log, stop)
         warnings = _warnings(outcome)
-        for text in warnings:
-            log.warning("finding", text=text)
         try:
             _print(outcome, warnings, json=args.json)
         except OSError as error:  # the terminal, or who read us, has gone; the run is well, and its files are there
@@ -79,36 +82,40 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
         return 1 if failed or outcome.unwritten else 0
 
 
+def _said_while_running(outcome: RunOutcome) -> list[str]:
+    """Sentences for the document that a person has already read on standard error, as they came."""
+    unconfirmed = "the wheel did not confirm zero current at the end; `rw-ekf stop --config F` tries again"
+    return [*([] if outcome.zero_confirmed else [unconfirmed]), *outcome.findings, *outcome.alarms]
+
+
 def _warnings(outcome: RunOutcome) -> list[str]:
     """Judge the log that was just written; a run's own numbers never fail because of this."""
     from rw_ekf.errors import RwEkfError
     from rw_ekf.logs.reader import read_log
-    from rw_ekf.replay import input_of_log, judge_log
+    from rw_ekf.replay import input_of_log, judge_now
 
-    said = []
-    if not outcome.zero_confirmed:
-        said.append("the wheel did not confirm zero current at the end; `rw-ekf stop --config F` tries again")
+    found = _said_while_running(outcome)
     if outcome.lost:
-        said.append("the link to the wheel was lost to the end of the run")
+        found.append("the link to the wheel was lost to the end of the run")
     if outcome.link.reconnects > 0 and not outcome.lost:
-        said.append(
+        found.append(
             f"the link was lost and taken up again {outcome.link.reconnects} times; the log has a gap each time"
         )
-    said += outcome.findings
     if outcome.unwritten:
-        said.append(_unwritten_text(outcome.unwritten))
+        found.append(_unwritten_text(outcome.unwritten))
     if outcome.statistics.samples == 0:
-        return [*said, "no sample came from the wheel"]
-    said += outcome.alarms
+        return [*found, "no sample came from the wheel"]
     refused = outcome.statistics.gate_finding(outcome.setup.constants.gate)
     if refused is not None:
-        said.append(refused)
+        found.append(refused)
+    log = shown_path(outcome.files.log)
     try:
         data = input_of_log(read_log(outcome.files.log))
-        said += judge_log(data, outcome.setup, outcome.belief).warnings()
-    except (RwEkfError, ArithmeticError, ValueError) as error:
-        said.append(f"the run's log could not be judged: {error}")
-    return said
+        judged, _ = judge_now(data, outcome.setup, outcome.belief)
+    except (RwEkfError, ArithmeticError, ValueError, LookupError) as error:
+        return [*found, f"the run's log could not be judged: {error}"]
+    # A command that is named can be run from here, as it stands.
+    return [*found, *(text.replace(" LOG", f" {log}") for text in judged.warnings())]
 
 
 def _unwritten_text(unwritten: Unwritten) -> str:
@@ -119,6 +126,7 @@ def _unwritten_text(unwritten: Unwritten) -> str:
 
 
 def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
+    """The result on standard output; as text without what standard error has told already."""
     from rw_ekf.documents import REPLAY_SCHEMA, entry_text, log_entry
     from rw_ekf.json_output import print_json
 
@@ -130,7 +138,13 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
         warnings,
     )
     if not json:
-        sys.stdout.write(entry_text(entry, outcome.belief, outcome.setup) + "\n")
+        said = _said_while_running(outcome)
+        entry |= {"log": shown_path(outcome.files.log), "warnings": [text for text in warnings if text not in said]}
+        lines = [entry_text(entry, outcome.belief, outcome.setup)]
+        if outcome.alarms:
+            lines.append(f"  alarms: {len(outcome.alarms)} lines above, as they came")
+        lines.append(f"  model: {shown_path(outcome.files.model)}  (run, replay and diagnose take it: --model)")
+        sys.stdout.write("\n".join(lines) + "\n")
         return
     link, timing = outcome.link, outcome.timing
     document: dict[str, Any] = {

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.effects.propagation import effect_interval
-from rw_ekf.effects.table import EffectSet, EffectTable
+from rw_ekf.effects.table import NO_EFFECTS, EffectSet, EffectTable
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.likelihood.one_step import Record
@@ -54,7 +55,15 @@ def _run_ahead(
         ends[j] = state[0]
 
 
-run_ahead = compile_cached(_run_ahead, [*COMPILED_MODULES, sys.modules[__name__]])
+def _example() -> tuple[Any, ...]:
+    series, numbers = np.zeros(0), np.zeros(0, np.int64)
+    return (
+        NO_EFFECTS.table(), 1.0, 0, series, numbers, numbers, *[series] * 5, np.zeros((0, 5)), numbers, numbers,
+        series, series,
+    )  # fmt: skip
+
+
+run_ahead = compile_cached(_run_ahead, [*COMPILED_MODULES, sys.modules[__name__]], _example)
 
 
 def simulate_ahead(

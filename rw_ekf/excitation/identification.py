@@ -1,7 +1,8 @@
 """`identification`: 600 s that show what the published profiles leave in the dark. Open loop, so it needs no estimate.
 
 Built for the wheel of [CK13] (Coulomb friction 38.6 mA) and checked for motor gain and friction 20 % off: such a wheel
-still reverses at every block and stays under 3000 rpm; no more than 0.4 A is ever asked for.
+still reverses at every block and stays under 3000 rpm; no more than 0.4 A is ever asked for, and no change faster than
+4 A/s, so that the wheel gets what was asked for (the default `limits.slew_A_per_s` is 5).
 
 reversals   constant currents of both signs at several levels: motor gain, Coulomb friction, dead zone
 dwells      a kick, then just the Coulomb current: low speeds that hardly change
@@ -12,9 +13,13 @@ coast-downs from about 2000 rpm in both directions, current zero: viscous fricti
 
 from __future__ import annotations
 
-from rw_ekf.excitation.pieces import Piece, PiecewiseLinear, hold
+from bisect import bisect_right
+from itertools import accumulate
+
+from rw_ekf.excitation.pieces import Piece, PiecewiseLinear, hold, ramped
 
 STRONG_A = 0.4
+SLEW_A_PER_S = 4.0  # of every change: the default limit is 5, and a tick may come a fifth too soon after the one before
 COULOMB_A = 0.5863 / 15.205  # [CK13]: the current that balances Coulomb friction
 
 
@@ -54,17 +59,21 @@ def _dwells() -> list[Piece]:
     return _both_ways(hold(4.0, 0.06), hold(12.0, COULOMB_A))
 
 
-def _profile() -> list[Piece]:
-    return [
-        *_reversals(),
-        *_creep(),
-        *_dwells(),
-        *_burst(2.0),
-        *_both_ways(*_coast_down()),
-        hold(22.0, 0.0),
-        *_burst(1.0),
-        *_creep(),
-    ]
+_BLOCKS = (
+    ("reversals", _reversals()),
+    ("creep", _creep()),
+    ("dwells", _dwells()),
+    ("bursts", _burst(2.0)),
+    ("coast-downs", _both_ways(*_coast_down())),
+    ("rest", [hold(22.0, 0.0)]),
+    ("bursts", _burst(1.0)),
+    ("creep", _creep()),
+)
+_ENDS_S = tuple(accumulate(sum(piece.duration_s for piece in block) for _, block in _BLOCKS))
+
+LAW = PiecewiseLinear(ramped([piece for _, block in _BLOCKS for piece in block], SLEW_A_PER_S))
 
 
-LAW = PiecewiseLinear(_profile())
+def phase(time_s: float) -> str:
+    """What the profile is at, by its time [s]."""
+    return _BLOCKS[min(bisect_right(_ENDS_S, time_s), len(_BLOCKS) - 1)][0]

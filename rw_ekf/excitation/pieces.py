@@ -23,6 +23,29 @@ def hold(duration_s: float, current_A: float) -> Piece:
     return Piece(duration_s, current_A, current_A)
 
 
+def ramped(pieces: Sequence[Piece], slew_A_per_s: float) -> list[Piece]:
+    """The same course without jumps: each ends where the next piece begins, climbed in the piece before it.
+
+    The first begins from zero. Only pieces longer than the ramps they take part in can be given.
+    """
+    course: list[Piece] = []
+    start_A = 0.0
+    for index, piece in enumerate(pieces):
+        slope = (piece.end_A - piece.start_A) / piece.duration_s
+        rise_s = abs(piece.start_A - start_A) / slew_A_per_s
+        if rise_s > 0.0:  # only the first piece of all: the others were led up to
+            course.append(Piece(rise_s, start_A, piece.start_A + slope * rise_s))
+        following_A = pieces[index + 1].start_A if index + 1 < len(pieces) else piece.end_A
+        fall_s = abs(following_A - piece.end_A) / slew_A_per_s
+        left_s = piece.duration_s - rise_s - fall_s
+        level_A = piece.end_A - slope * fall_s
+        course.append(Piece(left_s, piece.start_A + slope * rise_s, level_A))
+        if fall_s > 0.0:
+            course.append(Piece(fall_s, level_A, following_A))
+        start_A = following_A
+    return course
+
+
 class PiecewiseLinear:
     """Pieces one after another; beyond the last one the current is zero."""
 

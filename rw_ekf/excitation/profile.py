@@ -19,6 +19,7 @@ class Profile:
     name: str
     duration_s: float | None  # None: for ever
     law: Callable[[float], float]  # time [s] -> current [A], asked for only within the duration
+    phase: Callable[[float], str] | None = None  # what it is at, by its time [s]; None: the same thing throughout
 
     def current_A(self, time_s: float) -> float:
         """Current [A] at `time_s` from the start of the profile [s]; zero before it and from its end on."""
@@ -44,7 +45,7 @@ def make_profile(
     if name == "P2":
         return Profile(name, published.CK13_DURATION_S, published.random_steps_law(seed))
     if name == "identification":
-        return Profile(name, identification.LAW.duration_s, identification.LAW.current_A)
+        return Profile(name, identification.LAW.duration_s, identification.LAW.current_A, identification.phase)
     if name == "zero":
         return Profile(name, None, lambda time_s: 0.0)
     if name == "sine":

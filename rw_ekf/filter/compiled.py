@@ -6,10 +6,17 @@ kernel would be silently wrong physics, so the stamp here is a digest over all o
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import functools
 import hashlib
 import inspect
-from collections.abc import Callable
+import os
+import pickle
+import shutil
+import tempfile
+import types
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
 
@@ -32,11 +39,91 @@ def make_jitable(functions: list[Callable[..., Any]]) -> None:
         register_jitable(error_model="numpy", nogil=True)(function)
 
 
-def compile_cached(function: Callable[..., Any], modules: list[ModuleType]) -> Callable[..., Any]:
+class Kernel:
+    """A function that numba compiles at its first call, or takes from the cache on disk.
+
+    Ask `is_ready` before a call that a person waits for: the compiler takes seconds, holds the interpreter meanwhile,
+    and does not answer a signal (`rw_ekf.compile_ahead` lets a child process do it).
+    """
+
+    interpreting = False  # of all kernels, see `interpreted`
+
+    def __init__(self, dispatcher: Any, example: Callable[[], tuple[Any, ...]] | None) -> None:
+        """example: gives arguments of the types that every call has; None where nobody compiles ahead."""
+        self.dispatcher = dispatcher
+        self.plain = dispatcher.py_func
+        self._example = example
+
+    def __call__(self, *args: Any) -> Any:
+        """Compute, in plain Python within `interpreted()`."""
+        return self.plain(*args) if Kernel.interpreting else self.dispatcher(*args)
+
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        """Numba's types of the arguments. Raises ValueError for a kernel without an example."""
+        if self._example is None:
+            raise ValueError(f"{self.plain.__name__}: no example of its arguments is known")
+        return tuple(self.dispatcher.typeof_pyval(value) for value in self._example())
+
+    def is_ready(self) -> bool:
+        """Whether the next call runs at once: compiled in this process, or listed in the cache's index on disk."""
+        signature = self.signature
+        if signature in self.dispatcher.overloads:
+            return True
+        cache = self.dispatcher._cache
+        if not isinstance(cache, caching.FunctionCache):
+            return False
+        key = cache._index_key(signature, self.dispatcher.targetctx.codegen())
+        try:
+            name = cache._cache_file._load_index().get(key)
+        except (OSError, EOFError, ValueError, AttributeError, ImportError, pickle.PickleError):
+            return False  # an index that cannot be read is written anew by whoever compiles
+        return name is not None and os.path.exists(cache._cache_file._data_path(name))
+
+    def compile(self) -> None:
+        """Compile for the example's types, or load that from the cache."""
+        self.dispatcher.compile(self.signature)
+
+
+@contextlib.contextmanager
+def interpreted() -> Iterator[None]:
+    """Within this, kernels run as plain Python: some hundred times slower, and never compiled."""
+    Kernel.interpreting = True
+    try:
+        yield
+    finally:
+        Kernel.interpreting = False
+
+
+@functools.cache
+def private_folder() -> str:
+    """Folder for the caches of this process and its children alone, where nowhere else can be written; removed at exit.
+
+    Raises OSError where there is no room for temporary files either.
+    """
+    folder = tempfile.mkdtemp(prefix="rw-ekf-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def child_environment() -> dict[str, str]:
+    """What a child process needs in its environment to fill the same caches."""
+    return {"NUMBA_CACHE_DIR": private_folder()} if private_folder.cache_info().currsize else {}
+
+
+def compile_cached(
+    function: Callable[..., Any],
+    modules: list[ModuleType],
+    example: Callable[[], tuple[Any, ...]] | None = None,
+    *,
+    name: str | None = None,
+) -> Kernel:
     """Compile `function`, cached on disk until the source of any of `modules` changes.
 
+    The cache lies beside the source, or, where that cannot be written, with the user, or in a folder of the process.
     Division follows IEEE (no exception, so that loops stay tight) and no fused or reordered arithmetic is allowed, so
-    that compiled and plain Python results agree to rounding.
+    that compiled and plain Python results agree to rounding. example: arguments of the types that calls have; name: of
+    the cache, where one function makes two kernels (two processes that write one index would lose each other's entry).
     """
     stamp = source_digest(modules)
 
@@ -52,8 +139,16 @@ def compile_cached(function: Callable[..., Any], modules: list[ModuleType]) -> C
         def get_source_stamp(self) -> object:
             return stamp
 
+    class Private(caching.UserWideCacheLocator):
+        def __init__(self, py_func: Any, py_file: str) -> None:
+            super().__init__(py_func, py_file)
+            self._cache_path = os.path.join(private_folder(), self.get_suitable_cache_subpath(py_file))
+
+        def get_source_stamp(self) -> object:
+            return stamp
+
     class Implementation(caching.CompileResultCacheImpl):
-        _locator_classes = [Provided, InTree, UserWide]  # noqa: RUF012 - the name and kind are numba's
+        _locator_classes = [Provided, InTree, UserWide, Private]  # noqa: RUF012 - the name and kind are numba's
 
     class Cache(caching.FunctionCache):
         _impl_class = Implementation
@@ -62,7 +157,18 @@ def compile_cached(function: Callable[..., Any], modules: list[ModuleType]) -> C
             with contextlib.suppress(OSError):  # a full disk costs the cache, not the run
                 super().save_overload(sig, data)
 
+    if name is not None:
+        function = _renamed(function, name)
     dispatcher = numba.njit(error_model="numpy")(function)
-    with contextlib.suppress(RuntimeError):  # no folder is writable: compile in memory, every time
+    with contextlib.suppress(RuntimeError, OSError):  # no folder is writable: compile in memory, every time
         dispatcher._cache = Cache(function)
-    return dispatcher  # type: ignore[no-any-return]
+    return Kernel(dispatcher, example)
+
+
+def _renamed(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """A copy under another name."""
+    assert isinstance(function, types.FunctionType)
+    copy = types.FunctionType(function.__code__, function.__globals__, name, function.__defaults__)
+    copy.__qualname__, copy.__doc__, copy.__module__ = name, function.__doc__, function.__module__
+    copy.__annotations__ = function.__annotations__
+    return copy

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.effects import dispatch as _dispatch
 from rw_ekf.effects import propagation as _effect_propagation
-from rw_ekf.effects.table import EffectTable
+from rw_ekf.effects.table import NO_EFFECTS, EffectTable
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import effect_transition as _effect_transition
 from rw_ekf.filter import transition as _transition
@@ -147,10 +148,13 @@ def _record(
     noises: Float64Array,
 ) -> None:
     """Keep what a smoother needs of step i: the prediction and the transition that led to it."""
-    predicted[i, :] = x
-    covariance[i, :, :] = P
-    rows[i, :] = row
-    noises[i, :] = noise
+    n = x.size
+    for j in range(n):  # element by element: an assignment of slices takes numba four seconds longer to compile
+        predicted[i, j] = x[j]
+        rows[i, j] = row[j]
+        noises[i, j] = noise[j]
+        for m in range(n):
+            covariance[i, j, m] = P[j, m]
 
 
 make_jitable([_seed_speed, _predict_covariance, _update_joseph, _record])
@@ -158,7 +162,7 @@ make_jitable([_seed_speed, _predict_covariance, _update_joseph, _record])
 
 def _filter_pass(
     constants: FilterConstants,
-    table: EffectTable,
+    table: EffectTable | None,
     time_s: Float64Array,
     speed_rad_s: Float64Array,
     segment: NDArray[np.int64],
@@ -182,7 +186,8 @@ def _filter_pass(
 ) -> None:
     """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written.
 
-    Without effects (a state of five) piece_begin_s, temperature_degC and angle_rad are not read.
+    Without effects (a state of five) table is None, and piece_begin_s, temperature_degC and angle_rad are not read.
+    Each test of `table` stands alone: numba then leaves out the branch, and with it two thirds of the compiler's time.
     """
     n_samples = time_s.size
     n = x.size
@@ -193,10 +198,9 @@ def _filter_pass(
     row = np.zeros(n)
     L = np.zeros((n + 2, n))
     work = np.zeros(n)
-    with_effects = n > 5
     F = np.eye(n)
     product = np.zeros((n, n))
-    scratch = np.zeros((3 * n + 6 if with_effects else 0, n))
+    scratch = np.zeros((3 * n + 6 if n > 5 else 0, n))
     first_piece = 0  # of the segment
     temperature, angle = 20.0, 0.0  # until known: effects of temperature are relative to 20 degC
     before = 0.0
@@ -218,19 +222,20 @@ def _filter_pass(
             noise[2] = constants.viscous_drift * elapsed
             noise[3] = constants.coulomb_drift * elapsed
             noise[4] = constants.static_drift * elapsed
-            if with_effects:
+            if table is not None:
                 for j in range(table.drift.size):
                     noise[5 + j] = table.drift[j] * elapsed
                 if i == 0 or new_segment:
                     first_piece = piece_start[i]
-            if continuous and with_effects:
+            if continuous and table is not None:
                 before = x[0]
                 curvature = effect_transition(
                     x, P, table, constants.omega_s, constants.law, constants.near_zero_speed, time_s[last], time_s[i],
                     temperature, angle, piece_begin_s, piece_duration_s, piece_current_A,
                     first_piece, piece_start[last], piece_duration_s.size, F, scratch,
                 )  # fmt: skip
-                row[:] = F[0]
+                for j in range(n):
+                    row[j] = F[0, j]
                 angle += 0.5 * (before + x[0]) * dt
                 noise[0] = constants.acceleration_noise * dt + curvature
                 if x[0] == 0.0:
@@ -250,17 +255,22 @@ def _filter_pass(
                 row[0] = 0.0 if has_speed else 1.0
                 noise[0] = R if has_speed else 0.0
                 seeded = False
-            if continuous and table.hidden > 0:
+            hidden = 0
+            if table is not None:
+                hidden = table.hidden
+            if continuous and hidden > 0:
                 predict_covariance_full(P, F, noise, product)
-                drop_settled(P, table.hidden)
+                drop_settled(P, hidden)
             else:
                 _predict_covariance(P, row, noise, work)
             if not continuous and has_speed:
                 what = RESEEDED if ever_seeded else FIRST
                 _seed_speed(x, P, speed, R)
-                if table.hidden > 0:
+                if table is not None:
                     held = max(piece_start[i] - 1, first_piece)  # in force when the speed was read
-                    seed_hidden(x, P, table, piece_current_A[min(held, piece_current_A.size - 1)], constants.omega_s)
+                    if hidden > 0:
+                        held = min(held, piece_current_A.size - 1)
+                        seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
                 seeded = ever_seeded = True
                 forget(gate_memory)
             if keep_all:
@@ -275,15 +285,16 @@ def _filter_pass(
                     _update_joseph(x, P, residual, S, R, work)
                 elif what == RESEEDED:
                     _seed_speed(x, P, speed, R)
-                    if table.hidden > 0:
+                    if table is not None:
                         held = max(piece_start[i] - 1, first_piece)
-                        seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
+                        if hidden > 0:
+                            seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
                     forget(gate_memory)
                     if keep_all:
                         row[:] = 0.0
                         _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
             last = i
-            if with_effects:
+            if table is not None:
                 if not math.isnan(temperature_degC[i]):
                     temperature = temperature_degC[i]
                 if not math.isnan(angle_rad[i]):
@@ -300,4 +311,21 @@ def _filter_pass(
                 std_history[i, j] = math.sqrt(P[j, j])
 
 
-filter_pass = compile_cached(_filter_pass, COMPILED_MODULES)
+def _example(*, with_effects: bool) -> tuple[Any, ...]:
+    """Arguments of the types that `filter_log` gives."""
+    from rw_ekf.filter.belief import DEFAULT_NOISE, filter_constants
+
+    series, whole, cube = np.zeros(0), np.zeros((0, 5)), np.zeros((0, 5, 5))
+    numbers = np.zeros(0, np.int64)
+    return (
+        filter_constants(DEFAULT_NOISE, 1.0), NO_EFFECTS.table() if with_effects else None,
+        series, series, numbers, numbers, *[series] * 6, np.eye(5), series, series, np.zeros(0, np.int8),
+        whole, whole, whole, whole, cube, whole,
+    )  # fmt: skip
+
+
+filter_pass = compile_cached(_filter_pass, COMPILED_MODULES, lambda: _example(with_effects=False))
+# A kernel of its own, because without effects a third of it has to be compiled.
+filter_pass_with_effects = compile_cached(
+    _filter_pass, COMPILED_MODULES, lambda: _example(with_effects=True), name="_filter_pass_with_effects"
+)

@@ -12,7 +12,7 @@ from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.current_schedule import Pieces, begins_of_pieces, pieces_of_log
 from rw_ekf.filter.decisions import UPDATED
-from rw_ekf.filter.kernel import filter_pass
+from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
 from rw_ekf.model.state import STATE_SIZE
 
 Float64Array = NDArray[np.float64]
@@ -58,11 +58,12 @@ class FilterInput:
         """The first n samples, or all where there are fewer."""
         if self.time_s.size <= n:
             return self
+        last = max(int(self.pieces.start[n]), 1)  # pieces of samples that are gone would begin at no time
         return FilterInput(
             self.time_s[:n],
             self.speed_rad_s[:n],
             self.segment[:n],
-            self.pieces,
+            Pieces(self.pieces.start[:n], self.pieces.duration_s[:last], self.pieces.current_A[:last]),
             None if self.temperature_degC is None else self.temperature_degC[:n],
             None if self.angle_rad is None else self.angle_rad[:n],
         )
@@ -156,10 +157,11 @@ def filter_log(
     P = np.array(covariance, dtype=np.float64)
     table = effects.table(drift)
     size = table.size
+    with_effects = size > STATE_SIZE
     if x.shape != (size,) or P.shape != (size, size):
         raise FilterError(f"the model has {size} states, the belief {x.shape} and {P.shape}")
     nothing = np.zeros(0)
-    begins, temperature, angle = data.surroundings() if size > STATE_SIZE else (nothing, nothing, nothing)
+    begins, temperature, angle = data.surroundings() if with_effects else (nothing, nothing, nothing)
     if effects.reading_variance > 0.0:
         constants = constants._replace(speed_variance=constants.speed_variance + effects.reading_variance)
     innovation = np.empty(n)
@@ -171,9 +173,9 @@ def filter_log(
     history = History(
         np.zeros((full, size)), np.zeros((full, size, size)), np.zeros((full, size)), np.zeros((full, size))
     )
-    filter_pass(
+    (filter_pass_with_effects if with_effects else filter_pass)(
         constants,
-        table,
+        table if with_effects else None,
         data.time_s,
         data.speed_rad_s,
         data.segment,

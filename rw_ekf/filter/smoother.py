@@ -7,6 +7,7 @@ because the parameters hardly move. Checked against the textbook recursion in te
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,12 @@ def _smooth_pass(
                 information[j, m] += row[i, j] * side[m] + side[j] * row[i, m] + head * row[i, j] * row[i, m]
 
 
-smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, sys.modules[__name__]])
+def _example() -> tuple[Any, ...]:
+    series, whole = np.zeros(0), np.zeros((0, 5))
+    return (np.zeros(0, np.int8), series, series, whole, whole, np.zeros((0, 5, 5)), whole, whole)
+
+
+smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, sys.modules[__name__]], _example)
 
 
 def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:

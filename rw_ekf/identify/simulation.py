@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +60,13 @@ def _simulate_stretch(
             jacobian[i, 4] = g4
 
 
+def _example() -> tuple[Any, ...]:
+    series, numbers = np.zeros(0), np.zeros(0, np.int64)
+    return (*[1.0] * 6, 0, 0, 0, numbers, series, series, series, np.zeros((0, 5)))
+
+
 simulate_stretch = compile_cached(
-    _simulate_stretch, [_friction, _propagation, _transition, _kernel, sys.modules[__name__]]
+    _simulate_stretch, [_friction, _propagation, _transition, _kernel, sys.modules[__name__]], _example
 )
 
 

@@ -80,7 +80,8 @@ class Frame:
         period = self.record.data.period_s
         held = np.zeros((0, m)) if memory_columns is None else memory_columns
         self.record.work.charge(whitening_units(n, m))
-        logs = whiten(self.chain, columns, held, ratio * scale / period, scale, r, A)
+        rows = np.ascontiguousarray(columns)  # another layout would be compiled anew, in two seconds
+        logs = whiten(self.chain, rows, np.ascontiguousarray(held), ratio * scale / period, scale, r, A)
         used = np.isfinite(r)
         return r[used], A[used], logs
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.effects.propagation import effect_interval, row_size
-from rw_ekf.effects.table import ABSENT, EffectSet, EffectTable
+from rw_ekf.effects.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.kernel import COMPILED_MODULES
@@ -120,7 +121,15 @@ def _one_step_pass(
             memory_end[i + 1] = ended[at]
 
 
-one_step_pass = compile_cached(_one_step_pass, [*COMPILED_MODULES, sys.modules[__name__]])
+def _example() -> tuple[Any, ...]:
+    series, numbers, whole = np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 5))
+    return (
+        series, NO_EFFECTS.table(), 1.0, 0, 1.0, series, np.zeros(0, np.bool_), numbers, *[series] * 4, numbers,
+        *[series] * 7, whole, series, whole,
+    )  # fmt: skip
+
+
+one_step_pass = compile_cached(_one_step_pass, [*COMPILED_MODULES, sys.modules[__name__]], _example)
 
 
 @dataclass(frozen=True)
@@ -221,9 +230,11 @@ def predict(
     if table.stribeck_at != ABSENT:
         near = max(near, 6.0 * float(parameters[table.stribeck_at - 1]))
     memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(parameters[2]), reference.memory_spread)
+    # A column of a table has another layout, for which numba would compile the pass anew.
+    speed, spread, memory = map(np.ascontiguousarray, (reference.speed, reference.spread, reference.memory))
     one_step_pass(
         state_vector(parameters, effects), table, omega_s, law, near, record.data.time_s, record.follows,
-        record.first_piece, reference.speed, reference.spread, reference.memory, memory_spread,
+        record.first_piece, speed, spread, memory, memory_spread,
         record.data.pieces.start, record.begins_s, record.data.pieces.duration_s, record.data.pieces.current_A,
         record.temperature_degC, record.angle_rad, out.end, out.memory_end, out.slopes, out.bend, out.rows,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -217,6 +217,18 @@ def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Fl
         h11, h12, h22 = a * k11 + c * k21, a * k12 + c * k22, b * k12 + d * k22
 
 
-adjoint = compile_cached(_adjoint, [sys.modules[__name__]])
-whiten = compile_cached(_whiten, [sys.modules[__name__]])
-smooth = compile_cached(_smooth, [sys.modules[__name__]])
+def _chain() -> Chain:
+    """An empty one, for its types."""
+    series = np.zeros(0)
+    return Chain(np.zeros(0, np.bool_), series, series, np.zeros((0, 4)), series, series, series, 0.0, series)
+
+
+def _whiten_example() -> tuple[Any, ...]:
+    whole = np.zeros((0, 1))
+    return (_chain(), whole, whole, 1.0, 1.0, np.zeros(0), whole)
+
+
+_MODULES = [sys.modules[__name__]]
+adjoint = compile_cached(_adjoint, _MODULES, lambda: (_chain(), 1.0, 1.0, np.zeros(0), np.zeros(0)))
+whiten = compile_cached(_whiten, _MODULES, _whiten_example)
+smooth = compile_cached(_smooth, _MODULES, lambda: (_chain(), 1.0, 1.0, np.zeros((0, 2)), np.zeros((0, 2))))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import CommandSection
 
 Request = Callable[[WheelSample], float]
+Phase = Callable[[float], str]
 
 
 class ProfileRequest:
@@ -31,13 +32,13 @@ class ProfileRequest:
         return self.profile.current_A(self._elapsed_s)
 
 
-def request_of(command: CommandSection) -> tuple[Request, float | None]:
-    """Return what to ask for, and for how long [s] (None: for ever), of a configuration's `command`.
+def request_of(command: CommandSection) -> tuple[Request, float | None, Phase]:
+    """Return what to ask for, for how long [s] (None: for ever), and what the profile is at by its time.
 
     Profile `none` is not asked here: a run that never writes has no request.
     """
     profile = profile_of(command)
-    return ProfileRequest(profile), profile.duration_s
+    return ProfileRequest(profile), profile.duration_s, profile.phase or (lambda time_s: profile.name)
 
 
 def profile_of(command: CommandSection) -> Profile:

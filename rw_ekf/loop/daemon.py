@@ -23,7 +23,8 @@ from rw_ekf.loop.live import LiveWheel, LoopTiming, with_following_command
 from rw_ekf.loop.loop import Issue, Sink, run_loop
 from rw_ekf.loop.safety import SafetyLimits
 from rw_ekf.loop.sign_sink import SignSink
-from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, TerminalSink, Unwritten
+from rw_ekf.loop.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, Unwritten
+from rw_ekf.loop.status_line import StatusLine
 from rw_ekf.loop.stop_signal import StopSignal
 from rw_ekf.loop.telemetry import TelemetryCheck
 from rw_ekf.loop.watch_sink import WatchSink, watch_sink_of
@@ -115,7 +116,7 @@ def run_daemon(
     setup = setup_of_configuration(configuration, model)
     estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
     writes = configuration.command.profile != "none"
-    request, profile_s = request_of(configuration.command) if writes else (None, None)
+    request, profile_s, phase = request_of(configuration.command) if writes else (None, None, None)
     lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
     statistics, unwritten = StatisticsSink(), Unwritten()
     watch = watch_sink_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
@@ -146,8 +147,10 @@ def run_daemon(
         confirmed = False
         try:
             files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
+            status = StatusLine(logger, lasts_s, phase, None if watch is None else watch.active)
+            names = setup.state_names
             sinks = [
-                *_sinks(stack, files, configuration, statistics, setup.state_names, watch, unwritten, logger),
+                *_sinks(stack, files, configuration, statistics, names, watch, unwritten, logger, status),
                 sign,
             ]
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
@@ -179,7 +182,9 @@ def run_daemon(
                 raise BadInputError(f"{files.model}: not written, because nothing could read it: {refusal}")
             write_text(files.model, model_now.to_text(), follow=False)
         ended_by = "halt" if live.halted is not None else stop.requested or "duration"
-        logger.info("ended", by=ended_by, samples=statistics.statistics.samples)
+        zero = ("confirmed" if confirmed else "NOT confirmed") if writes else "left to who commands the wheel"
+        samples_read = statistics.statistics.samples
+        logger.info("ended", by=ended_by, samples=samples_read, zero_current=zero)
         return RunOutcome(
             files,
             setup,
@@ -226,6 +231,7 @@ def _sinks(
     watch: WatchSink | None,
     unwritten: Unwritten,
     logger: Any,
+    status: StatusLine,
 ) -> list[Sink]:
     log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates, names), unwritten, logger.warning)
     about = {"schema": "rw_ekf.state/1", "wheel": configuration.wheel.name, "log": files.log.name}
@@ -235,7 +241,7 @@ def _sinks(
         *([] if watch is None else [watch]),
         StateFileSink(files.state, about, names=names, alarms=watch.active if watch else None, unwritten=unwritten),
         SyncSink([files.log, files.estimates]),
-        TerminalSink(),
+        status,
     ]
     for sink in sinks:
         stack.callback(sink.close)

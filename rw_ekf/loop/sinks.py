@@ -1,11 +1,10 @@
-"""Where a run's samples and estimates go: log, estimates, state file, statistics, arrays, a person's terminal."""
+"""Where a run's samples and estimates go: log, estimates, state file, statistics, arrays."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -17,7 +16,6 @@ from rw_ekf.errors import RwEkfError
 from rw_ekf.model.state import STATE_NAMES
 from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
 from rw_ekf.statistics import RunStatistics
-from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
     import numpy as np
@@ -201,41 +199,6 @@ class StateFileSink:
                 write_text(self.path, json.dumps(document, indent=2, allow_nan=False) + "\n", follow=False)
             except (OSError, ValueError, RwEkfError):
                 self._unwritten.state_files += 1  # it tells of the moment: the next one is tried, the log says why
-
-
-class TerminalSink:
-    """One line on standard error that keeps changing, for a person who watches. Silent unless it is a terminal."""
-
-    def __init__(self, every_s: float = 0.5) -> None:
-        self._shown = sys.stderr.isatty()
-        self._every_s = every_s
-        self._due_s = 0.0
-
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
-        """Show the present estimate."""
-        now = time.monotonic()
-        if not self._shown or now < self._due_s:
-            return
-        self._due_s = now + self._every_s
-        speed, *parameters = (f"{m:.4g}±{s:.2g}" for m, s in zip(result.mean[1:5], result.std[1:5], strict=True))
-        current = "  -  " if command is None else f"{1e3 * command.current_A:+7.1f} mA"
-        line = (
-            f"\r{result.time_s:9.1f} s {rpm_from_rad_s(result.mean[0]):+9.2f} rpm {current}  "
-            f"k {speed}  b {parameters[0]}  c {parameters[1]}  s {parameters[2]}\x1b[K"
-        )
-        try:
-            sys.stderr.write(line)
-            sys.stderr.flush()
-        except OSError:
-            self._shown = False  # the terminal is gone; the run goes on
-
-    def close(self) -> None:
-        """Leave the cursor on a line of its own."""
-        if self._shown:
-            try:
-                sys.stderr.write("\n")
-            except OSError:
-                self._shown = False
 
 
 class ArraySink:

@@ -1,0 +1,138 @@
+"""A cold cache: what has to be compiled is said, runs in killable children, and is never needed at a run's end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rw_ekf import compile_ahead
+from rw_ekf.filter.compiled import interpreted
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.replay import judge_log, judge_now
+from rw_ekf.starting_point import setup_of_record
+from tests.commands.logs import write_log
+from tests.diagnosis.simulated import Float64Array, simulated
+from tests.loop.bench import ROOT, program, rw_ekf, served_wheel
+
+OF_EVERY_VERB = """
+import gc, sys
+from rw_ekf.cli import main
+from rw_ekf.filter.compiled import Kernel
+log, out = sys.argv[1:]
+for arguments in (["replay", "--smooth", "--out", out, log], ["fit", "--noise", log], ["diagnose", log]):
+    assert main(arguments) == 0, arguments
+for kernel in [found for found in gc.get_objects() if isinstance(found, Kernel)]:
+    odd = [types for types in kernel.dispatcher.overloads if types != kernel.signature]
+    assert not odd, (kernel.plain.__name__, odd, kernel.signature)
+"""
+HITS = """
+import sys
+from rw_ekf import compile_ahead
+from rw_ekf.commands.first_use import make_ready
+names = compile_ahead.LEAST_SQUARES
+print(len(compile_ahead.cold(names)))
+make_ready(names)
+print(len(compile_ahead.cold(names)))
+kernel = compile_ahead.kernel(names[0])
+kernel.compile()
+print(sum(kernel.dispatcher.stats.cache_hits.values()), sum(kernel.dispatcher.stats.cache_misses.values()))
+make_ready(names)
+"""
+
+
+def compiled_files(folder: Path) -> list[Path]:
+    """Compiled routines of a cache."""
+    return list(folder.rglob("*.nbc"))
+
+
+def cold_cache(folder: Path) -> dict[str, str]:
+    """An environment in which nothing is compiled yet."""
+    return {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
+
+
+def test_children_fill_the_cache_and_a_word_is_said_once(tmp_path: Path) -> None:
+    """One line says what is compiled; then the index lists it, it loads without compiling, and nothing is said."""
+    done = subprocess.run(
+        [sys.executable, "-c", HITS], env=cold_cache(tmp_path), cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == ["1", "0", "1", "0"], done.stderr
+    assert done.stderr.count("\n") == 1
+    assert "first use: compiling 1 numerical routines" in done.stderr
+    assert len(compiled_files(tmp_path)) == 1
+
+
+def test_an_interrupt_ends_the_compilation(tmp_path: Path) -> None:
+    """Ctrl-C while diagnose compiles: status 130, one word, no traceback, and the great kernels were not waited for."""
+    run = simulated(seed=5, samples=1500)
+    log = write_log(tmp_path / "log.csv", [run.time_s, run.measured_speed_rad_s, run.current_command_A])
+    cache = tmp_path / "cache"
+    with program("diagnose", str(log), env=cold_cache(cache)) as process:
+        assert process.stderr is not None
+        assert "first use" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=60.0)  # against a hang only
+    assert process.returncode == 130
+    assert (out, errors) == ("", "rw-ekf: interrupted\n")
+    assert not any("_filter_pass" in path.name for path in compiled_files(cache))
+
+
+@pytest.mark.slow
+def test_every_verb_uses_the_types_that_are_compiled_ahead(tmp_path: Path) -> None:
+    """Replay, smoothing, fit, noise and diagnosis call no kernel with other types than it declares."""
+    run = simulated(["viscous_temperature"], seed=6)
+    log = write_log(tmp_path / "log.csv", [run.time_s, run.measured_speed_rad_s, run.current_command_A])
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", OF_EVERY_VERB, str(log), str(tmp_path / "out.csv")],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_run_ends_without_a_compiler(tmp_path: Path) -> None:
+    """With a cold cache a run judges its residual, finds that it is twice as noisy as told, and compiles nothing."""
+    cache = tmp_path / "cache"
+    with served_wheel(tmp_path, initial_speed_rad_s=60.0, noise_rpm=2.0) as bench:
+        limits = {"current_A": 0.6, "silence_s": 10.0}  # a busy machine makes no difference to what is tested
+        config = bench.config(limits=limits, watch={"enabled": False})
+        done = rw_ekf("run", "--config", str(config), "--duration", "13", env=cold_cache(cache))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("times what the configured noise implies (larger)") == 1
+    assert "configured noise" not in done.stderr
+    assert f"rw-ekf fit {bench.logs()[0]} --noise" in done.stdout
+    assert "zero_current=confirmed" in done.stderr
+    assert compiled_files(cache) == []
+
+
+@pytest.mark.parametrize("effects", [[], ["friction_lag"]])
+def test_plain_python_judges_as_the_compiled_routine_does(effects: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tests of a log's residual give the same p-values whether the cache is warm or cold."""
+    run = simulated(effects, seed=3, samples=900)
+    data = FilterInput.of(run.time_s, run.measured_speed_rad_s, run.current_command_A)
+    setup = setup_of_record(data)
+    with interpreted():
+        warm = judge_log(data, setup, setup.prior)
+        monkeypatch.setattr(compile_ahead, "cold", list)
+        cold, looked_at = judge_now(data, setup, setup.prior)
+    assert looked_at == 900
+    compiled = judge_log(data, setup, setup.prior)
+    assert cold == warm
+    assert cold.whiteness_p == pytest.approx(compiled.whiteness_p, rel=1e-6, abs=1e-12)
+    assert cold.mean_p == pytest.approx(compiled.mean_p, rel=1e-6, abs=1e-12)
+    assert cold.is_noise is (not effects)
+
+
+def test_the_head_of_a_log_has_the_pieces_of_its_own_samples() -> None:
+    """Cut at any sample, a log with delayed commands still says when each of its pieces of current begins."""
+    time_s: Float64Array = 0.1 * np.arange(50, dtype=np.float64)
+    data = FilterInput.of(time_s, np.ones(50), np.sin(time_s), np.full(50, 0.01), np.repeat([0, 1], 25))
+    begins = data.surroundings()[0]
+    for n in (1, 24, 25, 26, 49):
+        head = data.head(n)
+        assert head.surroundings()[0] == pytest.approx(begins[: head.pieces.duration_s.size])
+        assert head.pieces.start[-1] <= head.pieces.duration_s.size
