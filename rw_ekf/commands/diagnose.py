@@ -10,6 +10,7 @@ from pathlib import Path
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
     add_log_options,
+    log_options,
     read_configuration,
     read_logs,
     read_wheel_model,
@@ -73,7 +74,8 @@ def execute(args: argparse.Namespace) -> int:
         inertia = found.inertia_kg_m2
         if directory is not None:
             advance("drawing the report")
-            write_report(directory, found, inertia_kg_m2=inertia, wheel_units=inertia is not None)
+            options = log_options(args)
+            write_report(directory, found, inertia_kg_m2=inertia, wheel_units=inertia is not None, options=options)
     if args.json:
         print_json(found.document)
     else:

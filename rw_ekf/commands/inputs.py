@@ -23,6 +23,15 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def log_options(args: argparse.Namespace) -> list[str]:
+    """Those of `add_log_options` that were given, as they can be typed again from anywhere."""
+    given = []
+    for option, path in (("--columns", args.columns), ("--config", args.config)):
+        if path is not None:
+            given += [option, str(Path(path).absolute()) if Path(path).exists() else path]
+    return given
+
+
 def read_configuration(path: str | None) -> Configuration | None:
     """Read a configuration, if one is named."""
     if path is None:

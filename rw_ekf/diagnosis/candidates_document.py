@@ -52,7 +52,7 @@ def candidate_entries(
                 entry["parameters"] = _parameters(selection.final, name)
                 for constant, std in trial.shape_std.items():
                     entry["parameters"][constant] = {**entry["parameters"][constant], "std": std}
-                entry["heldout_gain_percent"] = _gain(found, name)
+                entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial.columns, trial.std)
                 if trial.decision == "not significant" and trial.p_value < 1.0e-5:
@@ -63,13 +63,33 @@ def candidate_entries(
                 if name in group[1:]:
                     entry["decision"] = f"indistinguishable from {group[0]}"
         entries.append(entry)
+    _explained_by_what_stands(entries)
     return sorted(entries, key=lambda e: -(e["statistic"] if e["statistic"] is not None else -1.0e300))
 
 
-def _gain(found: Found, name: str) -> float | None:
-    """Percent by which the held-out error falls when the effect is added to the others."""
+def _explained_by_what_stands(entries: list[dict[str, Any]]) -> None:
+    """Only what is in the model explains anything; what looked like a cause that was rejected is said to."""
+    said = {str(entry["effect"]): str(entry["decision"]) for entry in entries}
+    for entry in entries:
+        _, _, causes = str(entry["decision"]).partition("explained by ")
+        names = causes.split(", ") if causes else []
+        standing = [name for name in names if said.get(name, "").startswith(("added", "in the model"))]
+        if standing:
+            entry["decision"] = f"explained by {', '.join(standing)}"
+        elif names:
+            entry["decision"] = f"looks like {names[0]}: {said.get(names[0], 'not confirmed')}"
+
+
+def _gain(found: Found, name: str, before: Judged, after: Judged) -> float | None:
+    """Percent by which the held-out error falls when the effect is added to the others.
+
+    Of one effect that was added alone it is what the figures before and after say.
+    """
     if CATALOGUE[name].local_in_time:
         return event_gain_percent(found.whole, name, found.prepared.prior, found.prepared.seen)
+    errors = [judged.figures.get("free_run_rms_rpm") for judged in (before, after)]
+    if found.new_ids == [name] and errors[0] and errors[1] is not None:
+        return float(100.0 * (1.0 - errors[1] / errors[0]))
     final = found.selection.final
     return gain_over(found.prepared, found.search.without(final, name), final)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from rw_ekf.diagnosis.records import Diagnosis
@@ -18,11 +19,17 @@ DOCUMENT, PAGE, MODEL = "diagnosis.json", "report.html", "augmented-model.yaml"
 
 
 def write_report(
-    directory: Path, diagnosis: Diagnosis, *, inertia_kg_m2: float | None, wheel_units: bool
+    directory: Path,
+    diagnosis: Diagnosis,
+    *,
+    inertia_kg_m2: float | None,
+    wheel_units: bool,
+    options: Sequence[str] = (),
 ) -> list[Path]:
     """Write everything into `directory`, each file whole or not at all; returns what was written.
 
     inertia_kg_m2: turns residuals into mNm; None: they stay accelerations. wheel_units: rpm and mA, otherwise plain SI.
+    options: of the command line with which the log was read, for the commands that the page shows.
     What an earlier run left there and this one does not have (a model, a picture) is removed.
     Raises BadInputError if the place cannot be written.
     """
@@ -51,7 +58,7 @@ def write_report(
         else:
             _remove(path)
     # The page comes last: where it stands, what it speaks of stands too.
-    write_text(directory / PAGE, page(diagnosis, pictures, directory, units))
+    write_text(directory / PAGE, page(diagnosis, pictures, directory, units, options))
     written.append(directory / PAGE)
     return written
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rw_ekf.diagnosis.records import Diagnosis
@@ -25,8 +25,14 @@ from rw_ekf.diagnosis.report_tables import (
 from rw_ekf.diagnosis.report_words import Units, figure_pairs, number_text, verdict_of
 
 
-def page(diagnosis: Diagnosis, pictures: Mapping[str, bytes], directory: Path, units: Units) -> str:
-    """The whole HTML document; pictures: name -> PNG; directory: where the model stands, for the commands shown."""
+def page(
+    diagnosis: Diagnosis,
+    pictures: Mapping[str, bytes],
+    directory: Path,
+    units: Units,
+    options: Sequence[str] = (),
+) -> str:
+    """The whole HTML document; pictures: name -> PNG; directory, options: of the model and log, for commands shown."""
     document = diagnosis.document
     kind, name, statement = verdict_of(document)
     title = f"{name}: {Path(diagnosis.log.name).name}"
@@ -35,7 +41,7 @@ def page(diagnosis: Diagnosis, pictures: Mapping[str, bytes], directory: Path, u
         _figures(diagnosis, units),
         _pictures(diagnosis, pictures, units),
         _details(diagnosis, units),
-        _next(diagnosis, directory),
+        _next(diagnosis, directory, options),
     ]
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -86,7 +92,7 @@ def _pictures(diagnosis: Diagnosis, pictures: Mapping[str, bytes], units: Units)
             "residual",
             "Residual",
             "Binned means of the residual against time, speed, low speed, current, angle and temperature.",
-            residual_caption(units, has_after=diagnosis.after is not None, adequate=kind == "adequate"),
+            residual_caption(units, has_after=diagnosis.after is not None, kind=kind),
         ),
         (
             "evidence",
@@ -135,7 +141,7 @@ def _details(diagnosis: Diagnosis, units: Units) -> str:
     return f"<h2>Numbers</h2>{''.join(parts)}" if parts else ""
 
 
-def _next(diagnosis: Diagnosis, directory: Path) -> str:
+def _next(diagnosis: Diagnosis, directory: Path, options: Sequence[str]) -> str:
     steps = "".join(f"<li>{prose(step)}</li>" for step in next_steps(diagnosis.document))
     found = f"<h2>What to do next</h2><ul>{steps}</ul>"
     excitation = excitation_of(diagnosis.document)
@@ -143,5 +149,5 @@ def _next(diagnosis: Diagnosis, directory: Path) -> str:
         rows = [("", [f"<code>{html.escape(name)}</code>", prose(text)]) for name, text in excitation.items()]
         found += f"<h3>What shows it best</h3>{table(('effect', 'excitation'), rows)}"
     if diagnosis.model is not None:
-        found += f"<h3>The augmented model</h3>{commands(directory, diagnosis.log.name)}"
+        found += f"<h3>The augmented model</h3>{commands(directory, diagnosis.log.name, options)}"
     return found

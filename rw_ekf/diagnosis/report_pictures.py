@@ -24,8 +24,8 @@ from rw_ekf.diagnosis.report_thinning import broken, running_means, thinned_line
 from rw_ekf.diagnosis.report_words import (
     Standing,
     Units,
+    gain_text,
     p_value_text,
-    percent_text,
     ranked,
     standing_of,
     statistic_text,
@@ -155,7 +155,7 @@ def evidence_picture(document: Mapping[str, Any]) -> bytes | None:
 _COLUMNS = (
     (1.17, "statistic", "right"),
     (1.47, "p-value", "right"),
-    (1.86, "held-out gain", "right"),
+    (1.86, "held-out error", "right"),
     (1.93, "decision", "left"),
 )
 
@@ -167,7 +167,7 @@ def _write_row(axis: Any, row: int, candidate: Mapping[str, Any]) -> None:
     texts = (
         statistic_text(candidate.get("statistic")),
         p_value_text(candidate.get("p_value")),
-        percent_text(candidate.get("heldout_gain_percent")),
+        gain_text(candidate),
         _short(str(candidate.get("decision") or ""), 42),
     )
     for (x, _, ha), text in zip(_COLUMNS, texts, strict=True):

@@ -44,6 +44,19 @@ _LOW_STRIBECK_SPEEDS = 12.0
 _FEW_HELDOUT = 200  # below so many held-out samples the whole record is shown
 
 
+# Effect -> the panel of the quantity that it is a function of; what only a reading has is in none.
+SHOWN_AGAINST = {
+    **dict.fromkeys(
+        ("viscous_asymmetry", "quadratic_drag", "cubic_drag", "offset_torque", "drag_bump", "speed_averaging"), "speed"
+    ),
+    **dict.fromkeys(("stribeck_shape", "presliding_hysteresis", "friction_lag"), "low speed"),
+    **dict.fromkeys(("motor_saturation", "current_deadzone", "transport_delay", "actuator_lag"), "current"),
+    **dict.fromkeys(("viscous_temperature", "coulomb_temperature", "motor_gain_temperature"), "temperature"),
+    **dict.fromkeys(("drag_spike", "coulomb_drift", "external_torque"), "time"),
+    "torque_ripple": "angle",
+}
+
+
 @dataclass(frozen=True)
 class Dependence:
     """One panel: the residual against one quantity."""
@@ -83,15 +96,15 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     figure = new_figure(0.5 + 2.55 * len(_layout(len(panels))))
     drawn: dict[str, Any] = figure.subplot_mosaic(_layout(len(panels)), sharey=True)  # type: ignore[arg-type]
     axes = [drawn[str(number)] for number in range(len(panels))]
-    worst = int(np.argmax([np.nan_to_num(row[0].structure) for row in means]))
+    marked = _marked(diagnosis, panels, means)
     extent = _extent(means)
     if (diagnosis.document.get("verdict") or {}).get("kind") == "adequate":
         # Nothing but noise is left: on the scale of single samples its means look as flat as they are.
-        worst, extent = -1, max(extent, _scatter(series[0].values))
+        extent = max(extent, _scatter(series[0].values))
     shown = point_indices(np.isfinite(series[0].values), _MOST_POINTS)
     for number, (axis, panel, row) in enumerate(zip(axes, panels, means, strict=True)):
         handles = [_draw(axis, panel, one, found, sign, shown) for one, found in zip(series, row, strict=True)]
-        _dress(axis, panel, row, units, extent, largest=number == worst)
+        _dress(axis, panel, row, units, extent, marked=number in marked)
         if panel.in_time:
             shade(axis, time_axis(diagnosis.log), diagnosis.heldout)
         if axis.get_subplotspec().is_first_col():
@@ -103,6 +116,17 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     entries.append((ground(), "held out"))
     legend(figure, entries)
     return png(figure)
+
+
+def _marked(diagnosis: Diagnosis, panels: list[Dependence], means: list[list[BinnedMeans]]) -> set[int]:
+    """Panels whose title is bold: those of the causes that are named; without a name, the largest dependence."""
+    verdict = diagnosis.document.get("verdict") or {}
+    if verdict.get("kind") == "adequate":
+        return set()
+    named = {SHOWN_AGAINST.get(str(name)) for name in verdict.get("effects") or ()}
+    if verdict.get("kind") == "effect":
+        return {number for number, panel in enumerate(panels) if panel.title in named}
+    return {int(np.argmax([np.nan_to_num(row[0].structure) for row in means]))}
 
 
 def _layout(panels: int) -> list[list[str]]:
@@ -213,13 +237,13 @@ def _draw(
     )  # fmt: skip
 
 
-def _dress(axis: Any, panel: Dependence, row: list[BinnedMeans], units: Units, extent: float, *, largest: bool) -> None:
-    """Title with the size of the structure in the means, to a hundredth of the scale; the largest set bold."""
+def _dress(axis: Any, panel: Dependence, row: list[BinnedMeans], units: Units, extent: float, *, marked: bool) -> None:
+    """Title with the size of the structure in the means, to a hundredth of the scale; bold where it is marked."""
     plain(axis)
     axis.axhline(0.0, color=GREY, lw=0.8, zorder=1)
     axis.set_xlim(panel.low, panel.high)
     axis.set_xlabel(panel.label, fontsize=9)
-    axis.set_title(panel.title, fontsize=10, loc="left", color=INK, weight="bold" if largest else "normal")
+    axis.set_title(panel.title, fontsize=10, loc="left", color=INK, weight="bold" if marked else "normal")
     places = int(np.clip(2 - np.floor(np.log10(extent)), 0, 9))
     sizes = " → ".join(f"{found.structure:.{places}f}" for found in row)
     axis.set_title(f"{sizes} {units.residual}", fontsize=8.5, loc="right", color=GREY)

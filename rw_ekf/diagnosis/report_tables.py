@@ -13,6 +13,7 @@ from rw_ekf.diagnosis.report_words import (
     MISSING,
     FigurePair,
     Units,
+    gain_text,
     number_text,
     p_value_text,
     parameter_text,
@@ -116,11 +117,11 @@ def candidate_table(document: Mapping[str, Any]) -> str:
             parameters or MISSING,
             statistic_text(candidate.get("statistic")),
             html.escape(p_value_text(candidate.get("p_value"))),
-            percent_text(candidate.get("heldout_gain_percent")),
+            gain_text(candidate),
             html.escape(str(candidate.get("decision") or "")),
         ]
         rows.append((standing_of(candidate), cells))
-    heads = ("effect", "parameters", "statistic", "p-value", "held-out gain", "decision")
+    heads = ("effect", "parameters", "statistic", "p-value", "held-out error", "decision")
     return table(heads, rows, (2, 3, 4)) if rows else ""
 
 
@@ -150,19 +151,22 @@ def split_text(document: Mapping[str, Any]) -> str:
     return f"<p>Split: {kind}.</p><ul>{''.join(lines)}</ul>"
 
 
-def commands(directory: Path, log_name: str) -> str:
-    """How to use the augmented model."""
-    model, log = shlex.quote(str(directory / "augmented-model.yaml")), shlex.quote(log_name)
-    key = html.escape(f"filter:\n  model: {_yaml_text(str(directory / 'augmented-model.yaml'))}")
+def commands(directory: Path, log_name: str, options: Sequence[str] = ()) -> str:
+    """How to use the augmented model, from wherever one stands; options: those that the log was read with."""
+    path = str((directory / "augmented-model.yaml").absolute())
+    found_log = Path(log_name).absolute() if Path(log_name).exists() else Path(log_name)
+    model, log = shlex.quote(path), shlex.join([str(found_log), *options])
+    key = html.escape(f"filter:\n  model: {_yaml_text(path)}")
     parts = (
         ("Filter a log with it, the effect's coefficient a state of its own:", f"rw-ekf replay {log} --model {model}"),
         (
             "Look for what is left (it must say adequate, or name the next effect):",
             f"rw-ekf diagnose {log} --model {model}",
         ),
+        ("Run the daemon with it:", f"rw-ekf run --config my-wheel.yaml --model {model}"),
     )
     found = "".join(f"<p>{words}</p><pre>{html.escape(command)}</pre>" for words, command in parts)
-    return f"{found}<p>Online, in the daemon's configuration:</p><pre>{key}</pre>"
+    return f"{found}<p>or for good, in the daemon's configuration:</p><pre>{key}</pre>"
 
 
 def _yaml_text(text: str) -> str:
@@ -173,7 +177,7 @@ def _yaml_text(text: str) -> str:
     return dumped.removesuffix("\n...\n").strip()
 
 
-def residual_caption(units: Units, *, has_after: bool, adequate: bool) -> str:
+def residual_caption(units: Units, *, has_after: bool, kind: str) -> str:
     """What the picture of the residual says and how to read it."""
     what = "torque" if units.inertia_kg_m2 is not None else "acceleration"
     gone = (
@@ -181,7 +185,8 @@ def residual_caption(units: Units, *, has_after: bool, adequate: bool) -> str:
         + ("; where <span class='before'>before</span> bends and <span class='after'>after</span> is flat, "
            "the model now explains it." if has_after else ".")
     )  # fmt: skip
-    largest = "" if adequate else "; the largest dependence is bold"
+    bold = {"adequate": "", "effect": "; what the named cause depends on is bold"}
+    largest = bold.get(kind, "; the largest dependence is bold")
     return (
         f"{gone} The residual is the {what} that the smoothed speed asks for beyond the model: what drives the wheel "
         "forward is positive. All panels share one scale; points are single samples. Above each panel: size of the "

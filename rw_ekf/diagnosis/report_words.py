@@ -168,6 +168,17 @@ def percent_text(value: object) -> str:
     return "0 %" if abs(number) < 0.05 else f"{number:+.{0 if abs(number) >= 10.0 else 1}f} %".replace("-", "−")
 
 
+def gain_text(candidate: Mapping[str, Any]) -> str:
+    """What a candidate does to the held-out error, signed as the figures are; a spike's is that inside the event."""
+    from rw_ekf.effects.catalogue import CATALOGUE
+
+    gain = _number(candidate.get("heldout_gain_percent"))
+    if gain is None:
+        return MISSING
+    effect = CATALOGUE.get(str(candidate.get("effect")))
+    return percent_text(-gain) + (" in it" if effect is not None and effect.local_in_time else "")
+
+
 def statistic_text(value: object) -> str:
     """A test statistic: no decimals where it is large, one where it is not."""
     number = _number(value)

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.console import shown_path
 from rw_ekf.diagnosis.report_words import (
     Units,
     figure_pairs,
+    gain_text,
     number_text,
     p_value_text,
     parameter_text,
@@ -33,9 +35,10 @@ def diagnosis_text(document: Mapping[str, Any], *, directory: Path | None = None
     lines += _ascii([*_figures(document, Units(wheel_units, None)), *_effects(document), *_candidates(document)])
     lines += [f"  warning: {text}" for text in document.get("warnings") or ()]
     if directory is not None:
-        lines.append(f"  report: {directory / 'report.html'}")
+        lines.append(f"  report: {shown_path(directory / 'report.html')}")
         if document.get("model"):
-            lines.append(f"  model:  {directory / str(document['model'])}  (replay, run and diagnose take it: --model)")
+            model = shown_path(directory / str(document["model"]))
+            lines.append(f"  model:  {model}  (replay, run and diagnose take it: --model)")
     return "\n".join(lines)
 
 
@@ -82,10 +85,10 @@ def _candidates(document: Mapping[str, Any]) -> list[str]:
             "  other candidates" + (f", the first {_OTHERS} of {len(others)}" if len(others) > _OTHERS else ""),
         ]
         for candidate in others[:_OTHERS]:
-            gain = percent_text(candidate.get("heldout_gain_percent"))
+            gain = gain_text(candidate)
             lines.append(
                 f"    {candidate.get('effect'):<{wide}}  {statistic_text(candidate.get('statistic')):>6}"
-                f"  p {p_value_text(candidate.get('p_value')):<7}  gain {gain:>7}"
+                f"  p {p_value_text(candidate.get('p_value')):<7}  error {gain:>7}"
                 f"  {candidate.get('decision')}"
             )
     reasons = untestable_reasons(candidates)

@@ -75,7 +75,7 @@ class StatusLine:
         if STATUS.is_terminal:
             if not self._explained:
                 self._explained = True
-                STATUS.say("\n".join(textwrap.wrap(LEGEND, STATUS.columns() - 1)))
+                STATUS.say("\n".join(textwrap.wrap(LEGEND, STATUS.columns() - 1, break_on_hyphens=False)))
             STATUS.show(status_text(self._fields(command, result), STATUS.columns() - 1))
         else:
             self._log(command, result)
