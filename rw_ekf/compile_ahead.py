@@ -22,8 +22,8 @@ FILTER = ("rw_ekf.filter.kernel:filter_pass",)
 EFFECTS = ("rw_ekf.filter.kernel:filter_pass_with_effects",)
 LEAST_SQUARES = ("rw_ekf.identify.simulation:simulate_stretch",)
 SMOOTHER = ("rw_ekf.filter.smoother:smooth_pass",)
-_AHEAD = ("rw_ekf.diagnosis.one_step:one_step_pass", "rw_ekf.diagnosis.ahead:run_ahead")
-_LIKELIHOOD = tuple(f"rw_ekf.diagnosis.whitening:{name}" for name in ("whiten", "smooth", "adjoint"))
+_AHEAD = ("rw_ekf.likelihood.one_step:one_step_pass", "rw_ekf.diagnosis.ahead:run_ahead")
+_LIKELIHOOD = tuple(f"rw_ekf.likelihood.whitening:{name}" for name in ("whiten", "smooth", "adjoint"))
 DIAGNOSIS = (*FILTER, *LEAST_SQUARES, *SMOOTHER, *_LIKELIHOOD, *EFFECTS, *_AHEAD)
 
 # Those that have the propagation with effects in common, half of the work, are compiled in one process.

@@ -9,6 +9,7 @@ import pytest
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.excitation import PROFILE_NAMES, Profile, make_profile, sample_profile
+from rw_ekf.excitation.pieces import Piece, PiecewiseLinear, hold, ramped
 from rw_ekf.units import RAD_S_PER_RPM
 
 WHEEL = (15.205, 0.00322, 0.5863, 0.6037)  # motor gain, viscous, Coulomb, static
@@ -94,6 +95,23 @@ def test_identification_has_coast_downs_and_bursts() -> None:
     assert sum(speed_rpm[50 * index] > 1000 for index in coasting) > 60
     assert sum(speed_rpm[50 * index] < -1000 for index in coasting) > 60
     assert max(speed_rpm) == pytest.approx(1923, rel=0.02)
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 10.0, 33.0, 100.0, 997.0])
+def test_identification_never_asks_for_more_than_the_default_slew_limit(rate_hz: float) -> None:
+    """Proves that from rest on no step is faster than 4 A/s, so that a tick 20 % early is granted too, at any rate."""
+    _, currents = sample_profile(make_profile("identification"), rate_hz)
+    steps = [abs(late - early) * rate_hz for early, late in itertools.pairwise((0.0, *currents))]
+    assert max(steps) <= 4.0 + 1e-9
+
+
+def test_ramps_lead_up_to_each_piece() -> None:
+    """Proves that jumps become ramps that end where the next piece begins, and slopes stay what they were."""
+    course = PiecewiseLinear(ramped([hold(1.0, 0.2), hold(1.0, -0.2), Piece(2.0, 0.1, 0.3)], 2.0))
+    assert course.duration_s == pytest.approx(4.0)
+    points = {0.0: 0.0, 0.1: 0.2, 0.8: 0.2, 0.9: 0.0, 1.0: -0.2, 1.85: -0.2, 2.0: 0.1, 3.0: 0.2, 3.999: 0.2999}
+    for time_s, current_A in points.items():
+        assert course.current_A(time_s) == pytest.approx(current_A, abs=1e-9), time_s
 
 
 @pytest.mark.parametrize("name", PROFILE_NAMES)

@@ -56,7 +56,7 @@ def main() -> int:
         first_config = write_configuration(
             OUTPUT / "run-1.yaml", link=wheel["link"], runs=runs, command="{profile: identification}"
         )
-        first = run_daemon(first_config, FIRST_S)
+        first = run_daemon(first_config, FIRST_S, runs)
         identical = report_first_run(first, first_config)
         found = diagnose_first_run(first)
         if found["model"] is None:
@@ -70,7 +70,7 @@ def main() -> int:
             command=f"{{profile: random-sines, amplitude_A: 0.35, period_s: 60, seed: {lot.seed}}}",
             model=f"diagnosis/{found['model']}",
         )
-        second = run_daemon(second_config, SECOND_S)
+        second = run_daemon(second_config, SECOND_S, runs)
         print_link(second)
     better = judge_second_run(first, second)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -42,25 +42,48 @@ def write_configuration(path: Path, *, link: str, runs: Path, command: str, mode
     return path
 
 
-def run_daemon(config: Path, wheel_s: float) -> dict[str, Any]:
-    """`rw-ekf run` for so many of the wheel's seconds: its progress on a terminal, elsewhere a line now and then."""
+def run_daemon(config: Path, wheel_s: float, runs: Path) -> dict[str, Any]:
+    """`rw-ekf run` for so many of the wheel's seconds: its progress on a terminal, elsewhere a line now and then.
+
+    runs: where it writes its log, which says how far it is.
+    """
+    before = set(logs_in(runs))
     process = subprocess.Popen(
         [*COMMAND, "run", "--config", str(config), "--duration", str(wheel_s), "--json"],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
-    began = time.monotonic()
-    while not sys.stderr.isatty() and process.poll() is None:
-        try:
+    said = -1
+    while not sys.stderr.isatty() and said < wheel_s:
+        ended = process.poll() is not None
+        covered = min(round(max((covered_s(log) for log in logs_in(runs) if log not in before), default=0.0)), wheel_s)
+        if covered >= wheel_s or (covered > said and not ended):
+            print(f"   {covered:3.0f} of {wheel_s:.0f} wheel seconds", flush=True)
+            said = int(covered)
+        if ended:
+            break
+        with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(timeout=_SPEAK_EVERY_S)
-        except subprocess.TimeoutExpired:
-            print(f"   {(time.monotonic() - began) * SPEED_FACTOR:3.0f} of {wheel_s:.0f} wheel seconds", flush=True)
     out, _ = process.communicate()
     if process.returncode != 0:
         raise SystemExit(f"the daemon ended with status {process.returncode}; its message stands above")
     document: dict[str, Any] = json.loads(out)
     return document
+
+
+def logs_in(runs: Path) -> list[Path]:
+    """Logs of runs, without their estimates."""
+    return [path for path in runs.glob("*.csv") if not path.name.endswith(".estimates.csv")]
+
+
+def covered_s(log: Path) -> float:
+    """Seconds of the wheel's clock from the first whole line of a log to the last; 0 where there are not two."""
+    header, *lines = log.read_text(encoding="utf-8").split("\n")[:-1] or [""]
+    if len(lines) < 2:
+        return 0.0
+    at = header.split(",").index("time_s")
+    return float(lines[-1].split(",")[at]) - float(lines[0].split(",")[at])
 
 
 def command_json(*arguments: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf.diagnosis.report_words import number_text
 from rw_ekf.diagnosis.residual_map import Dependence
 from rw_ekf.diagnosis.trial import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -135,8 +136,8 @@ def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *
             continue
         old, new = before[key], after[key]
         if wheel_units:
-            return f"{words} {old:.3g} -> {new:.3g} rpm on {seconds:.0f} s held out"
-        change = f"{rad_s_from_rpm(old):.3g} -> {rad_s_from_rpm(new):.3g}"
+            return f"{words} {number_text(old)} -> {number_text(new)} rpm on {seconds:.0f} s held out"
+        change = f"{number_text(rad_s_from_rpm(old))} -> {number_text(rad_s_from_rpm(new))}"
         return f"{words} {change} (unit of the speed) on {seconds:.0f} s held out"
     return f"nothing held out to judge it by in {seconds:.0f} s"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.cli import VERBS, main
-from tests.loop.bench import ROOT, rw_ekf, served_wheel, write_config
+from tests.loop.bench import ROOT, served_wheel, write_config
 
-HEAVY = ("numpy", "numba", "scipy", "filterpy", "pyarrow", "matplotlib")
+HEAVY = ("numpy", "numba", "scipy", "filterpy", "pyarrow", "matplotlib", "rw_ekf.filter", "rw_ekf.diagnosis")
 PROBE = """
 import sys
 from rw_ekf.cli import main
@@ -72,19 +71,7 @@ def test_help_and_check_config_import_nothing_heavy(tmp_path: Path) -> None:
         assert heavy_imports(*arguments) == (0, ""), arguments
 
 
-def test_stop_imports_nothing_heavy_and_is_quick(tmp_path: Path) -> None:
-    """`stop` on a wheel: no heavy module, less than 0.3 s of processor."""
+def test_stop_imports_nothing_heavy(tmp_path: Path) -> None:
+    """`stop` on a wheel loads no heavy module, and nothing of the filter; `tools.measure_startup` has the times."""
     with served_wheel(tmp_path) as bench:
         assert heavy_imports("stop", "--config", str(bench.config())) == (0, "")
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        assert rw_ekf("stop", "--config", str(bench.config())).returncode == 0
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
-
-
-def test_help_is_quick() -> None:
-    """`run --help` takes less than 0.3 s of processor."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert rw_ekf("run", "--help").returncode == 0
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3

@@ -85,7 +85,7 @@ def test_a_wheel_silent_to_the_end_counts_as_lost(bench: Bench) -> None:
     assert ran.outcome.lost
     assert not ran.outcome.zero_confirmed
     assert bench.registers.command_A == 0.0
-    assert time.monotonic() - began < 6.0
+    assert time.monotonic() - began < 60.0  # against a hang alone
 
 
 def test_a_wheel_lost_and_back_only_at_the_end_is_still_given_zero(bench: Bench) -> None:

@@ -1,0 +1,75 @@
+"""What a report says is said the same way everywhere: causes, gains, commands."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rw_ekf.diagnosis.candidates_document import _explained_by_what_stands
+from rw_ekf.diagnosis.report_residual import SHOWN_AGAINST, _marked
+from rw_ekf.diagnosis.report_tables import commands
+from rw_ekf.diagnosis.report_words import gain_text, percent_text
+from rw_ekf.effects.catalogue import CATALOGUE
+
+PANELS: Any = [SimpleNamespace(title=t) for t in ("time", "speed", "low speed", "current", "angle", "temperature")]
+
+
+def marked(kind: str, *effects: str) -> list[str]:
+    """Titles in bold where the low speed has the largest structure."""
+    diagnosis: Any = SimpleNamespace(document={"verdict": {"kind": kind, "effects": list(effects)}})
+    means: Any = [[SimpleNamespace(structure=9.0 if p.title == "low speed" else 1.0)] for p in PANELS]
+    return [PANELS[number].title for number in sorted(_marked(diagnosis, PANELS, means))]
+
+
+def test_the_bold_panel_is_that_of_the_named_cause() -> None:
+    """Whatever bends most, a named cause marks its own quantity; without a name the largest, in a good model none."""
+    assert marked("effect", "viscous_temperature") == ["temperature"]
+    assert marked("effect", "drag_spike", "quadratic_drag") == ["time", "speed"]
+    assert marked("effect", "speed_quantisation") == []
+    assert marked("unexplained") == ["low speed"]
+    assert marked("adequate") == []
+
+
+def test_every_effect_of_the_catalogue_has_a_panel() -> None:
+    """But for the one of the reading's grid, which depends on nothing."""
+    assert set(CATALOGUE) - set(SHOWN_AGAINST) == {"speed_quantisation"}
+    assert set(SHOWN_AGAINST.values()) == {panel.title for panel in PANELS}
+
+
+def test_nothing_is_explained_by_what_was_rejected() -> None:
+    """Only what stands in the model explains another candidate; of a rejected one it is said that it was rejected."""
+    entries = [
+        {"effect": "a", "decision": "added"},
+        {"effect": "b", "decision": "not confirmed on the held-out part"},
+        {"effect": "c", "decision": "explained by a, b"},
+        {"effect": "d", "decision": "explained by b"},
+        {"effect": "e", "decision": "not significant"},
+    ]
+    _explained_by_what_stands(entries)
+    assert [entry["decision"] for entry in entries[2:]] == [
+        "explained by a", "looks like b: not confirmed on the held-out part", "not significant",
+    ]  # fmt: skip
+
+
+def test_a_gain_has_the_sign_and_digits_of_the_figures() -> None:
+    """What the tile calls -8.3 % the tables call -8.3 %; a spike's gain says that it is that inside the event."""
+    assert gain_text({"effect": "friction_lag", "heldout_gain_percent": 8.277}) == percent_text(-8.277)
+    assert gain_text({"effect": "drag_spike", "heldout_gain_percent": 7.92}) == percent_text(-7.92) + " in it"
+
+
+def test_commands_of_the_report_work_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Log, model and column map are named so that the commands run from another folder; spaces are quoted."""
+    here = tmp_path / "a place"
+    here.mkdir()
+    (here / "log.csv").touch()
+    monkeypatch.chdir(here)
+    text = commands(Path("out"), "log.csv", ["--columns", "columns-emps.yaml"]).replace("&#x27;", "'")
+    lines = [shlex.split(part.split("</pre>")[0]) for part in text.split("<pre>")[1:4]]
+    model = str(here / "out" / "augmented-model.yaml")
+    assert lines[0] == ["rw-ekf", "replay", str(here / "log.csv"), "--columns", "columns-emps.yaml", "--model", model]
+    assert lines[1][:3] == ["rw-ekf", "diagnose", str(here / "log.csv")]
+    assert lines[2] == ["rw-ekf", "run", "--config", "my-wheel.yaml", "--model", model]
