@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 _JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
-_JUDGED_PLAIN = 1_200  # the same in plain Python
+_JUDGED_PLAIN = 2_000  # the same in plain Python
 _FEW_SAMPLES = 20
 _WILD = 1.0e9  # no machine turns, or is driven, by such numbers: a value beyond it is damage, and would only overflow
 
@@ -193,14 +193,14 @@ def judge_log(
 def judge_now(data: FilterInput, setup: FilterSetup, belief: Belief) -> tuple[Consistency, int]:
     """`judge_log` without ever waiting for a compiler, and the samples it looked at.
 
-    Where the cache of compiled routines is cold, the same functions run as plain Python over a shorter head: some two
+    Where the cache of compiled routines is cold, the same functions run as plain Python over fewer samples: some four
     seconds on a desktop computer.
     """
     from rw_ekf import compile_ahead
     from rw_ekf.filter.compiled import interpreted
 
-    passes = compile_ahead.EFFECTS if setup.effects.state_columns else compile_ahead.FILTER
-    if not compile_ahead.cold((*passes, *compile_ahead.LEAST_SQUARES)):
+    needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.columns else compile_ahead.FIT
+    if not compile_ahead.cold(needed):
         return judge_log(data, setup, belief), min(_JUDGED_SAMPLES, data.time_s.size)
     with interpreted():
         return judge_log(data, setup, belief, _JUDGED_PLAIN), min(_JUDGED_PLAIN, data.time_s.size)

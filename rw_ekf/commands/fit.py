@@ -74,7 +74,7 @@ def execute(args: argparse.Namespace) -> int:
     readings = int(np.count_nonzero(np.isfinite(data.speed_rad_s)))
     if readings < 10:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
-    make_ready((*compile_ahead.FILTER, *compile_ahead.LEAST_SQUARES))
+    make_ready(compile_ahead.FIT)
     setup = setup_of_record(data, configuration, prior_model)
     with progress("fit", None, " evaluations") as bar:
         belief, found, quality, warnings = _fit(args.method, data, log, setup, bar.update)

@@ -65,8 +65,8 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.replay import replay_log
 
     with_effects = model is not None and bool(model.effects.state_columns)
-    judged_by = compile_ahead.EFFECTS if with_effects else compile_ahead.LEAST_SQUARES
-    make_ready((*compile_ahead.FILTER, *judged_by, *(compile_ahead.SMOOTHER if args.smooth else ())))
+    with_record = (*compile_ahead.FILTER, *(compile_ahead.SMOOTHER if args.smooth else ()))
+    make_ready((*with_record, *compile_ahead.EFFECTS) if with_effects else compile_ahead.FIT)
     started = time.perf_counter()
     done = []
     with progress("replay", sum(len(log) for log in logs), " samples") as bar:
