@@ -109,7 +109,7 @@ def test_a_run_ends_without_a_compiler(tmp_path: Path) -> None:
     assert compiled_files(cache) == []
 
 
-@pytest.mark.parametrize("effects", [[], ["friction_lag"]])
+@pytest.mark.parametrize("effects", [[], ["offset_torque"]])
 def test_plain_python_judges_as_the_compiled_routine_does(effects: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """The tests of a log's residual give the same p-values whether the cache is warm or cold."""
     run = simulated(effects, seed=3, samples=900)
