@@ -57,7 +57,7 @@ def test_dropped_replies_are_missing_samples_and_the_run_recovers(bench: Bench) 
     log = ran.log
     assert int(np.isnan(log.speed_rad_s).sum()) == ran.outcome.statistics.missing
     assert float(np.median(np.diff(log.time_s))) == pytest.approx(0.1, abs=0.03)
-    assert log.segment.max() == 0
+    assert log.segment.max() <= 1  # a fault that falls between a read and its write leaves the current unknown
     assert ran.outcome.statistics.rejected <= 2
     assert "silence" not in ran.notes.events
     gap = np.flatnonzero(np.isnan(log.speed_rad_s))
