@@ -85,7 +85,7 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
 def _said_while_running(outcome: RunOutcome) -> list[str]:
     """Sentences for the document that a person has already read on standard error, as they came."""
     unconfirmed = "the wheel did not confirm zero current at the end; `rw-ekf stop --config F` tries again"
-    return [*([] if outcome.zero_confirmed else [unconfirmed]), *outcome.findings, *outcome.alarms]
+    return [*([] if outcome.zero_confirmed else [unconfirmed]), *outcome.alarms]
 
 
 def _warnings(outcome: RunOutcome) -> list[str]:
@@ -103,6 +103,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         )
     if outcome.unwritten:
         found.append(_unwritten_text(outcome.unwritten))
+    found += outcome.findings
     if outcome.statistics.samples == 0:
         return [*found, "no sample came from the wheel"]
     refused = outcome.statistics.gate_finding(outcome.setup.constants.gate)
