@@ -21,6 +21,7 @@ from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.likelihood.judgement import judge_fit
 from rw_ekf.likelihood.log_fit import fit_log
+from rw_ekf.logs.sampling import sampling_of
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.statistics import RunStatistics
@@ -111,7 +112,13 @@ def replay_log(
         belief = _beside_other_stribeck_speeds(data, setup, run) if not online else Belief(run.mean, run.covariance)
         statistics = RunStatistics.of_run(data, run)
         consistency = judge_log(data, setup, belief)
-    warnings = [*log.warnings, *setup.notes, *_remarks(data, log, setup, statistics), *consistency.warnings()]
+    warnings = [
+        *sampling_of(log).remarks(),
+        *log.warnings,
+        *setup.notes,
+        *_remarks(data, log, setup, statistics),
+        *consistency.warnings(),
+    ]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
 

@@ -10,6 +10,7 @@ import numpy as np
 from rw_ekf.diagnosis.base_fit import model_of_setup
 from rw_ekf.diagnosis.metrics import judge_model
 from rw_ekf.diagnosis.preparation import prepare
+from rw_ekf.diagnosis.source import source_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.model_file import read_model
 
@@ -21,7 +22,7 @@ def frozen_figures(log: str, model_file: Path) -> dict[str, Any]:
     from its first filtered speed.
     """
     model = read_model(model_file)
-    prepared = prepare(read_log(log), None, model, "blocks")
+    prepared = prepare(source_of([read_log(log)]), None, model, "blocks")
     judged = judge_model(
         prepared.whole,
         model_of_setup(prepared.setup, model.parameters),

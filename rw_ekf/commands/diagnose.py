@@ -20,6 +20,7 @@ from rw_ekf.commands.inputs import (
 HELP = "find what the model lacks in a log, add it, and prove it"
 EXAMPLE = """example:
   rw-ekf diagnose runs/2026-11-21.csv --out diagnosis
+  rw-ekf diagnose coast-down-520.csv coast-down-300.csv --out diagnosis
   rw-ekf diagnose carriage.csv --columns columns-emps.yaml --split halves --json"""
 
 _STEPS = 12  # that a diagnosis usually announces
@@ -27,7 +28,9 @@ _STEPS = 12  # that a diagnosis usually announces
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("log", metavar="LOG", help="CSV, Parquet or MATLAB file")
+    parser.add_argument(
+        "logs", metavar="LOG", nargs="+", help="CSV, Parquet or MATLAB file; several of one wheel are one diagnosis"
+    )
     add_log_options(parser)
     parser.add_argument(
         "--model", metavar="F", help="model YAML to diagnose, effects included; default: the four parameters"
@@ -50,11 +53,11 @@ def execute(args: argparse.Namespace) -> int:
     directory = None if args.out is None else Path(args.out)
     if directory is not None:
         names = ("report.html", "diagnosis.json", "augmented-model.yaml")
-        inputs = [args.log, args.columns, args.config]  # the model may be replaced by a better one
+        inputs = [*args.logs, args.columns, args.config]  # the model may be replaced by a better one
         refuse_to_overwrite([str(directory / name) for name in names], inputs)
     configuration = read_configuration(args.config)
     model = read_wheel_model(args.model, configuration)
-    (log,) = read_logs([args.log], args.columns)
+    logs = read_logs(args.logs, args.columns)
     if directory is not None:
         _make_ready(directory)
 
@@ -70,16 +73,16 @@ def execute(args: argparse.Namespace) -> int:
             bar.total = max(bar.total, bar.n + 2)
             bar.update(1)
 
-        found = diagnose_log(log, configuration, model, split=args.split, advance=advance)
+        found = diagnose_log(logs, configuration, model, split=args.split, advance=advance)
         inertia = found.inertia_kg_m2
         if directory is not None:
             advance("drawing the report")
             options = log_options(args)
-            write_report(directory, found, inertia_kg_m2=inertia, wheel_units=inertia is not None, options=options)
+            write_report(directory, found, inertia_kg_m2=inertia, wheel_units=found.in_rpm, options=options)
     if args.json:
         print_json(found.document)
     else:
-        sys.stdout.write(diagnosis_text(found.document, directory=directory, wheel_units=inertia is not None) + "\n")
+        sys.stdout.write(diagnosis_text(found.document, directory=directory, wheel_units=found.in_rpm) + "\n")
     return 0
 
 

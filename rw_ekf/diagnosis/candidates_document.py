@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.diagnosis.candidates import testable
-from rw_ekf.diagnosis.event import event_gain_percent
+from rw_ekf.diagnosis.event import event_gain
 from rw_ekf.diagnosis.evidence import threshold
 from rw_ekf.diagnosis.look import Found, gain_over
 from rw_ekf.diagnosis.metrics import Judged
@@ -86,7 +86,8 @@ def _gain(found: Found, name: str, before: Judged, after: Judged) -> float | Non
     Of one effect that was added alone it is what the figures before and after say.
     """
     if CATALOGUE[name].local_in_time:
-        return event_gain_percent(found.whole, name, found.prepared.prior, found.prepared.seen)
+        gain = event_gain(found.whole, name, found.prepared.prior, found.prepared.seen)
+        return None if gain is None else gain.percent
     errors = [judged.figures.get("free_run_rms_rpm") for judged in (before, after)]
     if found.new_ids == [name] and errors[0] and errors[1] is not None:
         return float(100.0 * (1.0 - errors[1] / errors[0]))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rw_ekf.diagnosis.augmented_model import augmented_model
 from rw_ekf.diagnosis.candidates_document import candidate_entries
+from rw_ekf.diagnosis.confounding import one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.look import Found, judge
 from rw_ekf.diagnosis.metrics import Judged
 from rw_ekf.diagnosis.preparation import Prepared
@@ -78,11 +80,9 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         after = before
     document = {
         "schema": SCHEMA,
-        "log": prepared.log.name,
-        "samples": len(prepared.log),
-        "rate_hz": prepared.log.rate_hz,
+        **prepared.source.document(),
         "split": prepared.split.document(),
-        "verdict": verdict.document(),
+        "verdict": replace(verdict, statement=prepared.source.said_first + verdict.statement).document(),
         "candidates": candidate_entries(found, lattice, verdict, before, after),
         "before": before.figures,
         "after": after.figures if chosen else before.figures,
@@ -96,6 +96,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             "after": residual_tests((after if chosen else before).trace.normalised_innovation),
         },
         "warnings": [
+            *prepared.source.notes,
             *prepared.log.warnings,
             *prepared.setup.notes,
             *prepared.notes,
@@ -117,6 +118,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         prepared.angle_is_logged,
         model,
         inertia,
+        inertia is not None or prepared.log.in_rpm,
     )
 
 
@@ -166,20 +168,26 @@ def _verdict(found: Found, lattice: Lattice | None, before: Judged, after: Judge
         where = f" ({', '.join(found.selection.whole_record)} sought on the whole record)"
     if any(CATALOGUE[name].local_in_time for name in names):
         where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
-    better = improvement(
-        before.figures, after.figures, seconds, wheel_units=found.prepared.setup.inertia_kg_m2 is not None
-    )
+    better = improvement(before.figures, after.figures, seconds, wheel_units=found.prepared.in_rpm)
     text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
     if groups:
-        text += f" {separation(groups[0])}."
+        text += f" {separation(groups[0], found.selection)}."
+    elif one_and_the_same(found.whole, "time", "speed") and any(_goes_with_time(name) for name in names):
+        way = separates("speed")
+        text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
     return Verdict("effect", names, groups, text)
+
+
+def _goes_with_time(name: str) -> bool:
+    """Whether an effect varies smoothly with the record's clock; the onset of an event is no law of speed."""
+    return quantity_of(CATALOGUE[name]) == "time" and not CATALOGUE[name].local_in_time
 
 
 def _noise_text(found: Found) -> str:
     noise, period = found.whole.noise, found.prepared.data.period_s
     sigma, wander = float(np.sqrt(noise.variance)), float(np.sqrt(noise.ratio * noise.variance / period))
-    unit = "in the unit of the speed"
-    if found.prepared.setup.inertia_kg_m2 is not None:
+    unit = "rad/s (or m/s)"
+    if found.prepared.in_rpm:
         sigma, wander, unit = rpm_from_rad_s(sigma), rpm_from_rad_s(wander), "rpm"
     if noise.ratio < _TOLD_RATIO:
         return f"{sigma:.3g} {unit}"

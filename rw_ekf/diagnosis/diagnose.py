@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.conclude import SCHEMA, conclude
@@ -10,13 +10,14 @@ from rw_ekf.diagnosis.look import judge, look
 from rw_ekf.diagnosis.preparation import prepare, unfit
 from rw_ekf.diagnosis.records import Diagnosis
 from rw_ekf.diagnosis.selection import Search
+from rw_ekf.diagnosis.source import Source, source_of
 from rw_ekf.diagnosis.split import Kind, split_record
 from rw_ekf.diagnosis.verdict import Verdict
 from rw_ekf.likelihood import work
+from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.replay import input_of_log, refuse_runaway_model
 
 if TYPE_CHECKING:
-    from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
 
@@ -24,26 +25,28 @@ Advance = Callable[[str], object]
 
 
 def diagnose_log(
-    log: WheelLog,
+    log: WheelLog | Sequence[WheelLog],
     configuration: Configuration | None = None,
     model: WheelModel | None = None,
     *,
     split: Kind = "blocks",
     advance: Advance = lambda text: None,
 ) -> Diagnosis:
-    """Diagnose a log. Raises LogError for one without a single usable speed, FilterError where nothing can be fitted.
+    """Diagnose a log, or several of one wheel: shared parameters, each log with a start and a clock of its own.
+
+    Raises LogError for one without a single usable speed, FilterError where nothing can be fitted.
 
     model: what is known already, its effects included; without it the four parameters alone are the base. Raises
     BadInputError for one with which the filter runs away.
     """
-    data = input_of_log(log)
-    reason = unfit(log, data)
+    source = source_of([log] if isinstance(log, WheelLog) else log)
+    reason = unfit(source.log, input_of_log(source.log))
     if reason is not None:
-        return _unjudged(log, reason, split)
+        return _unjudged(source, reason, split)
     if model is not None and model.effects.columns:
-        refuse_runaway_model(log, data, configuration, model)
+        refuse_runaway_model(source.log, input_of_log(source.log), configuration, model)
     advance("fitting the base model")
-    prepared = prepare(log, configuration, model, split)
+    prepared = prepare(source, configuration, model, split)
     prepared.work.start_clock()
     found = look(prepared, advance)
     if split == "blocks" and not found.new_ids and found.left and not prepared.work.has(work.OTHER_PART):
@@ -59,9 +62,10 @@ def diagnose_log(
 
 def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:
     """Free-run error [rpm] on the held-out part of a fit that is told the effects; None if it cannot run."""
-    if unfit(log, input_of_log(log)) is not None:
+    source = source_of([log])
+    if unfit(source.log, input_of_log(source.log)) is not None:
         return None
-    prepared = prepare(log, None, None, split)
+    prepared = prepare(source, None, None, split)
     search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, lambda text: None)
     fit = prepared.base
     for name in effect_ids:
@@ -70,8 +74,9 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     return figure
 
 
-def _unjudged(log: WheelLog, reason: str, kind: Kind) -> Diagnosis:
+def _unjudged(source: Source, reason: str, kind: Kind) -> Diagnosis:
     """The verdict for a log that cannot judge even the base model."""
+    log = source.log
     split = split_record(log.time_s, log.segment, log.speed_rad_s, kind, 0.0)
     advice = "`rw-ekf excite identification --config F` drives the wheel through all that is needed (600 s)"
     nothing = dict.fromkeys(
@@ -84,12 +89,10 @@ def _unjudged(log: WheelLog, reason: str, kind: Kind) -> Diagnosis:
             "torque_rms_mNm",
         )
     )
-    statement = f"Cannot be judged: {reason}; {advice}."
+    statement = f"{source.said_first}Cannot be judged: {reason}; {advice}."
     document = {
         "schema": SCHEMA,
-        "log": log.name,
-        "samples": len(log),
-        "rate_hz": log.rate_hz,
+        **source.document(),
         "split": split.document(),
         "verdict": Verdict("insufficient_excitation", statement=statement).document(),
         "candidates": [],
@@ -98,7 +101,7 @@ def _unjudged(log: WheelLog, reason: str, kind: Kind) -> Diagnosis:
         "model": None,
         "map": [],
         "residual_tests": {"before": None, "after": None},
-        "warnings": list(log.warnings),
+        "warnings": [*source.notes, *log.warnings],
         "left_out": [],
     }
-    return Diagnosis(log, document, split.heldout, None, None, None, None, False, None)
+    return Diagnosis(log, document, split.heldout, None, None, None, None, False, None, in_rpm=log.in_rpm)

@@ -6,6 +6,9 @@ fitted with every other five seconds of it left out, and those readings are pred
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,8 +23,16 @@ _STRIDE_S = 5.0
 _DECAYS = 3.0  # how long an event is, in its own time constants
 
 
-def event_gain_percent(whole: Fit, name: str, prior: Prior, seen: Reference) -> float | None:
-    """Percent by which the error on the seconds left out falls with the event in the model; None if there are none."""
+@dataclass(frozen=True)
+class EventGain:
+    """What an event is worth on the seconds left out."""
+
+    percent: float  # by which the error falls
+    statistic: float  # twice the gain in log-likelihood, the noise being what the error is
+
+
+def event_gain(whole: Fit, name: str, prior: Prior, seen: Reference) -> EventGain | None:
+    """Compare the errors on the seconds left out, without and with the event in the model; None if there are none."""
     record = whole.frame.record
     column = next(c for c in whole.model.columns if c.id == name)
     onset, decay = column.shape[0], column.shape[1]
@@ -32,7 +43,10 @@ def event_gain_percent(whole: Fit, name: str, prior: Prior, seen: Reference) -> 
         return None
     with_it = _error(whole, whole.model.settled(name), prior, seen, left_out)
     without = _error(whole, whole.model.without(name), prior, seen, left_out)
-    return float(100.0 * (1.0 - with_it / without)) if without > 0.0 else None
+    if without <= 0.0 or with_it <= 0.0:
+        return None
+    count = float(np.count_nonzero(left_out & ~whole.omit))
+    return EventGain(100.0 * (1.0 - with_it / without), 2.0 * count * math.log(without / with_it))
 
 
 def _error(whole: Fit, model: Model, prior: Prior, seen: Reference, left_out: NDArray[np.bool_]) -> float:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
+from rw_ekf.diagnosis.confounding import one_and_the_same
+from rw_ekf.diagnosis.event import event_gain
 from rw_ekf.diagnosis.evidence import (
     EXPLAINED_SHARE,
     INDISTINGUISHABLE,
@@ -16,7 +20,7 @@ from rw_ekf.diagnosis.metrics import Judged, heldout_likelihood, judge_model
 from rw_ekf.diagnosis.preparation import Prepared
 from rw_ekf.diagnosis.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.selection import Search
-from rw_ekf.diagnosis.trial import Selection, determined, matters
+from rw_ekf.diagnosis.trial import IMPOSSIBLE, Selection, determined, matters, possible
 from rw_ekf.diagnosis.verdict import left_over
 from rw_ekf.diagnosis.wander import WANDER, wandering
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -24,8 +28,20 @@ from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 
 Advance = Callable[[str], object]
+Figures = dict[str, Any]
 
 _WORST_GAIN_PERCENT = -2.0  # an effect that matters does not make the free run worse; a small one may not better it
+_VETOED = (
+    ("one_step_rms_rpm", "one-step error"),
+    ("horizon_1s_rms_rpm", "error 1 s ahead"),
+    ("horizon_20s_rms_rpm", "error 20 s ahead"),
+    ("free_run_rms_rpm", "free-run error"),
+)
+# Share by which a held-out figure may grow, and factor by which NIS may be further from 1: for an effect whose free run
+# gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
+_WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
+_REAL_GAIN = 0.05
+_LEAST_EVENT = 4.0  # of twice the log-likelihood on the seconds left out of an event: two sigma
 _GOES_WITH_TIME = ("time", "temperature")
 _RIPPLE = "torque_ripple"
 _LEAST_SIGMAS_OF_PART = 1.0  # what the whole record found, one part must know at least so well
@@ -90,6 +106,7 @@ def look(prepared: Prepared, advance: Advance) -> Found:
     else:
         prepared.work.leave_out("the search of the whole record for what a part shows too little of")
     _drop_trifles(search, selection)
+    _veto(prepared, search, selection)
     advance("mapping the residual")
     found = _mapped(prepared, search, selection)
     if not found.left and found.new_ids:
@@ -101,10 +118,13 @@ def look(prepared: Prepared, advance: Advance) -> Found:
 
 
 def _drop_trifles(search: Search, selection: Selection) -> None:
-    """Drop what the searched part has next to nothing of once all else is in the model."""
+    """Drop what the searched part has next to nothing of, or impossibly much, once all else is in the model."""
     for name in new_ids(selection):
         if not matters(selection.final.model, name, search.facts):
             selection.trials[name].decision = "too small to matter"
+            selection.final = search.without(selection.final, name)
+        elif not possible(selection.final.model, name, search.facts):
+            selection.trials[name].decision = IMPOSSIBLE
             selection.final = search.without(selection.final, name)
 
 
@@ -119,10 +139,14 @@ def _with_wandering_friction(found: Found) -> Found:
     A given model's own drift is not touched.
     """
     prepared, search, selection = found.prepared, found.search, found.selection
-    if WANDER in selection.base.model.effects.ids:
-        return found
+    if WANDER in selection.base.model.effects.ids or one_and_the_same(found.whole, "time", "speed"):
+        return found  # no smooth function of time is seen beside one of speed
     tried = wandering(prepared, search, selection.final)
-    if tried is None or tried.trial.p_value >= LOCAL_P or not matters(tried.fit.model, WANDER, prepared.facts):
+    if tried is None:
+        return found
+    if tried.trial.p_value >= LOCAL_P or not matters(tried.fit.model, WANDER, prepared.facts):
+        return found
+    if not possible(tried.fit.model, WANDER, prepared.facts):
         return found
     trials = {**selection.trials, WANDER: tried.trial}
     changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
@@ -188,8 +212,15 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
             other = next(item for item in fit.model.effects.ids if item not in selection.final.model.effects.ids)
             tried.append((search.on_whole(fit).likelihood.value, other, fit))
         top = max(value for value, _, _ in tried)
-        near = [item for item in tried if 2.0 * (top - item[0]) < INDISTINGUISHABLE]
-        _, winner, best = max(near, key=lambda item: (not CATALOGUE[item[1]].of_one_record, item[0]))
+        same = selection.constructed.get(name, set())
+        near = [
+            item
+            for item in tried
+            if 2.0 * (top - item[0]) < INDISTINGUISHABLE or item[1] in same or (same and item[1] == name)
+        ]
+        _, winner, best = max(
+            near, key=lambda item: (item[1] not in same, not CATALOGUE[item[1]].of_one_record, item[0])
+        )
         selection.rivals.pop(name)
         if best is not selection.final:
             selection.trials[name].decision = f"explained by {winner}"
@@ -211,6 +242,35 @@ def _confirm(prepared: Prepared, search: Search, selection: Selection, names: li
         if not likelier or (gain is not None and gain < _WORST_GAIN_PERCENT):
             selection.trials[name].decision = "not confirmed on the held-out part"
             selection.final = less
+
+
+def _veto(prepared: Prepared, search: Search, selection: Selection) -> None:
+    """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first."""
+    for name in reversed(new_ids(selection)):
+        less = search.without(selection.final, name)
+        before, after = judge(prepared, less, None).figures, judge(prepared, selection.final, None).figures
+        free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
+        gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
+        worse = worsened(before, after, *(_WORST if gained else _WORSE))
+        if worse is None and CATALOGUE[name].local_in_time:
+            gain = event_gain(search.on_whole(selection.final), name, prepared.prior, prepared.seen)
+            if gain is not None and gain.statistic < _LEAST_EVENT:
+                worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
+        if worse is not None:
+            selection.trials[name].decision = f"not confirmed: on the held-out part {worse}"
+            selection.final = less
+
+
+def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:
+    """Which held-out figure an effect makes worse, by more than a share, or NIS by more than a factor; in words."""
+    for key, words in _VETOED:
+        old, new = before.get(key), after.get(key)
+        if old and new and new > (1.0 + share) * old:
+            return f"the {words} grows by {100.0 * (new / old - 1.0):.2g} %"
+    old, new = before.get("nis_mean"), after.get("nis_mean")
+    if old and new and abs(math.log(new)) > abs(math.log(old)) + math.log(nis):
+        return f"NIS goes from {old:.3g} to {new:.3g}"
+    return None
 
 
 def judge(prepared: Prepared, fit: Fit, inertia: float | None) -> Judged:

@@ -13,6 +13,7 @@ from rw_ekf.diagnosis.base_fit import model_of_setup, part_of, start_parameters
 from rw_ekf.diagnosis.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.gross_errors import gross_errors
 from rw_ekf.diagnosis.scorer import information
+from rw_ekf.diagnosis.source import Source
 from rw_ekf.diagnosis.split import Kind, Split, running_time, split_record
 from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.filter.belief import Belief, prior_around
@@ -49,7 +50,7 @@ _LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less show
 class Prepared:
     """Everything that a search starts from."""
 
-    log: WheelLog
+    source: Source
     data: FilterInput
     setup: FilterSetup
     split: Split
@@ -69,6 +70,16 @@ class Prepared:
     def work(self) -> Work:
         """What the diagnosis has cost so far."""
         return self.whole.work
+
+    @property
+    def log(self) -> WheelLog:
+        """The log, or several joined, as it is looked at."""
+        return self.source.log
+
+    @property
+    def in_rpm(self) -> bool:
+        """Whether speeds are told in rpm: of a wheel, and of any plant whose log has them so."""
+        return self.setup.inertia_kg_m2 is not None or self.log.in_rpm
 
     def over_log(self, values: Float64Array) -> Float64Array:
         """An array over the samples looked at as one over the whole log, NaN elsewhere."""
@@ -109,8 +120,9 @@ def unfit(log: WheelLog, data: FilterInput) -> str | None:
     return None
 
 
-def prepare(log: WheelLog, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
+def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
     """Fit the base model to the part that is searched. The log must not be `unfit`."""
+    log, log_of = source.log, source.log_of
     data = with_running_time(input_of_log(log))
     wrong = gross_errors(data.speed_rad_s, data.segment)
     notes: tuple[str, ...] = ()
@@ -145,7 +157,7 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
             "what happened between them is not known",
         )
         data = part_of(data, current, delay, kept)
-        current, delay, split = current[kept], delay[kept], split.of_looked_at()
+        current, delay, split, log_of = current[kept], delay[kept], split.of_looked_at(), log_of[kept]
     if not np.any(current != 0.0):
         notes += ("the current is zero throughout: the motor gain cannot be identified and keeps its prior",)
     n = data.time_s.size
@@ -159,18 +171,20 @@ def prepare(log: WheelLog, configuration: Configuration | None, model: WheelMode
     everything = np.ones(n, dtype=bool)
     by_filter = smoothed_by_filter(data, everything, start.base, setup.constants, noise)
     work = Work()
-    record = Record.of(data, everything, setup.constants, temperature, logged_angle, work)
+    record = Record.of(data, everything, setup.constants, temperature, logged_angle, work, log_of)
     seen = robust_fit(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
     angle = logged_angle if turned else integrated_angle(data, seen.speed)
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
-        Record.of(data, mask, setup.constants, temperature, angle, work)
+        Record.of(data, mask, setup.constants, temperature, angle, work, log_of)
         for mask in (split.fit, everything, split.heldout)
     )
     base = robust_fit(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
     facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
+    starts = tuple(float(data.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
+    facts = replace(facts, timing_doubt_s=source.timing_doubt_s, log_starts_s=starts)
     ready = Prepared(
-        log, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
+        source, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
     )
     return ready if kind == "halves" else _richer(ready)
 
@@ -226,4 +240,6 @@ def _with_base(prepared: Prepared, model: Model) -> Prepared:
     channels = prepared.facts.channels
     warmth = prepared.fit_part.temperature_degC
     facts = facts_of(prepared.data, base.model, math.sqrt(base.noise.variance), warmth, prepared.split.fit, channels)
+    before = prepared.facts
+    facts = replace(facts, timing_doubt_s=before.timing_doubt_s, log_starts_s=before.log_starts_s)
     return replace(prepared, base=base, facts=facts)

@@ -31,7 +31,7 @@ class Units:
     @property
     def speed(self) -> str:
         """Unit of speeds; a plant that is no wheel may as well move along a line."""
-        return "rpm" if self.wheel else "SI"
+        return "rpm" if self.wheel else "rad/s (or m/s)"
 
     @property
     def speed_scale(self) -> float:
@@ -41,7 +41,7 @@ class Units:
     @property
     def current(self) -> str:
         """Unit of the drive."""
-        return "mA" if self.wheel else "SI"
+        return "mA" if self.wheel else "A (or N)"
 
     @property
     def current_scale(self) -> float:
@@ -53,7 +53,7 @@ class Units:
         """Unit of the residual: a torque where the inertia is known."""
         if self.inertia_kg_m2 is not None:
             return "mNm"
-        return "rad/s²" if self.wheel else "SI"
+        return "rad/s²" if self.wheel else "rad/s² (or m/s²)"
 
     @property
     def residual_scale(self) -> float:

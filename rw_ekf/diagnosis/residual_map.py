@@ -44,10 +44,10 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
 
 def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]:
     """Dependences of what the model leaves, most significant first."""
-    drive, dry = _probes(fit)
+    drive, dry = probes(fit)
     frame = fit.frame
     speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
-    current = _mean_current(fit)
+    current = mean_current(fit)
     groups: dict[str, list[Float64Array]] = {}
     size = np.abs(speed)
     top = max(facts.top_speed_rad_s, 1.0e-9)
@@ -80,7 +80,7 @@ def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]
     return sorted(found, key=lambda item: (item.p_value, -item.statistic))
 
 
-def _probes(fit: Fit) -> tuple[Float64Array, Float64Array]:
+def probes(fit: Fit) -> tuple[Float64Array, Float64Array]:
     """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to."""
     model = fit.model
     probe = EffectSet((Column(CATALOGUE["offset_torque"], 0.0, 0.0),))
@@ -98,7 +98,7 @@ def _probes(fit: Fit) -> tuple[Float64Array, Float64Array]:
     return -rows[:, 5], rows[:, 3] + rows[:, 4]
 
 
-def _mean_current(fit: Fit) -> Float64Array:
+def mean_current(fit: Fit) -> Float64Array:
     """Mean current over the interval that led to each sample [A], (n,)."""
     pieces = fit.frame.record.data.pieces
     charge = np.concatenate(([0.0], np.cumsum(pieces.duration_s * pieces.current_A)))

@@ -39,7 +39,10 @@ class Scorer:
     columns that follow a wandering speed would otherwise make it look as if it wandered less, and gain by that.
     """
 
-    def __init__(self, frame: Frame, prior: Prior | None, variance: float, ratio: float) -> None:
+    def __init__(
+        self, frame: Frame, prior: Prior | None, variance: float, ratio: float, beside: Float64Array | None = None
+    ) -> None:
+        """beside: more columns (n, m) that are free, as the model's own are."""
         self.frame = frame
         self.variance = variance
         self.ratios = _ratios(ratio)
@@ -51,6 +54,8 @@ class Scorer:
         for value in self.ratios:
             r, A, logs = frame.whitened(value, variance, frame.columns, frame.memory_columns)
             self.places = frame.innovation_at
+            if beside is not None:
+                A = np.concatenate((A, frame.whitened(value, variance, beside)[1]), axis=1)
             Q = _basis(A, prior, frame.model)
             self.restrictions.append(_restriction(A, prior))
             left = r - Q @ (Q.T @ r)

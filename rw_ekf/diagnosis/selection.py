@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.candidates import Score
-from rw_ekf.diagnosis.evidence import LOCAL_P, SIGNIFICANT_P, p_value
+from rw_ekf.diagnosis.candidates import Score, hypotheses
+from rw_ekf.diagnosis.confounding import Quantity, may_confound, quantity_of, says_more, scorer_beside
+from rw_ekf.diagnosis.evidence import EXPLAINED_SHARE, LOCAL_P, SIGNIFICANT_P, p_value
 from rw_ekf.diagnosis.scorer import Scorer
-from rw_ekf.diagnosis.trial import Selection, Trial, determined, lines_in, matters
+from rw_ekf.diagnosis.trial import IMPOSSIBLE, Selection, Trial, determined, lines_in, matters, possible
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import Candidate, Effect, ReadingEffect, RecordFacts
 from rw_ekf.likelihood import work
@@ -24,6 +25,7 @@ from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model, columns_of_candidate
 from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.robust_fit import smoothed_by_filter
 
 Float64Array = NDArray[np.float64]
 
@@ -31,6 +33,9 @@ _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 _TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
 _RIVAL_MARGIN = 16.0  # of twice the log-likelihood on the part: nearer ones are compared on the whole record
+_KEPT_SHARE = 0.5  # of the gain that a regression promised: a fit with less went astray
+_WORTH_A_LAW = 16.0  # of twice the log-likelihood, for one law more
+_ZOOMS = 8  # of the place of an event
 _ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
 
 
@@ -83,7 +88,9 @@ class Search:
             added = self._best_fit(current, contenders, selection)
             if added is None:
                 break
-            fit, _ = added
+            fit, trial = added
+            if trial.effect.local_in_time:
+                fit = self._with_other_laws(fit, trial)
             current = self.pruned(fit, selection)
             if lines_in(current.model) == lines_in(selection.final.model):
                 break
@@ -108,9 +115,9 @@ class Search:
         anywhere = [effect for effect in effects if not effect.local_in_time]
         scores = self._scores(current, anywhere)
         local = [effect for effect in effects if effect.local_in_time]
-        if local:
-            whole = self.on_whole(current)
-            here = self._scores(whole, local)
+        whole = self.on_whole(current) if local else current
+        if local and not (self._asks_for_a_law(scores) and may_confound(whole, "time", "speed")):
+            here = self._local_scores(whole, local)
             if any(self._significant(score) for score in here.values()):
                 # Whatever else would explain the whole record better than an event in it goes first.
                 everywhere = self._scores(whole, anywhere)
@@ -123,7 +130,41 @@ class Search:
             if name not in selection.trials or selection.trials[name].statistic < score.statistic:
                 selection.trials[name] = self._trial(score)
         strong = [score for score in scores.values() if self._significant(score)]
+        strong = self._stationary_first(current, strong, selection)
         return sorted(strong, key=lambda score: -score.statistic)
+
+    def _asks_for_a_law(self, scores: dict[str, Score]) -> bool:
+        """Whether something that holds at any time is significant: where time goes with speed an event waits for it."""
+        return any(self._significant(s) and quantity_of(s.hypothesis.effect) != "time" for s in scores.values())
+
+    def _local_scores(self, whole: Fit, local: list[type[Effect]]) -> dict[str, Score]:
+        """Scores of events; where time goes with speed, of what is left beside any smooth function of that."""
+        if not may_confound(whole, "time", "speed"):
+            return self._scores(whole, local)
+        return scorer_beside(whole, self.prior, "speed").best_of_each(self.facts, local, lambda: None)
+
+    def _stationary_first(self, current: Fit, strong: list[Score], selection: Selection) -> list[Score]:
+        """Leave out what goes with time as long as the record cannot tell it from an effect of speed or temperature.
+
+        That must be a contender, or in the model already: a law that holds at any time goes first.
+        """
+        timed = [
+            s for s in strong if quantity_of(s.hypothesis.effect) == "time" and not s.hypothesis.effect.local_in_time
+        ]
+        others: list[Quantity] = ["speed", "temperature"]
+        for other in others:
+            there = any(quantity_of(s.hypothesis.effect) == other for s in strong) or any(
+                quantity_of(column.effect) == other for column in current.model.columns
+            )
+            if not (timed and there and may_confound(current, "time", other)):
+                continue
+            for score in list(timed):
+                effect = score.hypothesis.effect
+                if not says_more(current, self.prior, self.facts, effect, other, self._enough(effect)):
+                    selection.trials[score.id].decision = f"nothing beside a smooth effect of the {other}"
+                    strong = [s for s in strong if s is not score]
+                    timed.remove(score)
+        return strong
 
     def _scores(self, fit: Fit, effects: list[type[Effect]]) -> dict[str, Score]:
         scorer = Scorer(fit.frame, self.prior, fit.noise.variance, fit.noise.ratio)
@@ -173,11 +214,12 @@ class Search:
             self.advance(f"fitting {score.id}")
             effect = score.hypothesis.effect
             start = self.on_whole(current) if local else current
+            place = self._zoomed(start, score) if local else score
             fits = [
                 self.refitted(start, start.model.with_effect(columns))
-                for columns in score.hypothesis.starts(score.coefficients)
+                for columns in place.hypothesis.starts(place.coefficients)
             ]
-            fit = max(fits, key=lambda item: item.likelihood.value)
+            fit = self._from_other_side(start, max(fits, key=lambda item: item.likelihood.value), place)
             shape_std = _shape_std(fit, score.id) if local else {}
             if local:
                 fit = self.refitted(current, fit.model.settled(score.id))
@@ -192,9 +234,69 @@ class Search:
             if not (matters(fit.model, score.id, self.facts) and determined(fit, score.id)):
                 trial.decision = "too small to matter"
                 continue
+            if not possible(fit.model, score.id, self.facts):
+                trial.decision = IMPOSSIBLE
+                continue
             if best is None or statistic > best[1].statistic:
                 best = fit, trial
         return best
+
+    def _zoomed(self, fit: Fit, score: Score) -> Score:
+        """The best place of an event near the one found, by ever finer steps: a fit follows its onset only so far."""
+        scorer = Scorer(fit.frame, self.prior, fit.noise.variance, fit.noise.ratio)
+        effect = score.hypothesis.effect
+        best: Score | None = None
+        at = score.hypothesis.candidate
+        for turn in range(_ZOOMS):
+            places = [(effect, candidate) for candidate in effect.nearby(at, turn, self.facts)]
+            for group in hypotheses(fit.frame, places):
+                best = max(
+                    [*scorer.score(group), *([best] if best else [])], key=lambda item: item.statistic, default=None
+                )
+            if best is None:
+                return score
+            at = best.hypothesis.candidate
+        return best if best is not None else score
+
+    def _from_other_side(self, start: Fit, fit: Fit, score: Score) -> Fit:
+        """The same, or a likelier fit along the path of the filter with the effect: near rest there are two valleys.
+
+        Tried only where a fit has lost most of what a linear effect promised.
+        """
+        promised = 0.5 * score.statistic
+        gained = fit.likelihood.value - start.likelihood.value
+        model = start.model.with_effect(score.hypothesis.starts(score.coefficients)[0])
+        if not score.hypothesis.effect.linear or model.effects.table().hidden or gained > _KEPT_SHARE * promised:
+            return fit
+        record = start.frame.record
+        part = record.follows | np.append(record.follows[1:], False)
+        data = replace(record.data, temperature_degC=record.temperature_degC, angle_rad=record.angle_rad)
+        noise = float(np.sqrt(start.noise.variance))
+        path = smoothed_by_filter(data, part & ~start.omit, model, record.constants, noise)
+        other = fit_model(record, model, self.prior, path, start.noise, start.omit)
+        return max(fit, other, key=lambda item: item.likelihood.value)
+
+    def _with_other_laws(self, fit: Fit, trial: Trial) -> Fit:
+        """An event and the law beside it shape each other where time goes with speed: the likeliest pair of them.
+
+        Only alternatives that a law itself names as such are tried in its place, each with the event sought anew.
+        """
+        whole = self.on_whole(fit)
+        name = trial.effect.id
+        if not may_confound(whole, "time", "speed"):
+            return fit
+        tried = []
+        for model in [fit.model, *_others(fit.model, self.effects)]:
+            less = fit_model(self.whole, model.without(name), self.prior, whole.reference, whole.noise, whole.omit)
+            score = self._local_scores(less, [trial.effect]).get(name)
+            if score is not None:
+                columns = self._zoomed(less, score).hypothesis.starts(score.coefficients)[0]
+                tried.append(self.refitted(less, less.model.with_effect(columns)))
+        if not tried:
+            return fit
+        best = max(tried, key=lambda item: 2.0 * item.likelihood.value - _WORTH_A_LAW * len(item.model.effects.ids))
+        trial.shape_std |= _shape_std(best, name)
+        return self.refitted(fit, best.model.settled(name))
 
     def without(self, fit: Fit, name: str) -> Fit:
         """The same part fitted without one effect."""
@@ -244,8 +346,21 @@ class Search:
                 if not fits:
                     continue
                 rival = max(fits, key=lambda item: item.likelihood.value)
-                if 2.0 * (final.likelihood.value - rival.likelihood.value) < _RIVAL_MARGIN:
+                constructed = self._same_by_construction(less, final, rival, name, effect)
+                if constructed:
+                    selection.constructed.setdefault(name, set()).add(effect.id)
+                if constructed or 2.0 * (final.likelihood.value - rival.likelihood.value) < _RIVAL_MARGIN:
                     selection.rivals.setdefault(name, []).append(rival)
+
+    def _same_by_construction(self, less: Fit, final: Fit, rival: Fit, name: str, other: type[Effect]) -> bool:
+        """Whether an effect of time does what the one chosen does, in a record that has them confounded."""
+        mine, its = quantity_of(CATALOGUE[name]), quantity_of(other)
+        if its != "time" or mine == "time" or not may_confound(less, mine, its):
+            return False
+        gained = final.likelihood.value - less.likelihood.value
+        if rival.likelihood.value - less.likelihood.value < EXPLAINED_SHARE * gained:
+            return False
+        return not says_more(less, self.prior, self.facts, CATALOGUE[name], its, self.enough)
 
     def _near(self, selection: Selection, name: str) -> list[type[Effect]]:
         """Effects worth comparing with one that was chosen: known aliases, and those that scored half as much."""
@@ -290,6 +405,22 @@ class Search:
 
 def _said(fit: Fit) -> str:
     return ", ".join(fit.model.effects.ids) or "the model"
+
+
+def _others(model: Model, effects: list[type[Effect]]) -> list[Model]:
+    """Models with one steady linear law in the place of one that is its known alias, beside it, and without either."""
+    found = []
+    for name in model.effects.ids:
+        effect = CATALOGUE[name]
+        if effect.linear and not (effect.quadrature or effect.of_one_record):
+            found.append(model.without(name))
+        for other in effects:
+            if other.id not in effect.confounded or other.id in model.effects.ids:
+                continue
+            if effect.linear and other.linear and not any(e.quadrature or e.of_one_record for e in (effect, other)):
+                added = columns_of_candidate(other, Candidate(0.0))
+                found += [model.without(name).with_effect(added), model.with_effect(added)]
+    return found
 
 
 def _shape_std(fit: Fit, name: str) -> dict[str, float]:

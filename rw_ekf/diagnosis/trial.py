@@ -14,6 +14,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 
 _LEAST_SIGMAS = 2.5
+IMPOSSIBLE = "of a size that no machine has"
 
 
 @dataclass
@@ -39,6 +40,7 @@ class Selection:
     trials: dict[str, Trial] = field(default_factory=dict)
     rivals: dict[str, list[Fit]] = field(default_factory=dict)  # chosen id -> fits with another in its place
     whole_record: list[str] = field(default_factory=list)  # ids sought there, held-out part included
+    constructed: dict[str, set[str]] = field(default_factory=dict)  # chosen id -> rivals no likelihood decides about
 
 
 def lines_in(model: Model) -> set[tuple[str, float]]:
@@ -67,3 +69,16 @@ def matters(model: Model, name: str, facts: RecordFacts) -> bool:
         changes = [c.value * (c.shape[2] or facts.duration_s) for c in model.columns if c.id == name]
         return float(np.max(np.abs(np.cumsum(changes)))) >= effect.smallest(facts) * facts.duration_s
     return float(np.linalg.norm(values)) >= effect.smallest(facts)
+
+
+def possible(model: Model, name: str, facts: RecordFacts) -> bool:
+    """Whether an effect in a fitted model has a size that a machine can have; friction that drifts never drives."""
+    effect = CATALOGUE[name]
+    columns = [column for column in model.columns if column.id == name]
+    if name == CoulombDrift.id:
+        changes = np.cumsum([CoulombDrift.change(c.value, c.shape, facts.last_s) for c in columns])
+        largest = effect.largest(facts) * facts.duration_s
+        return bool(np.max(np.abs(changes)) <= largest and np.min(changes) >= -model.parameters.coulomb)
+    if not all(effect.shape_is_possible(column.shape, facts) for column in columns):
+        return False
+    return float(np.linalg.norm([column.value for column in columns])) <= effect.largest(facts)

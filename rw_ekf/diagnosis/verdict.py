@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from rw_ekf.diagnosis.confounding import quantity_of, separates
 from rw_ekf.diagnosis.report_words import number_text
 from rw_ekf.diagnosis.residual_map import Dependence
 from rw_ekf.diagnosis.trial import Selection
@@ -90,7 +91,8 @@ def _described_line(fit: Fit, line: list[int]) -> dict[str, Any]:
 
 
 def sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
-    """What was found of one effect."""
+    """What was found of one effect, its size as a share of the friction that the final model has."""
+    facts = replace(facts, friction=fit.model.parameters)
     said = []
     lines = lines_of(fit, name)  # pieces of a broken line are in the order of time
     if CATALOGUE[name].quadrature:
@@ -109,21 +111,27 @@ def sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
 
 def grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:
     """Each effect with those that the data cannot tell from it."""
-    groups = []
+    groups: list[list[str]] = []
     for name in chosen:
         rivals = []
+        told = {other for group in groups for other in group} & selection.constructed.get(name, set())
         for fit in selection.rivals.get(name, []):
-            rivals += [other for other in fit.model.effects.ids if other not in chosen]
+            rivals += [other for other in fit.model.effects.ids if other not in chosen and other not in told]
         if rivals:
             groups.append([name, *dict.fromkeys(rivals)][:_GROUP])
     return groups
 
 
-def separation(group: list[str]) -> str:
+def separation(group: list[str], selection: Selection) -> str:
     """What would tell the members of a group apart."""
     first, *others = group
+    same = selection.constructed.get(first, set())
     ways = dict.fromkeys(
-        CATALOGUE[first].confounded.get(other) or CATALOGUE[other].confounded.get(first) or CATALOGUE[other].excitation
+        separates(quantity_of(CATALOGUE[first]))
+        if other in same
+        else CATALOGUE[first].confounded.get(other)
+        or CATALOGUE[other].confounded.get(first)
+        or CATALOGUE[other].excitation
         for other in others
     )
     return f"{' or '.join(group)} fit alike; what separates them: {'; '.join(ways)}"
@@ -138,7 +146,7 @@ def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *
         if wheel_units:
             return f"{words} {number_text(old)} -> {number_text(new)} rpm on {seconds:.0f} s held out"
         change = f"{number_text(rad_s_from_rpm(old))} -> {number_text(rad_s_from_rpm(new))}"
-        return f"{words} {change} (unit of the speed) on {seconds:.0f} s held out"
+        return f"{words} {change} rad/s (or m/s) on {seconds:.0f} s held out"
     return f"nothing held out to judge it by in {seconds:.0f} s"
 
 

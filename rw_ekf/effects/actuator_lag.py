@@ -6,7 +6,7 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, CurrentEffect, RecordFacts, Shape
-from rw_ekf.effects.measures import lacks_current
+from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current
 
 
 class ActuatorLag(CurrentEffect):
@@ -28,8 +28,13 @@ class ActuatorLag(CurrentEffect):
 
     @staticmethod
     def smallest(facts: RecordFacts) -> float:
-        """A twentieth of the sample period: 5 ms at 10 Hz."""
-        return 0.05 * facts.period_s
+        """A twentieth of the sample period: 5 ms at 10 Hz; no less than readings may be older than their rows."""
+        return max(0.05 * facts.period_s, facts.timing_doubt_s)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """A tenth of the record, 10 s at most: what is slower is no current loop."""
+        return min(0.1 * facts.duration_s, LONGEST_LAG_S)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

@@ -40,10 +40,19 @@ class CoulombDrift(StaticEffect):
         return STEADY_SHARE * dry_scale(facts) / max(facts.duration_s, 1.0e-9)
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """Three times dry friction within the record, as a straight line: run-in and lubricant halve or double it."""
+        return 3.0 * dry_scale(facts) / max(facts.duration_s, 1.0e-9)
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
-        """A straight line, and settling within a tenth to the whole of the record."""
+        """A straight line, and settling within a tenth to the whole of the record; from the start of any log of it."""
         duration = facts.duration_s
-        return [Candidate(1.0, (ratio * duration, facts.first_s, 0.0)) for ratio in (0.0, 0.1, 0.3, 1.0)]
+        return [
+            Candidate(1.0, (ratio * duration, start, 0.0))
+            for start in (facts.first_s, *facts.log_starts_s)
+            for ratio in (0.0, 0.1, 0.3, 1.0)
+        ]
 
     @staticmethod
     def contribution(
@@ -72,14 +81,22 @@ class CoulombDrift(StaticEffect):
         return 0.0, 0.0, 0.0, 0.0, 0.0, -q1 * math.expm1(-passed / q1)
 
     @staticmethod
+    def change(value: float, shape: Shape, until_s: float) -> float:
+        """Change of dry friction up to a time [rad/s^2]."""
+        tau, start, piece = shape
+        passed = max(until_s - start, 0.0)
+        if piece > 0.0:
+            return value * min(passed, piece)
+        return value * (passed if tau <= 0.0 else -tau * math.expm1(-passed / tau))
+
+    @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As the change over the record."""
         tau, start, piece = shape
         if piece > 0.0:
             change = of_coulomb(piece * abs(value), piece * std, facts)
             return f"Dry friction {moves(value)} by {change} from {start:.4g} to {start + piece:.4g} s"
-        passed = max(facts.last_s - start, 0.0)
-        total = passed if tau <= 0.0 else -tau * math.expm1(-passed / tau)
+        total = CoulombDrift.change(1.0, shape, facts.last_s)
         how = "steadily" if tau <= 0.0 else f"settling with a time constant of {tau:.3g} s"
         change = of_coulomb(total * abs(value), total * std, facts)
         return f"Dry friction {moves(value)} over the record by {change}, {how}"

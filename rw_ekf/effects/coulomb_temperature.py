@@ -45,6 +45,11 @@ class CoulombTemperature(StaticEffect):
         return STEADY_SHARE * dry_scale(facts) / (coulomb * temperature_range(facts))
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """20 % per kelvin: twice what the most viscous lubricant does (ASTM D341), and dry friction does less."""
+        return 0.2
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """One: the effect is linear."""
         return [Candidate(1.0)]

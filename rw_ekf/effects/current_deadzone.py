@@ -25,6 +25,11 @@ class CurrentDeadzone(StaticEffect):
         return STEADY_SHARE * dry_scale(facts) / max(abs(facts.friction.motor_gain), 1.0e-12)
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """The top current: with a wider zone the motor would never have moved anything."""
+        return max(facts.top_current_A, 1.0e-12)
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """From a fifth of a percent of the strongest current to ten percent."""
         return [Candidate(facts.top_current_A * share) for share in (0.002, 0.01, 0.03, 0.1)]

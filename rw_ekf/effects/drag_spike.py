@@ -9,6 +9,7 @@ from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFa
 from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb
 
 _DECAYS_S = (10.0, 60.0, 300.0, 3600.0)
+_LEAST_SAMPLES = 10.0
 _MOST_ONSETS, _LEAST_ONSETS = 300, 30
 
 
@@ -38,6 +39,11 @@ class DragSpike(StaticEffect):
         return SOUGHT_SHARE * dry_scale(facts)
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """Five times dry friction: Cassini's jumped by 0.2 to 7 mNm [L17 IV], on wheels whose drag was a few mNm."""
+        return 5.0 * dry_scale(facts)
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """Onsets a tenth of the decay apart, 30 to 300 of them, for decays that the record can show."""
         finest, coarsest = max(2.0, facts.duration_s / _MOST_ONSETS), facts.duration_s / _LEAST_ONSETS
@@ -48,6 +54,25 @@ class DragSpike(StaticEffect):
             count = math.ceil(facts.duration_s / step) - 1
             found += [Candidate(1.0, (facts.first_s + step * (i + 1), decay, 0.0)) for i in range(count)]
         return found
+
+    @staticmethod
+    def shape_is_possible(shape: Shape, facts: RecordFacts) -> bool:
+        """A decay of ten samples at least: [L17 IV] has minutes to hours, and in less there is no decay to be seen."""
+        return shape[1] >= _LEAST_SAMPLES * facts.period_s
+
+    @staticmethod
+    def nearby(candidate: Candidate, turn: int, facts: RecordFacts) -> list[Candidate]:
+        """Onsets and decays on either side: as far as the bank's next ones at first, 0.6 of that with every turn."""
+        _, (onset, decay, _) = candidate
+        share = 0.6**turn
+        step = max(share * max(0.1 * decay, facts.duration_s / _LEAST_ONSETS), 0.25 * facts.period_s)
+        factor = 1.0 + 1.4 * share
+        return [
+            Candidate(1.0, (onset + way * step, decay * factor**power, 0.0))
+            for way in (-1.0, 0.0, 1.0)
+            for power in (-1.0, 0.0, 1.0)
+            if facts.first_s < onset + way * step < facts.last_s
+        ]
 
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:

@@ -57,6 +57,8 @@ class RecordFacts:
     angle: bool = False  # logged, or integrated where that is meaningful
     channels: frozenset[str] = field(default_factory=frozenset)
     command_Hz: float = 0.0  # at which the current repeats itself; 0: it does not
+    timing_doubt_s: float = 0.0  # by which a reading may be older than its row says
+    log_starts_s: tuple[float, ...] = ()  # of the second log and those after it, where several are diagnosed as one
 
     @property
     def duration_s(self) -> float:
@@ -98,8 +100,23 @@ class Effect(ABC):
 
     @staticmethod
     @abstractmethod
+    def largest(facts: RecordFacts) -> float:
+        """Largest size of the coefficient that is physically possible, in its unit."""
+
+    @staticmethod
+    @abstractmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """Where to look: shape constants to try, with the coefficient's start (1.0 where the effect is linear)."""
+
+    @staticmethod
+    def shape_is_possible(shape: Shape, facts: RecordFacts) -> bool:
+        """Whether shape constants that were fitted are ones a machine can have."""
+        return True
+
+    @staticmethod
+    def nearby(candidate: Candidate, turn: int, facts: RecordFacts) -> list[Candidate]:
+        """Places around one that was found, nearer with every turn from 0 on; of an event only."""
+        return []
 
     @staticmethod
     def alternatives(candidate: Candidate) -> list[Candidate]:

@@ -6,7 +6,7 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape
-from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb
+from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, largest_torque, of_coulomb
 from rw_ekf.effects.periodic import PeriodicEffect
 
 _DENSE = 1200  # frequencies half a line's width apart: none between them is missed
@@ -43,6 +43,11 @@ class ExternalTorque(PeriodicEffect):
     def smallest(facts: RecordFacts) -> float:
         """One percent of Coulomb friction."""
         return SOUGHT_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """What the motor can just hold, or three times the friction: a wheel under more could not be driven at all."""
+        return largest_torque(facts)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, FrictionMemoryEffect, RecordFacts, Shape
-from rw_ekf.effects.measures import dry_scale, lacks_reversal, plus_minus
+from rw_ekf.effects.measures import LONGEST_LAG_S, dry_scale, lacks_reversal, plus_minus
 from rw_ekf.effects.memory_flow import lag_flow
 
 _LONGEST_S = 60.0
@@ -30,6 +30,11 @@ class FrictionLag(FrictionMemoryEffect):
     def smallest(facts: RecordFacts) -> float:
         """What shifts the speed by omega_s/50 at a reversal (2 c tau), a twentieth of a sample period at least."""
         return min(max(0.01 * facts.stribeck_speed_rad_s / dry_scale(facts), 0.05 * facts.period_s), _LONGEST_S)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """A tenth of the record, 10 s at most: [L17 (7)] has fractions of a second."""
+        return min(0.1 * facts.duration_s, LONGEST_LAG_S)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

@@ -9,6 +9,7 @@ from rw_ekf.effects.effect import RecordFacts
 STEADY_SHARE = 0.005  # of dry friction: a steady effect below it changes nothing that anybody would act on
 SOUGHT_SHARE = 0.01  # the same for effects found by searching many onsets, orders or frequencies
 SMALLEST_RANGE_K = 1.0
+LONGEST_LAG_S = 10.0
 _TINY = 1.0e-12
 
 
@@ -29,6 +30,20 @@ def top_speed(facts: RecordFacts) -> float:
 def top_drive(facts: RecordFacts) -> float:
     """The largest acceleration that the motor was asked for [rad/s^2], never 0."""
     return max(abs(facts.friction.motor_gain) * facts.top_current_A, _TINY)
+
+
+def friction_at(facts: RecordFacts, speed_rad_s: float) -> float:
+    """All friction that the base model has at a speed [rad/s^2]; the scale of dry friction at least."""
+    friction = facts.friction
+    return max(friction.coulomb + abs(friction.viscous) * speed_rad_s, dry_scale(facts))
+
+
+def largest_torque(facts: RecordFacts) -> float:
+    """The largest acceleration that may act on a wheel which is still driven [rad/s^2].
+
+    The drive itself, or three times all friction where that is more: a wheel that coasts has no drive.
+    """
+    return max(top_drive(facts), 3.0 * friction_at(facts, top_speed(facts)))
 
 
 def temperature_range(facts: RecordFacts) -> float:

@@ -27,6 +27,11 @@ class MotorSaturation(StaticEffect):
         return STEADY_SHARE * dry_scale(facts) / (top_drive(facts) * max(facts.top_current_A, 1.0e-12))
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """Where the torque at the top current would be none at all."""
+        return 1.0 / max(facts.top_current_A, 1.0e-12)
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """One: the effect is linear."""
         return [Candidate(1.0)]

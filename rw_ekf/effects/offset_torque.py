@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, of_coulomb, plus_minus
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, largest_torque, of_coulomb, plus_minus
 
 
 class OffsetTorque(StaticEffect):
@@ -22,6 +22,11 @@ class OffsetTorque(StaticEffect):
     def smallest(facts: RecordFacts) -> float:
         """Half a percent of Coulomb friction."""
         return STEADY_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """What the motor can just hold, or three times the friction: a wheel under more could not be driven at all."""
+        return largest_torque(facts)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

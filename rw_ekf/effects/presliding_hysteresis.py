@@ -40,6 +40,11 @@ class PreslidingHysteresis(FrictionMemoryEffect):
         return min(0.004 * _natural_deflection(facts), _LARGEST)
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """What the wheel turns in a second at top speed: what has not slid by then is a spring."""
+        return facts.top_speed_rad_s * 1.0
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """Bristles on which a wheel swings with a tenth of omega_s to nearly twice omega_s; 3 mrad to 0.9 rad."""
         deflection = _natural_deflection(facts)

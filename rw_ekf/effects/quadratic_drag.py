@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, of_coulomb, top_speed
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, of_coulomb, top_speed
 
 
 class QuadraticDrag(StaticEffect):
@@ -25,6 +25,11 @@ class QuadraticDrag(StaticEffect):
     def smallest(facts: RecordFacts) -> float:
         """Half a percent of Coulomb friction at the top speed."""
         return STEADY_SHARE * dry_scale(facts) / top_speed(facts) ** 2
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """Three times all friction at the top speed: the base model has it all there already."""
+        return 3.0 * friction_at(facts, top_speed(facts)) / top_speed(facts) ** 2
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

@@ -22,6 +22,11 @@ class SpeedQuantisation(ReadingEffect):
         return facts.speed_noise_rad_s
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """The top speed: a grid coarser than that reads nothing."""
+        return max(facts.top_speed_rad_s, facts.speed_noise_rad_s)
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """One to sqrt(12) times the noise, which is then all of the grid's making."""
         return [Candidate(facts.speed_noise_rad_s * ratio) for ratio in (1.0, 2.0, 3.4641)]

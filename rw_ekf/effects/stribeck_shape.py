@@ -39,6 +39,11 @@ class StribeckShape(StribeckEffect):
         return facts.stribeck_speed_rad_s * math.expm1(min(max(logarithm, 0.1), 2.3))
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """The top speed: a curve wider than all that the record has is viscous or dry friction."""
+        return max(facts.top_speed_rad_s, facts.stribeck_speed_rad_s)
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """A third to ten times the configured speed under the configured law, half to twice it under the others."""
         speed = facts.stribeck_speed_rad_s

@@ -6,7 +6,7 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape
-from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb, top_speed
+from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, largest_torque, of_coulomb, top_speed
 from rw_ekf.effects.periodic import PeriodicEffect
 
 # Orders of motors: every one up to 12, then slots, poles and their common multiples.
@@ -37,6 +37,11 @@ class TorqueRipple(PeriodicEffect):
     def smallest(facts: RecordFacts) -> float:
         """One percent of Coulomb friction."""
         return SOUGHT_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """Ten times what may act steadily: cogging turns no wheel away, it may well be above friction and drive."""
+        return 10.0 * largest_torque(facts)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

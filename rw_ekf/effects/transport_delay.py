@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, DelayEffect, RecordFacts, Shape
-from rw_ekf.effects.measures import lacks_current, plus_minus
+from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current, plus_minus
 
 
 class TransportDelay(DelayEffect):
@@ -22,8 +22,13 @@ class TransportDelay(DelayEffect):
 
     @staticmethod
     def smallest(facts: RecordFacts) -> float:
-        """A twentieth of the sample period: 5 ms at 10 Hz."""
-        return 0.05 * facts.period_s
+        """A twentieth of the sample period: 5 ms at 10 Hz; no less than readings may be older than their rows."""
+        return max(0.05 * facts.period_s, facts.timing_doubt_s)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """A tenth of the record, 10 s at most: a command that late would have been taken for lost."""
+        return min(0.1 * facts.duration_s, LONGEST_LAG_S)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

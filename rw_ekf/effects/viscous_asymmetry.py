@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, plus_minus, top_speed
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, lacks_reversal, plus_minus, top_speed
 
 
 class ViscousAsymmetry(StaticEffect):
@@ -22,6 +22,11 @@ class ViscousAsymmetry(StaticEffect):
     def smallest(facts: RecordFacts) -> float:
         """Half a percent of Coulomb friction at the top speed."""
         return STEADY_SHARE * dry_scale(facts) / top_speed(facts)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """Friction at top speed drives in neither direction: the difference is no more than all of it."""
+        return friction_at(facts, top_speed(facts)) / top_speed(facts)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:

@@ -44,6 +44,11 @@ class ViscousTemperature(StaticEffect):
         return STEADY_SHARE * dry_scale(facts) / (viscous * temperature_range(facts))
 
     @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """20 % per kelvin: a cold lubricant halves its viscosity in 7 K (ASTM D341), 10 % per kelvin."""
+        return 0.2
+
+    @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """One: the effect is linear."""
         return [Candidate(1.0)]

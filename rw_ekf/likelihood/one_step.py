@@ -143,6 +143,7 @@ class Record:
     begins_s: Float64Array  # of the pieces
     first_piece: NDArray[np.int64]
     constants: FilterConstants  # of the filter that runs over it
+    log_of: NDArray[np.int64]  # which of the logs in one diagnosis a sample belongs to, rising from 0
     work: Work = field(default_factory=unlimited)  # what the diagnosis has cost so far: one count for all its records
 
     @classmethod
@@ -154,8 +155,12 @@ class Record:
         temperature: Float64Array,
         angle: Float64Array,
         work: Work | None = None,
+        log_of: NDArray[np.int64] | None = None,
     ) -> Record:
-        """Mark what belongs to `part` (n,); temperature [degC] and angle [rad] (n,) without gaps."""
+        """Mark what belongs to `part` (n,); temperature [degC] and angle [rad] (n,) without gaps.
+
+        log_of (n,): see there; all one log by default.
+        """
         from rw_ekf.filter.current_schedule import begins_of_pieces
 
         dt = np.diff(data.time_s, prepend=np.nan)
@@ -164,10 +169,9 @@ class Record:
         follows[:1] = False
         opens = np.diff(data.segment, prepend=data.segment[:1] - 1) != 0
         first_piece = data.pieces.start[np.maximum.accumulate(np.where(opens, np.arange(opens.size), 0))]
-        return cls(
-            data, follows, temperature, angle, begins_of_pieces(data.time_s, data.pieces), first_piece, constants,
-            unlimited() if work is None else work,
-        )  # fmt: skip
+        begins = begins_of_pieces(data.time_s, data.pieces)
+        logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
+        return cls(data, follows, temperature, angle, begins, first_piece, constants, logs, unlimited() if work is None else work)
 
 
 @dataclass(frozen=True)

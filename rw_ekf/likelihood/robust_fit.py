@@ -30,14 +30,14 @@ def read_reference(data: FilterInput, noise_rad_s: float) -> Reference:
 
 
 def smoothed_by_filter(
-    data: FilterInput, part: NDArray[np.bool_], bare: Model, constants: FilterConstants, noise_rad_s: float
+    data: FilterInput, part: NDArray[np.bool_], model: Model, constants: FilterConstants, noise_rad_s: float
 ) -> Reference:
     """The speed smoothed by the filter itself, its parameters frozen: near rest only a model tells stick from slip.
 
-    bare: a model without effects. Readings outside `part` (n,) are not looked at.
+    model: without hidden states. Readings outside `part` (n,) are not looked at.
     """
     seen = data.with_speed(np.where(part, data.speed_rad_s, np.nan))
-    run = run_frozen(seen, bare, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
+    run = run_frozen(seen, model, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
     means, stds = smooth_log(run)
     return Reference.of_speed(means[:, 0], np.maximum(stds[:, 0], 0.02 * noise_rad_s))
 

@@ -22,6 +22,7 @@ class MappedColumns:
     values: dict[str, FloatArray]
     constant: frozenset[str]  # those of `values` that the map gives as a constant
     position: tuple[FloatArray, Source, str] | None  # what the speed is the derivative of, and the speed's name
+    in_rpm: bool = False  # the speed was given in rpm
     other: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
@@ -126,6 +127,7 @@ def _one_speed(table: RawTable, mapped: MappedColumns) -> None:
         mapped.other["speed_rpm"] = rpm
     else:
         mapped.values["speed_rad_s"] = np.asarray(rad_s_from_rpm(1.0) * rpm)
+        mapped.in_rpm = True
 
 
 def _require(table: RawTable, mapped: MappedColumns) -> None:

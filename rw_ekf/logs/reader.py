@@ -112,6 +112,7 @@ def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> Whe
         rows_read=table.rows,
         skipped_rows=skipped,
         warnings=tuple(warnings),
+        in_rpm=mapped.in_rpm or (mapped.position is not None and mapped.position[2] == "speed_rpm"),
     )
 
 

@@ -54,6 +54,7 @@ class WheelLog:
     rows_read: int = 0  # data rows of the file, before any was skipped or decimated
     skipped_rows: int = 0  # repeated or backward in time
     warnings: tuple[str, ...] = ()  # what was mended in reading; each fit to be shown to a user
+    in_rpm: bool = False  # the speed came in rpm: whatever the plant is, it turns, and a reader thinks in rpm
 
     def __len__(self) -> int:
         return len(self.time_s)

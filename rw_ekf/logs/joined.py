@@ -1,0 +1,94 @@
+"""Several logs of one wheel as one: one after the other in running time, each with a start and a clock of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.logs.wheel_log import WheelLog
+
+_UNLIKE_NOISE = 2.0  # factor between the noises of two logs that is worth a word
+
+
+@dataclass(frozen=True)
+class Joined:
+    """One log made of several, and which of them each sample (n,) came from."""
+
+    log: WheelLog
+    log_of: NDArray[np.int64]
+    parts: tuple[dict[str, Any], ...]  # of each log: its name, samples, rate, and where it begins in the joint time
+    notes: tuple[str, ...] = ()
+
+
+def joined(logs: Sequence[WheelLog]) -> Joined:
+    """Join logs; a single one stays as it is.
+
+    In the joint time a log begins one sample after the one before ended: what happened between is not known. A channel
+    that one of them lacks is left out. Every log is a segment of its own at least: each has its own first speed.
+    """
+    if len(logs) == 1:
+        log = logs[0]
+        return Joined(log, np.zeros(len(log), dtype=np.int64), (_part(log, 0.0),))
+    times, segments, parts, begin = [], [], [], 0.0
+    number = 0
+    for log in logs:
+        running = _running(log)
+        times.append(begin + running)
+        parts.append(_part(log, begin))
+        segments.append(log.segment - log.segment[:1] + number)
+        number = int(segments[-1][-1]) + 1
+        step = 1.0 / log.rate_hz if np.isfinite(log.rate_hz) else 1.0
+        begin = float(times[-1][-1]) + step
+    names = set.intersection(*(set(log.channels) for log in logs))
+    lacking = sorted(set.union(*(set(log.channels) for log in logs)) - names)
+    notes = (f"{', '.join(lacking)}: not in every log, and not used",) if lacking else ()
+    whole = replace(
+        logs[0],
+        name=", ".join(log.name for log in logs),
+        time_s=np.concatenate(times),
+        speed_rad_s=np.concatenate([log.speed_rad_s for log in logs]),
+        current_A=np.concatenate([log.current_A for log in logs]),
+        command_delay_s=np.concatenate([log.command_delay_s for log in logs]),
+        segment=np.concatenate(segments),
+        channels={name: np.concatenate([log.channels[name] for log in logs]) for name in sorted(names)},
+        other={},
+        rows_read=sum(log.rows_read for log in logs),
+        skipped_rows=sum(log.skipped_rows for log in logs),
+        warnings=tuple(f"{log.name}: {text}" for log in logs for text in log.warnings),
+    )
+    log_of = np.repeat(np.arange(len(logs)), [len(log) for log in logs]).astype(np.int64)
+    return Joined(whole, log_of, tuple(parts), (*notes, *_unlike(logs)))
+
+
+def _part(log: WheelLog, begin_s: float) -> dict[str, Any]:
+    return {"log": log.name, "samples": len(log), "rate_hz": log.rate_hz, "begins_s": begin_s}
+
+
+def _running(log: WheelLog) -> NDArray[np.float64]:
+    """Time since the log's first sample [s], (n,), steps into a new segment as long as a sample at most."""
+    step = np.diff(log.time_s, prepend=log.time_s[:1])
+    period = 1.0 / log.rate_hz if np.isfinite(log.rate_hz) else 1.0
+    jumps = np.diff(log.segment, prepend=log.segment[:1]) != 0
+    step[jumps & ((step < 0.0) | (step > period))] = period
+    running: NDArray[np.float64] = np.cumsum(step)
+    return running
+
+
+def _unlike(logs: Sequence[WheelLog]) -> tuple[str, ...]:
+    """A word where the readings of one log are much noisier than those of another: one noise is taken for all."""
+    noises = []
+    for log in logs:
+        third = np.diff(log.speed_rad_s, 3)
+        third = third[np.isfinite(third)]
+        noises.append(float(np.median(np.abs(third))) if third.size else 0.0)
+    low, high = min(noises), max(noises)
+    if low <= 0.0 or high < _UNLIKE_NOISE * low:
+        return ()
+    return (
+        f"the readings of {logs[int(np.argmax(noises))].name} are {high / low:.2g} times as noisy as those of "
+        f"{logs[int(np.argmin(noises))].name}; one noise is taken for all",
+    )
