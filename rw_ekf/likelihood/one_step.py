@@ -171,7 +171,17 @@ class Record:
         first_piece = data.pieces.start[np.maximum.accumulate(np.where(opens, np.arange(opens.size), 0))]
         begins = begins_of_pieces(data.time_s, data.pieces)
         logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
-        return cls(data, follows, temperature, angle, begins, first_piece, constants, logs, unlimited() if work is None else work)
+        return cls(
+            data,
+            follows,
+            temperature,
+            angle,
+            begins,
+            first_piece,
+            constants,
+            logs,
+            unlimited() if work is None else work,
+        )
 
 
 @dataclass(frozen=True)

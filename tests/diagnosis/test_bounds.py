@@ -1,0 +1,57 @@
+"""An effect is named only if its size is one that a machine can have, and if no held-out figure gets worse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from rw_ekf.diagnosis.look import worsened
+from rw_ekf.diagnosis.trial import possible
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.effect import RecordFacts
+from rw_ekf.effects.table import Column
+from rw_ekf.model.state import CK13_STATISTICAL
+from tests.diagnosis.simulated import TRUTH
+
+WHEEL = RecordFacts(0.0, 600.0, 0.1, 250.0, 0.3, CK13_STATISTICAL, 0.42, 0, 0.1, 10, 8.0, True)
+CARRIAGE = replace(
+    WHEEL, top_speed_rad_s=0.15, top_current_A=60.0, stribeck_speed_rad_s=1e-3, speed_noise_rad_s=1e-4, period_s=0.01,
+    friction=CK13_STATISTICAL._replace(motor_gain=0.01, viscous=2.0, coulomb=0.2, static=0.25),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("facts", [WHEEL, CARRIAGE], ids=["wheel", "carriage"])
+@pytest.mark.parametrize("name", list(CATALOGUE))
+def test_the_largest_size_is_well_above_the_smallest(name: str, facts: RecordFacts) -> None:
+    """On a wheel and on a carriage driven by newtons every effect has room between what matters and what can be."""
+    effect = CATALOGUE[name]
+    assert effect.largest(facts) > 3.0 * effect.smallest(facts) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shape", "expected"),
+    [
+        ("drag_spike", 0.1, (80.0, 60.0, 0.0), True),
+        ("drag_spike", 11.4, (80.0, 60.0, 0.0), False),  # in Coulomb frictions
+        ("drag_spike", 0.5, (80.0, 0.4, 0.0), False),  # gone within four samples
+        ("coulomb_drift", -0.0005, (0.0, 0.0, 0.0), True),
+        ("coulomb_drift", -0.002, (0.0, 0.0, 0.0), False),  # dry friction would drive
+        ("coulomb_drift", 0.01, (0.0, 0.0, 0.0), False),
+    ],
+)
+def test_a_size_that_no_machine_has_is_refused(
+    name: str, value: float, shape: tuple[float, float, float], expected: bool
+) -> None:
+    """Spikes and drifts in shares of Coulomb friction: tenths are possible, elevenfold jumps are not."""
+    column = Column(CATALOGUE[name], value * CK13_STATISTICAL.coulomb, 0.0, shape)
+    assert possible(TRUTH.with_effect([column]), name, WHEEL) is expected
+
+
+def test_worse_figures_are_told() -> None:
+    """One-step errors 7.6 % larger, or a NIS that leaves 1, are named; better ones are not."""
+    before = {"one_step_rms_rpm": 1.0, "free_run_rms_rpm": 5.0, "nis_mean": 1.02}
+    assert worsened(before, {**before, "one_step_rms_rpm": 1.076}, 0.07, 1.35) == "the one-step error grows by 7.6 %"
+    assert worsened(before, {**before, "nis_mean": 1.56}, 0.07, 1.35) == "NIS goes from 1.02 to 1.56"
+    assert worsened(before, {**before, "free_run_rms_rpm": 1.0, "nis_mean": 0.99}, 0.03, 1.15) is None
+    assert worsened(before, {**before, "horizon_1s_rms_rpm": 9.0}, 0.03, 1.15) is None

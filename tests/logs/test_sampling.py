@@ -1,0 +1,109 @@
+"""What the rows of a log are worth: lost rows and held readings, and what is neither."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rw_ekf.logs.joined import joined
+from rw_ekf.logs.sampling import mended, sampling_of
+from rw_ekf.logs.wheel_log import WheelLog
+
+Float64Array = NDArray[np.float64]
+
+
+def log_of(time_s: Float64Array, speed: Float64Array, current: Float64Array | None = None, name: str = "a") -> WheelLog:
+    """A log of one segment."""
+    n = time_s.size
+    drive = np.zeros(n) if current is None else current
+    return WheelLog(name, time_s, speed, drive, "current_command_A", np.zeros(n), np.zeros(n, dtype=np.int64))
+
+
+def ramp(n: int, rate_hz: float, seed: int, noise: float = 0.05) -> tuple[Float64Array, Float64Array]:
+    """A wheel that swings between -30 and 30 rad/s, read with noise."""
+    time = np.arange(n) / rate_hz
+    return time, 30.0 * np.sin(0.2 * time) + noise * np.random.default_rng(seed).standard_normal(n)
+
+
+def test_rows_lost_from_a_grid_are_counted() -> None:
+    """Of a 10 Hz log thinned at random by 35 % the share, the grid and the rate are said."""
+    time, speed = ramp(4000, 10.0, 1)
+    keep = np.random.default_rng(2).random(time.size) > 0.35
+    sampling = sampling_of(log_of(time[keep], speed[keep]))
+    assert sampling.period_s == pytest.approx(0.1)
+    assert sampling.lost == pytest.approx(np.count_nonzero(~keep), abs=3)
+    assert "on a 10 Hz grid, 35 % of the rows and their commands are missing" in sampling.said_first
+
+
+@pytest.mark.parametrize("kind", ["regular", "jittered", "any length"])
+def test_a_log_that_lost_nothing_is_believed(kind: str) -> None:
+    """Rows in time, rows a fifth off, and rows at any moment: nothing is said, and the log is left as it is."""
+    time, speed = ramp(2000, 10.0, 3)
+    draws = np.random.default_rng(4)
+    if kind == "jittered":
+        time = time + draws.uniform(-0.01, 0.01, time.size)
+    elif kind == "any length":
+        time = np.cumsum(draws.uniform(0.05, 0.4, time.size))
+    log = log_of(time, speed)
+    sampling = sampling_of(log)
+    assert sampling.remarks() == ()
+    assert mended(log, sampling) is log
+
+
+def test_a_gap_is_bridged_where_the_current_hardly_changed_and_cut_where_it_did() -> None:
+    """One lost row within a constant current becomes a row without a speed; one at a step of it ends the segment."""
+    time = np.arange(600) / 10.0
+    current = np.where(np.arange(600) // 50 % 2 == 0, 0.2, -0.2)
+    speed = np.cumsum(16.0 * current) / 10.0 + 0.05 * np.random.default_rng(5).standard_normal(600)
+    keep = np.ones(600, dtype=bool)
+    keep[[120, 250]] = False  # amid a level, and the first row of another
+    log = log_of(time[keep], speed[keep], current[keep])
+    found = mended(log, sampling_of(log))
+    assert found.segment.max() == 1
+    assert found.time_s[found.segment == 1][0] == pytest.approx(25.1)
+    (gap,) = np.flatnonzero(np.isnan(found.speed_rad_s))
+    assert found.time_s[gap] == pytest.approx(12.0)
+    assert found.current_A[gap] == pytest.approx(current[120])
+
+
+@pytest.mark.parametrize("grid", [0.0, 0.01])
+def test_readings_that_are_held_are_no_readings(grid: float) -> None:
+    """A speed refreshed at 30 Hz in rows at 100 Hz, exact or with few digits: each refresh is one reading."""
+    time, true = ramp(6000, 100.0, 6)
+    refresh = np.floor(time * 30.0 + 1e-9)
+    first = np.concatenate(([True], np.diff(refresh) > 0))
+    read = true[np.maximum.accumulate(np.where(first, np.arange(time.size), 0))]
+    log = log_of(time, read if grid == 0.0 else grid * np.round(read / grid))
+    sampling = sampling_of(log)
+    assert sampling.refresh_s == pytest.approx(1.0 / 30.0, rel=0.02)
+    assert sampling.held_share == pytest.approx(0.7, abs=0.02)
+    assert "of the rows repeat the reading before, which is refreshed at 30 Hz" in sampling.said_first
+    left = np.isfinite(mended(log, sampling).speed_rad_s)
+    assert np.count_nonzero(left) == pytest.approx(np.count_nonzero(first), rel=0.02)
+    assert not np.any(left & ~first)
+
+
+@pytest.mark.parametrize("kind", ["coarse grid", "register of half an rpm", "stands half the time"])
+def test_a_grid_and_a_wheel_at_rest_are_not_held(kind: str) -> None:
+    """Repeats that rounding or standing still explain stay readings."""
+    time, speed = ramp(6000, 100.0, 7, noise=0.0 if kind == "coarse grid" else 0.05)
+    if kind == "coarse grid":
+        speed = 0.5 * np.round(speed / 0.5)
+    elif kind == "register of half an rpm":
+        speed = 0.052 * np.round(speed / 0.052)
+    else:
+        speed = np.where(np.arange(time.size) % 2000 < 1000, 0.0, speed)
+    assert sampling_of(log_of(time, speed)).refresh_s is None
+
+
+def test_logs_are_joined_one_after_the_other() -> None:
+    """Two logs whose clocks overlap: time rises, each is a segment of its own, and its place is known."""
+    one, two = log_of(*ramp(300, 10.0, 8), name="one"), log_of(*ramp(200, 10.0, 9), name="two")
+    both = joined([one, two])
+    assert both.log.name == "one, two"
+    assert np.all(np.diff(both.log.time_s) > 0.0)
+    assert both.log.segment[299] != both.log.segment[300]
+    assert [part["begins_s"] for part in both.parts] == pytest.approx([0.0, 30.0])
+    assert np.array_equal(both.log.speed_rad_s[300:], two.speed_rad_s)
+    assert joined([one]).log is one
