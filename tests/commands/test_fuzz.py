@@ -104,7 +104,8 @@ def status_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int,
     assert "Traceback" not in errors
     if status != 0:
         assert out == ""
-        assert all(line.startswith("rw-ekf: error: ") for line in errors.splitlines())
+        assert all(line.startswith(("rw-ekf: error: ", "rw-ekf: warning: ")) for line in errors.splitlines())
+        assert "rw-ekf: error: " in errors
     return status, out
 
 
@@ -151,7 +152,7 @@ def test_diagnoses_of_spoilt_logs(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_sixty_spoilt_configurations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Sixty configurations spoilt: check-config, run and stop agree on whether it is one, and never break."""
+    """Sixty configurations spoilt: check-config says whether it is one; stop tries the port wherever it can be read."""
     statuses = []
     for seed in range(60):
         config = tmp_path / "spoilt.yaml"
@@ -160,8 +161,8 @@ def test_sixty_spoilt_configurations(tmp_path: Path, capsys: pytest.CaptureFixtu
         if status == 0:
             document_of(out)
         statuses.append(status)
-        expected = 2 if status == 2 else 1  # there is no such port
-        assert status_of(capsys, "stop", "--config", str(config))[0] == expected
+        # There is no such port: 1 where the line's keys can be read, whatever else is wrong.
+        assert status_of(capsys, "stop", "--config", str(config))[0] in ({1} if status == 0 else {1, 2})
     assert set(statuses) == {0, 2}
 
 
