@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.augmented_model import augmented_model
 from rw_ekf.diagnosis.candidates_document import candidate_entries
-from rw_ekf.diagnosis.confounding import one_and_the_same, quantity_of, separates
+from rw_ekf.diagnosis.confounding import Quantity, one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.look import Found, judge
 from rw_ekf.diagnosis.metrics import Judged
 from rw_ekf.diagnosis.preparation import Prepared
@@ -172,10 +172,16 @@ def _verdict(found: Found, lattice: Lattice | None, before: Judged, after: Judge
     text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
     if groups:
         text += f" {separation(groups[0], found.selection)}."
-    elif one_and_the_same(found.whole, "time", "speed") and any(_goes_with_time(name) for name in names):
-        way = separates("speed")
-        text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
+    elif any(_goes_with_time(name) for name in names):
+        for other in _CONFUSED_WITH_TIME:
+            if one_and_the_same(found.whole, "time", other):
+                way = separates(other)
+                text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
+                break
     return Verdict("effect", names, groups, text)
+
+
+_CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 
 
 def _goes_with_time(name: str) -> bool:

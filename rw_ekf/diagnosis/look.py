@@ -94,8 +94,24 @@ class Found:
 
 
 def look(prepared: Prepared, advance: Advance) -> Found:
-    """Search the fit part, then the whole record for what one part shows too little of; keep what is confirmed."""
+    """Search the fit part, then the whole record for what one part shows too little of; keep what is confirmed.
+
+    What goes with time waits where time goes with speed or temperature. If the laws of those then leave structure, the
+    search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
+    because there a curve of time would take the place of whatever law of speed is missing.
+    """
+    found = _look(prepared, advance, stationary_first=True)
+    again = found.is_unexplained and found.search.set_aside and prepared.work.has(work.RIVALS)
+    if again and not one_and_the_same(found.whole, "time", "speed"):
+        other = _look(prepared, advance, stationary_first=False)
+        if other.new_ids and not other.is_unexplained:
+            return other
+    return found
+
+
+def _look(prepared: Prepared, advance: Advance, *, stationary_first: bool) -> Found:
     search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
+    search.stationary_first = stationary_first
     selection = search.run(prepared.base)
     if new_ids(selection):
         search.with_rivals(selection)
@@ -169,6 +185,7 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     advance("searching the whole record")
     whole, facts = prepared.whole, prepared.facts
     everywhere = Search(whole, whole, prepared.seen, prepared.prior, facts, advance, WHOLE_P, work.WIDEN)
+    everywhere.stationary_first = search.stationary_first
     wide = everywhere.run(search.on_whole(selection.final))
     names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
     if not names:

@@ -67,6 +67,8 @@ class Search:
         self.prior = prior
         self.facts = facts
         self.advance = advance
+        self.stationary_first = True  # what goes with time waits where time goes with speed or temperature
+        self.set_aside = False  # something had to wait
         self.effects = [
             effect
             for effect in CATALOGUE.values()
@@ -148,6 +150,8 @@ class Search:
 
         That must be a contender, or in the model already: a law that holds at any time goes first.
         """
+        if not self.stationary_first:
+            return strong
         timed = [
             s for s in strong if quantity_of(s.hypothesis.effect) == "time" and not s.hypothesis.effect.local_in_time
         ]
@@ -162,6 +166,7 @@ class Search:
                 effect = score.hypothesis.effect
                 if not says_more(current, self.prior, self.facts, effect, other, self._enough(effect)):
                     selection.trials[score.id].decision = f"nothing beside a smooth effect of the {other}"
+                    self.set_aside = True
                     strong = [s for s in strong if s is not score]
                     timed.remove(score)
         return strong
