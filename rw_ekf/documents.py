@@ -78,6 +78,14 @@ def effects_document(effects: EffectSet, belief: Belief) -> dict[str, Any]:
     return found
 
 
+def inertia_text(inertia_kg_m2: float, inertia_from: str) -> str:
+    """The inertia that turned accelerations into torques, and who gave it."""
+    whose = {"configuration": "as configured", "model": "from the model"}.get(
+        inertia_from, "the default, assumed: every torque goes with it; give `wheel.inertia_kg_m2`"
+    )
+    return f"inertia {inertia_kg_m2:.4g} kg m^2, {whose}"
+
+
 def torques_text(values: Sequence[float], stds: NDArray[np.float64], inertia_kg_m2: float, inertia_from: str) -> str:
     """The two dry frictions as torques, and the inertia that stands behind every torque.
 
@@ -87,10 +95,7 @@ def torques_text(values: Sequence[float], stds: NDArray[np.float64], inertia_kg_
     shown = [
         f"{name} {rounded(milli * values[i], milli * stds[i])} mN m" for name, i in (("Coulomb", 2), ("static", 3))
     ]
-    whose = {"configuration": "as configured", "model": "from the model"}.get(
-        inertia_from, "the default, assumed: every torque goes with it; give `wheel.inertia_kg_m2`"
-    )
-    return f"as torques: {', '.join(shown)} (inertia {inertia_kg_m2:.4g} kg m^2, {whose})"
+    return f"as torques: {', '.join(shown)} ({inertia_text(inertia_kg_m2, inertia_from)})"
 
 
 def entry_text(entry: Mapping[str, Any], belief: Belief, setup: FilterSetup) -> str:

@@ -64,6 +64,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.diagnosis.diagnose import diagnose_log
     from rw_ekf.diagnosis.report import write_report
     from rw_ekf.diagnosis.text import diagnosis_text
+    from rw_ekf.documents import inertia_text
 
     make_ready(DIAGNOSIS)
     with progress("diagnose", _STEPS) as bar:
@@ -82,7 +83,9 @@ def execute(args: argparse.Namespace) -> int:
     if args.json:
         print_json(found.document)
     else:
-        sys.stdout.write(diagnosis_text(found.document, directory=directory, wheel_units=found.in_rpm) + "\n")
+        behind = "" if inertia is None else inertia_text(inertia, found.inertia_from)
+        text = diagnosis_text(found.document, directory=directory, wheel_units=found.in_rpm, inertia=behind)
+        sys.stdout.write(text + "\n")
     return 0
 
 

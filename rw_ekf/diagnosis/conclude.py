@@ -118,7 +118,8 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         prepared.angle_is_logged,
         model,
         inertia,
-        inertia is not None or prepared.log.in_rpm,
+        inertia_from=prepared.setup.inertia_from,
+        in_rpm=inertia is not None or prepared.log.in_rpm,
     )
 
 

@@ -44,4 +44,5 @@ class Diagnosis:
     angle_is_logged: bool
     model: WheelModel | None  # what augmented-model.yaml holds
     inertia_kg_m2: float | None = None  # None: not known, or a plant that is no wheel
+    inertia_from: str = ""  # "configuration", "model" or "assumed": what stands behind every torque
     in_rpm: bool = True  # speeds are told in rpm; False: in rad/s, or m/s of a plant that moves along a line

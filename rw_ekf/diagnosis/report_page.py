@@ -23,6 +23,7 @@ from rw_ekf.diagnosis.report_tables import (
     tiles,
 )
 from rw_ekf.diagnosis.report_words import Units, figure_pairs, number_text, verdict_of
+from rw_ekf.documents import inertia_text
 
 
 def page(
@@ -76,8 +77,12 @@ def _figures(diagnosis: Diagnosis, units: Units) -> str:
         else ""
     )
     plant = "" if units.wheel else " SI: rad/s, or m/s of a plant that moves along a line."
+    torques = ""
+    if diagnosis.inertia_kg_m2 is not None:
+        torques = f" Torques: {html.escape(inertia_text(diagnosis.inertia_kg_m2, diagnosis.inertia_from))}."
     words = (
-        f"Root-mean-square errors on the held-out part, parameters frozen at what the fit part gave.{compared}{plant}"
+        "Root-mean-square errors on the held-out part, parameters frozen at what the fit part gave."
+        f"{compared}{plant}{torques}"
     )
     return f'<p class="legend">{words}</p>{tiles(pairs)}'
 

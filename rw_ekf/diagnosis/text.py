@@ -25,14 +25,19 @@ from rw_ekf.diagnosis.report_words import (
 _OTHERS = 5
 
 
-def diagnosis_text(document: Mapping[str, Any], *, directory: Path | None = None, wheel_units: bool = True) -> str:
+def diagnosis_text(
+    document: Mapping[str, Any], *, directory: Path | None = None, wheel_units: bool = True, inertia: str = ""
+) -> str:
     """Return the diagnosis as lines for a person; nothing but names from outside is beyond ASCII.
 
-    directory: where the report was written, None if nowhere. wheel_units: rpm, otherwise plain SI.
+    directory: where the report was written, None if nowhere. wheel_units: rpm, otherwise plain SI. inertia: what stands
+    behind every torque, in words.
     """
     _, name, statement = verdict_of(document)
     lines = [f"{document.get('log')}: {name.lower()}", f"  {statement}"]
-    lines += _ascii([*_figures(document, Units(wheel_units, None)), *_effects(document), *_candidates(document)])
+    lines += _ascii(
+        [*_figures(document, Units(wheel_units, None), inertia), *_effects(document), *_candidates(document)]
+    )
     lines += [f"  warning: {text}" for text in document.get("warnings") or ()]
     if directory is not None:
         lines.append(f"  report: {shown_path(directory / 'report.html')}")
@@ -42,7 +47,7 @@ def diagnosis_text(document: Mapping[str, Any], *, directory: Path | None = None
     return "\n".join(lines)
 
 
-def _figures(document: Mapping[str, Any], units: Units) -> list[str]:
+def _figures(document: Mapping[str, Any], units: Units, inertia: str) -> list[str]:
     """Before -> after, in right-aligned columns."""
     pairs = figure_pairs(document, units)
     if not pairs:
@@ -59,6 +64,8 @@ def _figures(document: Mapping[str, Any], units: Units) -> list[str]:
         line += f" {pair.unit}" if pair.unit else "  (1 is ideal)" if pair.key == "nis_mean" else ""
         if both and pair.change_percent is not None:
             line += f"  ({percent_text(pair.change_percent)})"
+        if pair.unit == "mNm" and inertia:
+            line += f"  [{inertia}]"
         lines.append(line)
     return lines
 

@@ -48,7 +48,8 @@ def _spike_sentence(alarm: Alarm, since: str, ended: str) -> str:
     size = f"{amplitude:.3g} rad/s^2 at least" if std is None else f"{amplitude:.3g} +- {std:.1g} rad/s^2"
     torque = alarm.details.get("amplitude_mNm")
     if torque is not None:
-        size += f" ({torque:.2g} mNm)"
+        inertia = alarm.details.get("inertia_kg_m2")
+        size += f" ({torque:.2g} mNm{f', inertia {inertia:.4g} kg m^2' if inertia is not None else ''})"
     if alarm.ended_s is None:
         return f"drag spike since {since}, {size}"
     decay = alarm.details.get("decay_s")

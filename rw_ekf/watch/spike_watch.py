@@ -135,6 +135,7 @@ class SpikeWatch:
                 "std_rad_s2": None if fit.at_least else fit.std_rad_s2,
                 "amplitude_mNm": self._torque_mNm(fit.amplitude_rad_s2),
                 "std_mNm": None if fit.at_least else self._torque_mNm(fit.std_rad_s2),
+                "inertia_kg_m2": self._inertia,
                 "bound": "at least: the wheel stands still" if fit.at_least else None,
             },
         )
