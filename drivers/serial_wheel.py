@@ -36,6 +36,7 @@ class SerialWheel:
         self._uptime_field = uptime_field((self._main, *self._others))
         self._flags: int | None = None
         self._status_due_s = 0.0
+        self._crowded_out = False  # what was asked beside the last sample left no time for it
         self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
         self._quiet_since_s: float | None = None
         self._opened_s = time.monotonic()
@@ -44,12 +45,14 @@ class SerialWheel:
     def read(self, timeout_s: float) -> WheelSample | None:
         """One sample, or None if no valid one came within timeout_s [s] and the reply timeout. Raises DriverError."""
         deadline_s = time.monotonic() + timeout_s
-        self._read_status_if_due(deadline_s)
-        self._read_identity_if_due(deadline_s)
+        # On a slow line at a high rate what is asked beside may take the sample's time: never twice running.
+        beside = not self._crowded_out and self._read_beside(deadline_s)
         exchange = self._exchange(self._main, deadline_s)
         values = self._values(self._main, exchange)
+        self._crowded_out = beside and values is None
         if values is None:
-            self._status_due_s = 0.0  # the wheel may have restarted: ask before the next sample
+            if not beside:
+                self._status_due_s = 0.0  # the wheel may have restarted: ask before the next sample
             self._note_quiet()
             return None
         self._quiet_since_s = None
@@ -155,15 +158,20 @@ class SerialWheel:
         span_s, count_s = (field.si_span, field.si_per_count) if counts else (None, 0.0)
         return self.clock.time_s(values["uptime"], host_s, span_s, exchange.replied_s, count_s)
 
-    def _read_status_if_due(self, deadline_s: float) -> None:
-        """Read the status register now and then, before the sample: behind it, it would delay the command."""
+    def _read_beside(self, deadline_s: float) -> bool:
+        """Ask what is due beside the sample, before it: behind it, it would delay the command. Whether anything was."""
+        status = self._read_status_if_due(deadline_s)
+        return self._read_identity_if_due(deadline_s) or status
+
+    def _read_status_if_due(self, deadline_s: float) -> bool:
+        """Read the status register now and then; whether it was asked."""
         register = self._map.register("status")
         now_s = time.monotonic()
         if register is None or register.access != "read" or now_s < self._status_due_s:
-            return
+            return False
         values = self._values(register, self._exchange(register, deadline_s))
         if values is None or "flags" not in values:
-            return
+            return True
         first = self._flags is None
         self._flags = int(values["flags"])
         self._status_due_s = now_s + (ALARMED_EVERY_S if conditions(self._flags) else STATUS_EVERY_S)
@@ -171,6 +179,7 @@ class SerialWheel:
             self.clock.note_restart()
         elif self._flags & FLAG_RESET and not first:
             self.clock.begin_segment("wheel_restarted", "the wheel restarted: its status says so")
+        return True
 
     def doubt_identity(self) -> None:
         """It may be another wheel that answers from now on: ask before the next sample. Until it says, it is nobody."""
@@ -185,13 +194,15 @@ class SerialWheel:
         elif now_s - self._quiet_since_s > QUIET_S:
             self.doubt_identity()
 
-    def _read_identity_if_due(self, deadline_s: float) -> None:
+    def _read_identity_if_due(self, deadline_s: float) -> bool:
+        """Ask who answers, while that is in doubt; whether it was asked."""
         register = self._map.register("identity")
         if self._expected is None or register is None:
-            return
+            return False
         self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
         if self.identity is not None:
             self._expected = None
+        return True
 
     def _note_identity(self, values: dict[str, float] | None, register: Register) -> None:
         """Keep who answered."""

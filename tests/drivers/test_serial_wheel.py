@@ -21,7 +21,9 @@ import pytest
 from drivers import link_faults
 from drivers.framing import Frame, decode, encode
 from drivers.register_server import Manipulator, RegisterServer, Reply
+from drivers.serial_link import Exchange
 from drivers.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.wire_layout import Register
 from drivers.wire_map import Where, WireMap, wire_map_from_mapping
 from rw_ekf.errors import DriverError
 from rw_ekf.records import FAULT, WheelIdentity
@@ -376,6 +378,24 @@ def test_a_clock_too_coarse_for_a_sample_gives_it_no_time(
     times = [sample.time_s for sample in samples if sample is not None]
     assert len(times) == 5
     assert all(a < b for a, b in itertools.pairwise(times))
+
+
+def test_what_is_asked_beside_never_crowds_the_sample_out_for_good(line: tuple[SerialWheel, RegisterServer]) -> None:
+    """Where a status read takes all of a tick's time that sample is lost, and no other: the wheel is never silent."""
+    wheel, _ = line
+    original, asked = wheel._exchange, [""]
+
+    def crowded(register: Register, deadline_s: float) -> Exchange:
+        asked.append(register.name)
+        if register is wheel._main and asked[-2] in {"status", "identity"}:
+            return Exchange(None, 0.0, 0.0)
+        return original(register, deadline_s)
+
+    wheel._exchange = crowded  # type: ignore[method-assign]
+    wheel._status_due_s = 0.0
+    wheel.doubt_identity()
+    assert [wheel.read(1.0) is not None for _ in range(6)] == [False, True, True, True, True, True]
+    assert asked.count("status") == 1
 
 
 def test_what_the_status_flags_mean_stands_in_the_sample(line: tuple[SerialWheel, RegisterServer]) -> None:
