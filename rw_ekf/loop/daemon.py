@@ -14,6 +14,7 @@ from rw_ekf import __version__
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
+from rw_ekf.filter.identifiability import rounded
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
@@ -170,10 +171,11 @@ def run_daemon(
                 )
         belief = Belief(estimator.mean, estimator.covariance)
         if live.halted is None and belief.mean[1] + _SURE * belief.std[1] < 0.0:
+            gain = rounded(float(belief.mean[1]), float(belief.std[1]))
             check.found(
                 "negative_gain",
-                f"the motor gain is estimated as {belief.mean[1]:.3g} +- {belief.std[1]:.1g} rad/s^2/A, and no wheel "
-                "has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
+                f"the motor gain is estimated as {gain} rad/s^2/A, and no "
+                "wheel has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
             )
         model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
         with _tried(files.model, unwritten, logger):
