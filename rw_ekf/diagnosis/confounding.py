@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.evidence import p_value
-from rw_ekf.diagnosis.residual_map import hats, mean_current, probes
+from rw_ekf.diagnosis.residual_map import hats
 from rw_ekf.diagnosis.scorer import Scorer
 from rw_ekf.effects.effect import Effect, RecordFacts
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.structure import mean_current, slopes_by_torque
 
 Float64Array = NDArray[np.float64]
 Quantity = Literal["speed", "time", "temperature"]
@@ -84,7 +85,7 @@ def may_confound(fit: Fit, one: Quantity, other: Quantity) -> bool:
 
 def smooth_columns(fit: Fit, quantity: Quantity) -> Float64Array:
     """Slopes by a dry friction and a torque that follow a smooth unknown function of a quantity, (n, m)."""
-    drive, dry = probes(fit)
+    drive, dry = slopes_by_torque(fit)
     record = fit.frame.record
     x = values_of(record, fit.reference.speed, quantity)
     x = np.concatenate((x[:1], x[:-1]))  # where each interval began

@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.evidence import INFLATION
 from rw_ekf.diagnosis.scorer import Scorer
-from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.effect import RecordFacts
-from rw_ekf.effects.table import Column, EffectSet
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
-from rw_ekf.likelihood.one_step import predict
+from rw_ekf.likelihood.structure import mean_current, slopes_by_torque
 
 Float64Array = NDArray[np.float64]
 
@@ -44,7 +42,7 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
 
 def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]:
     """Dependences of what the model leaves, most significant first."""
-    drive, dry = probes(fit)
+    drive, dry = slopes_by_torque(fit)
     frame = fit.frame
     speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
     current = mean_current(fit)
@@ -78,31 +76,3 @@ def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]
         p = chi_square_tail(statistic / INFLATION, freedom) if freedom and statistic > 0.0 else 1.0
         found.append(Dependence(name, statistic, freedom, p))
     return sorted(found, key=lambda item: (item.p_value, -item.statistic))
-
-
-def probes(fit: Fit) -> tuple[Float64Array, Float64Array]:
-    """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to."""
-    model = fit.model
-    probe = EffectSet((Column(CATALOGUE["offset_torque"], 0.0, 0.0),))
-    coefficients = np.array([*model.parameters, 0.0])
-    rows = predict(
-        fit.frame.record,
-        coefficients,
-        probe,
-        model.omega_s,
-        model.law,
-        fit.reference,
-        with_rows=True,
-        with_slopes=False,
-    ).rows
-    return -rows[:, 5], rows[:, 3] + rows[:, 4]
-
-
-def mean_current(fit: Fit) -> Float64Array:
-    """Mean current over the interval that led to each sample [A], (n,)."""
-    pieces = fit.frame.record.data.pieces
-    charge = np.concatenate(([0.0], np.cumsum(pieces.duration_s * pieces.current_A)))
-    length = np.concatenate(([0.0], np.cumsum(pieces.duration_s)))
-    edge = np.minimum(pieces.start, pieces.duration_s.size)
-    passed = np.diff(length[edge], prepend=0.0)
-    return np.where(passed > 0.0, np.diff(charge[edge], prepend=0.0) / np.where(passed > 0.0, passed, 1.0), 0.0)

@@ -112,7 +112,7 @@ def _columns(fit: Fit) -> Float64Array:
     speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
     size = np.abs(speed)
     top = max(float(np.quantile(size, 0.99)), 1.0e-9)
-    current = mean_current(record.data.pieces.start, record.data.pieces.duration_s, record.data.pieces.current_A)
+    current = mean_current(fit)
     change = np.diff(current, prepend=current[:1])
     change[~record.follows] = 0.0
     time = np.linspace(-1.0, 1.0, n)
@@ -135,10 +135,11 @@ def _columns(fit: Fit) -> Float64Array:
     return np.ascontiguousarray(columns[:, np.any(columns != 0.0, axis=0)])
 
 
-def mean_current(start: NDArray[np.int64], duration_s: Float64Array, current_A: Float64Array) -> Float64Array:
-    """Mean current over the interval that led to each sample [A], (n,), from the pieces."""
-    charge = np.concatenate(([0.0], np.cumsum(duration_s * current_A)))
-    length = np.concatenate(([0.0], np.cumsum(duration_s)))
-    edge = np.minimum(start, duration_s.size)
+def mean_current(fit: Fit) -> Float64Array:
+    """Mean current over the interval that led to each sample [A], (n,)."""
+    pieces = fit.frame.record.data.pieces
+    charge = np.concatenate(([0.0], np.cumsum(pieces.duration_s * pieces.current_A)))
+    length = np.concatenate(([0.0], np.cumsum(pieces.duration_s)))
+    edge = np.minimum(pieces.start, pieces.duration_s.size)
     passed = np.diff(length[edge], prepend=0.0)
     return np.where(passed > 0.0, np.diff(charge[edge], prepend=0.0) / np.where(passed > 0.0, passed, 1.0), 0.0)
