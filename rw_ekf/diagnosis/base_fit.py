@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from rw_ekf.effects.table import EffectSet
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import FrictionParameters
@@ -42,11 +41,6 @@ def start_parameters(part: FilterInput, setup: FilterSetup) -> FrictionParameter
     """Least squares over the part, from several starts: the likelihood has one valley from here."""
     head = part.head(_LEAST_SQUARES_SAMPLES)
     return least_squares(head, setup.constants, setup.prior.core).parameters
-
-
-def prior_of(setup: FilterSetup) -> Prior:
-    """The setup's prior over the four parameters."""
-    return Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
 
 
 def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:

@@ -20,7 +20,7 @@ from rw_ekf.effects.effect import Effect, RecordFacts
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import Record
-from rw_ekf.likelihood.structure import mean_current, slopes_by_torque
+from rw_ekf.likelihood.structure import slopes_by_torque
 
 Float64Array = NDArray[np.float64]
 Quantity = Literal["speed", "time", "temperature"]
@@ -92,7 +92,7 @@ def smooth_columns(fit: Fit, quantity: Quantity) -> Float64Array:
     shapes = hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
     parts = [dry[:, None] * shapes, drive[:, None] * shapes]
     if quantity == "temperature":
-        parts.append((drive * mean_current(fit))[:, None] * shapes)
+        parts.append((drive * fit.frame.record.data.mean_current_A)[:, None] * shapes)
     return np.where(record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
 
 

@@ -18,7 +18,7 @@ from rw_ekf.effects.effect import RecordFacts
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
-from rw_ekf.likelihood.structure import mean_current, slopes_by_torque
+from rw_ekf.likelihood.structure import slopes_by_torque
 
 Float64Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]
     drive, dry = slopes_by_torque(fit)
     frame = fit.frame
     speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
-    current = mean_current(fit)
+    current = fit.frame.record.data.mean_current_A
     groups: dict[str, list[Float64Array]] = {}
     size = np.abs(speed)
     top = max(facts.top_speed_rad_s, 1.0e-9)

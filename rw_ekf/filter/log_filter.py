@@ -11,7 +11,6 @@ from rw_ekf.effects.table import NO_EFFECTS, EffectSet
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.current_schedule import Pieces, begins_of_pieces, pieces_of_log
-from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
 from rw_ekf.model.state import STATE_SIZE
 
@@ -82,6 +81,15 @@ class FilterInput:
             None if self.angle_rad is None else self.angle_rad[first:last],
         )
 
+    @property
+    def mean_current_A(self) -> Float64Array:
+        """Mean current over the interval that led to each sample [A], (n,); 0 where none did."""
+        charge = np.concatenate(([0.0], np.cumsum(self.pieces.duration_s * self.pieces.current_A)))
+        length = np.concatenate(([0.0], np.cumsum(self.pieces.duration_s)))
+        edge = np.minimum(self.pieces.start[: self.time_s.size], self.pieces.duration_s.size)
+        passed = np.diff(length[edge], prepend=0.0)
+        return np.where(passed > 0.0, np.diff(charge[edge], prepend=0.0) / np.where(passed > 0.0, passed, 1.0), 0.0)
+
     def with_speed(self, speed_rad_s: Float64Array) -> FilterInput:
         """The same log with other readings (n,); NaN is a missing one."""
         return replace(self, speed_rad_s=speed_rad_s)
@@ -124,12 +132,6 @@ class FilterRun:
         """Normalised innovation squared, (n,) [-]."""
         with np.errstate(over="ignore"):  # a model that runs away misses by more than a double can square
             return self.innovation_rad_s**2 / self.innovation_variance
-
-    @property
-    def log_likelihood(self) -> float:
-        """Of the accepted innovations, Gaussian [-]."""
-        used = self.outcome == UPDATED
-        return -0.5 * float(np.sum(self.nis[used] + np.log(2.0 * np.pi * self.innovation_variance[used])))
 
 
 def filter_log(

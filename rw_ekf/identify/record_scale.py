@@ -120,7 +120,7 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
         return None
     good = np.isfinite(y)
     y = np.interp(np.arange(y.size), np.flatnonzero(good), y[good]) if good.any() else y
-    current = _mean_current(data, t.size)
+    current = data.mean_current_A[1 : t.size]
     dt = np.diff(t)
     top = float(np.quantile(np.abs(y), 0.99))
     if not top > 0.0:
@@ -164,18 +164,6 @@ def _turning(y: Float64Array, noise: float, least: float) -> NDArray[np.bool_]:
     total = np.concatenate(([0.0], np.cumsum(np.pad(y, wide // 2, mode="edge"))))
     mean = (total[wide:] - total[:-wide]) / wide
     return np.asarray(np.abs(mean) > max(least, 5.0 * noise / np.sqrt(wide)))
-
-
-def _mean_current(data: FilterInput, n: int) -> Float64Array:
-    """Mean current over each interval i, i + 1 of the first n samples, from the pieces."""
-    start, duration, current = data.pieces
-    charge = np.concatenate(([0.0], np.cumsum(duration * current)))
-    length = np.concatenate(([0.0], np.cumsum(duration)))
-    stop = np.minimum(start[1:n], duration.size)
-    begin = np.minimum(start[: n - 1], duration.size)
-    total = length[stop] - length[begin]
-    safe = np.where(total > 0.0, total, 1.0)
-    return np.where(total > 0.0, (charge[stop] - charge[begin]) / safe, 0.0)
 
 
 def _window(y: Float64Array, noise: float) -> int:

@@ -112,7 +112,7 @@ def _columns(fit: Fit) -> Float64Array:
     speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
     size = np.abs(speed)
     top = max(float(np.quantile(size, 0.99)), 1.0e-9)
-    current = mean_current(fit)
+    current = record.data.mean_current_A
     change = np.diff(current, prepend=current[:1])
     change[~record.follows] = 0.0
     time = np.linspace(-1.0, 1.0, n)
@@ -133,13 +133,3 @@ def _columns(fit: Fit) -> Float64Array:
     columns = np.column_stack(found)
     columns[~record.follows | (size < _TURNING * model.omega_s)] = 0.0
     return np.ascontiguousarray(columns[:, np.any(columns != 0.0, axis=0)])
-
-
-def mean_current(fit: Fit) -> Float64Array:
-    """Mean current over the interval that led to each sample [A], (n,)."""
-    pieces = fit.frame.record.data.pieces
-    charge = np.concatenate(([0.0], np.cumsum(pieces.duration_s * pieces.current_A)))
-    length = np.concatenate(([0.0], np.cumsum(pieces.duration_s)))
-    edge = np.minimum(pieces.start, pieces.duration_s.size)
-    passed = np.diff(length[edge], prepend=0.0)
-    return np.where(passed > 0.0, np.diff(charge[edge], prepend=0.0) / np.where(passed > 0.0, passed, 1.0), 0.0)
