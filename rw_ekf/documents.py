@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from rw_ekf.effects.table import Column, EffectSet
     from rw_ekf.filter.belief import Belief
     from rw_ekf.starting_point import FilterSetup
+    from rw_ekf.wheel.table import Column, EffectSet
 
 REPLAY_SCHEMA = "rw_ekf.replay/1"
 FIT_SCHEMA = "rw_ekf.fit/1"

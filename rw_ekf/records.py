@@ -75,7 +75,7 @@ class WheelDriver(Protocol):
         ...
 
     def command_current(self, current_A: float) -> IssuedCommand:
-        """Write one current. Only the guard of rw_ekf.loop.safety may call this."""
+        """Write one current. Only the guard of rw_ekf.live.guard may call this."""
         ...
 
     def close(self) -> None:

@@ -28,8 +28,8 @@ from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
-    from rw_ekf.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
+    from rw_ekf.wheel.model_file import WheelModel
 
 _JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
 _JUDGED_PLAIN = 2_000  # the same in plain Python
@@ -252,8 +252,8 @@ def _remarks(data: FilterInput, log: WheelLog, setup: FilterSetup, statistics: R
 def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object]) -> FilterRun:
     """Run the daemon's loop over the log and collect what the compiled pass would have left."""
     from rw_ekf.filter.estimator import Estimator
-    from rw_ekf.loop.loop import command_of_record, run_loop, samples_of_record
-    from rw_ekf.loop.sinks import ArraySink
+    from rw_ekf.live.loop import command_of_record, run_loop, samples_of_record
+    from rw_ekf.sinks.sinks import ArraySink
     from rw_ekf.wheels import replay_wheel
 
     estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)

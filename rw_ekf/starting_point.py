@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf import __version__
-from rw_ekf.effects.table import NO_EFFECTS, Column, EffectSet
 from rw_ekf.filter.belief import (
     DEFAULT_PRIOR,
     SECONDS_PER_HOUR,
@@ -23,8 +22,9 @@ from rw_ekf.filter.belief import (
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
-from rw_ekf.model_file import WheelModel
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
+from rw_ekf.wheel.model_file import WheelModel
+from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.identify.record_scale import RecordScale

@@ -10,14 +10,14 @@ from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
-    from drivers.plant_parameters import PlantParameters
-    from drivers.wire_map import WireMap
+    from drivers.line.wire_map import WireMap
+    from drivers.sim.plant_parameters import PlantParameters
     from rw_ekf.settings.schema import Configuration
 
 
 def load_wire_map(protocol: str) -> WireMap:
     """Wire map by a name from config/ or a path. Raises ConfigError with every finding."""
-    from drivers.wire_map import wire_map_from_mapping
+    from drivers.line.wire_map import wire_map_from_mapping
     from rw_ekf.settings.resources import protocol_path
     from rw_ekf.settings.yaml_loader import load_yaml
 
@@ -27,7 +27,7 @@ def load_wire_map(protocol: str) -> WireMap:
 
 def scale_places(protocol: str) -> dict[str, str]:
     """Where in the wire map the scales of speed and current stand: "speed" and "current" to file:line and register."""
-    from drivers.wire_map import wire_map_from_mapping
+    from drivers.line.wire_map import wire_map_from_mapping
     from rw_ekf.settings.resources import protocol_path
     from rw_ekf.settings.yaml_loader import load_yaml
 
@@ -93,7 +93,7 @@ def serial_opener(
     probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
     where its answers do not come through. exclusive: False writes beside a process that has locked the port.
     """
-    from drivers.serial_wheel import SerialWheel, open_serial_wheel
+    from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 
     def open_wheel(lost: WheelDriver | None) -> WheelDriver:
         return open_serial_wheel(
@@ -118,8 +118,8 @@ def replay_wheel(rows: Iterable[tuple[WheelSample, IssuedCommand]], name: str) -
 
 def plant_of(configuration: Configuration | None, effects: list[str]) -> PlantParameters:
     """Truth of the simulated wheel: the configuration's `simulation` and `wheel`, then effects ("ID:name=value")."""
-    from drivers.plant_effect_text import parse_effects
-    from drivers.plant_parameters import STRIBECK_LAWS, PlantParameters
+    from drivers.sim.plant_effect_text import parse_effects
+    from drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
 
     plant = PlantParameters()
     listed: list[str] = []

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rw_ekf.excitation import make_profile, sample_profile
+from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput

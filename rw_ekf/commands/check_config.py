@@ -34,7 +34,7 @@ def execute(args: argparse.Namespace) -> int:
     if configuration.filter.model is not None:
         from pathlib import Path
 
-        from rw_ekf.model_file import read_model
+        from rw_ekf.wheel.model_file import read_model
 
         try:
             read_model(Path(configuration.filter.model))

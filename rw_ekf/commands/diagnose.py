@@ -62,8 +62,8 @@ def execute(args: argparse.Namespace) -> int:
         _make_ready(directory)
 
     from rw_ekf.diagnosis.diagnose import diagnose_log
-    from rw_ekf.diagnosis.report import write_report
-    from rw_ekf.diagnosis.text import diagnosis_text
+    from rw_ekf.diagnosis.report.text import diagnosis_text
+    from rw_ekf.diagnosis.report.write import write_report
     from rw_ekf.documents import inertia_text
 
     make_ready(DIAGNOSIS)

@@ -57,9 +57,9 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.filter.identifiability import report
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
-    from rw_ekf.model_file import refusal_of
     from rw_ekf.replay import input_of_log
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
+    from rw_ekf.wheel.model_file import refusal_of
 
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)

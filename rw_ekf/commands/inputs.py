@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
-    from rw_ekf.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
+    from rw_ekf.wheel.model_file import WheelModel
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +46,7 @@ def read_wheel_model(path: str | None, configuration: Configuration | None = Non
     named = path or (configuration.filter.model if configuration is not None else None)
     if named is None:
         return None
-    from rw_ekf.model_file import read_model
+    from rw_ekf.wheel.model_file import read_model
 
     return read_model(Path(named))
 

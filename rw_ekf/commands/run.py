@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.console import shown_path
 
 if TYPE_CHECKING:
-    from rw_ekf.loop.daemon import RunOutcome
-    from rw_ekf.loop.sinks import Unwritten
+    from rw_ekf.live.daemon import RunOutcome
     from rw_ekf.settings.schema import Configuration
+    from rw_ekf.sinks.sinks import Unwritten
 
 HELP = "attach to a wheel: estimate, log and publish until a signal"
 EXAMPLE = """example:
@@ -58,12 +58,12 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
     written.
     A signal ends the run in order from here on, and a second one does not disturb the report.
     """
-    from rw_ekf.loop.stop_signal import StopSignal
+    from rw_ekf.live.stop_signal import StopSignal
 
     with StopSignal() as stop:
         from rw_ekf.commands.inputs import read_wheel_model
         from rw_ekf.console import abandon_output, logger
-        from rw_ekf.loop.daemon import run_daemon
+        from rw_ekf.live.daemon import run_daemon
         from rw_ekf.wheels import check_wire
 
         wire_map = check_wire(configuration)

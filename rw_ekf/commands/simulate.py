@@ -17,7 +17,7 @@ class _ListEffects(argparse.Action):
     """Print the effects and leave, like --help."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
-        from drivers.plant_effect_text import describe_effects
+        from drivers.sim.plant_effect_text import describe_effects
 
         sys.stdout.write("\n".join(describe_effects()) + "\n")
         parser.exit()
@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb until a signal; raises RwEkfError."""
-    from drivers.plant_parameters import PlantNoise
-    from drivers.pty_server import serve_simulated_wheel
+    from drivers.sim.plant_parameters import PlantNoise
+    from drivers.sim.pty_server import serve_simulated_wheel
     from rw_ekf.commands.inputs import read_configuration
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json

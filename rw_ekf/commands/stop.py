@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rw_ekf.loop.holder import HolderReport
+    from rw_ekf.live.holder import HolderReport
     from rw_ekf.records import WheelDriver
     from rw_ekf.settings.line import LineConfiguration
 
@@ -30,8 +30,8 @@ def execute(args: argparse.Namespace) -> int:
     """
     from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
-    from rw_ekf.loop.holder import stop_holder
-    from rw_ekf.loop.safety import CurrentGuard, SafetyLimits
+    from rw_ekf.live.guard import CurrentGuard, SafetyLimits
+    from rw_ekf.live.holder import stop_holder
     from rw_ekf.settings.line import read_line
 
     line = read_line(args.config)
@@ -71,7 +71,7 @@ def execute(args: argparse.Namespace) -> int:
 def _open(line: LineConfiguration, report: HolderReport) -> WheelDriver:
     """The wheel's line, for ourselves, or beside a daemon that is still there. Raises RwEkfError with what was done."""
     from rw_ekf.errors import ConfigError, DriverError
-    from rw_ekf.loop.holder import others_with
+    from rw_ekf.live.holder import others_with
     from rw_ekf.wheels import load_wire_map, serial_opener
 
     configuration = line.configuration

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from rw_ekf.diagnosis.conclude import SCHEMA, conclude
-from rw_ekf.diagnosis.look import judge, look
-from rw_ekf.diagnosis.preparation import prepare, unfit
+from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
+from rw_ekf.diagnosis.judge.verdict import Verdict
+from rw_ekf.diagnosis.prepare.preparation import prepare, unfit
+from rw_ekf.diagnosis.prepare.source import Source, source_of
+from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.records import Diagnosis
-from rw_ekf.diagnosis.selection import Search
-from rw_ekf.diagnosis.source import Source, source_of
-from rw_ekf.diagnosis.split import Kind, split_record
-from rw_ekf.diagnosis.verdict import Verdict
+from rw_ekf.diagnosis.search.look import judge, look
+from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.likelihood import work
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.replay import input_of_log, refuse_runaway_model
 
 if TYPE_CHECKING:
-    from rw_ekf.model_file import WheelModel
     from rw_ekf.settings.schema import Configuration
+    from rw_ekf.wheel.model_file import WheelModel
 
 Advance = Callable[[str], object]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
-    from rw_ekf.model_file import WheelModel
+    from rw_ekf.wheel.model_file import WheelModel
 
 Float64Array = NDArray[np.float64]
 

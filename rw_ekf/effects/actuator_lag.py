@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from rw_ekf.effects.effect import Candidate, Coefficient, CurrentEffect, RecordFacts, Shape
 from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current
+from rw_ekf.model.effect import Candidate, Coefficient, CurrentEffect, RecordFacts, Shape
 
 
 class ActuatorLag(CurrentEffect):

@@ -8,7 +8,7 @@ import pkgutil
 from collections.abc import Iterable
 
 import rw_ekf.effects
-from rw_ekf.effects.effect import Effect, StaticEffect
+from rw_ekf.model.effect import Effect, StaticEffect
 
 # Order of the contract's table, section 7; what is not here comes behind, by alphabet.
 CONTRACT_IDS = (
@@ -17,8 +17,8 @@ CONTRACT_IDS = (
     "presliding_hysteresis", "friction_lag", "torque_ripple", "drag_spike", "coulomb_drift", "stribeck_shape",
     "external_torque", "speed_quantisation",
 )  # fmt: skip
-# Modules that stand on the catalogue: it cannot import them. Whatever else is in the package is imported and looked at.
-MACHINERY = frozenset({"catalogue", "dispatch", "propagation", "table"})
+# What is no effect and looks at the others. Whatever else is in the package is imported and looked at.
+MACHINERY = frozenset({"catalogue"})
 
 
 def _effects_of(module_name: str) -> list[type[Effect]]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from rw_ekf.effects.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moves, of_coulomb
+from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
 
 
 class CoulombDrift(StaticEffect):

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.effect import (
+from rw_ekf.effects.measures import (
+    STEADY_SHARE,
+    dry_scale,
+    lacks_temperature,
+    slope_percent,
+    temperature_range,
+)
+from rw_ekf.model.effect import (
     REFERENCE_DEGC,
     Candidate,
     Coefficient,
@@ -12,13 +19,6 @@ from rw_ekf.effects.effect import (
     RecordFacts,
     Shape,
     StaticEffect,
-)
-from rw_ekf.effects.measures import (
-    STEADY_SHARE,
-    dry_scale,
-    lacks_temperature,
-    slope_percent,
-    temperature_range,
 )
 
 

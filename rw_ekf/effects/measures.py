@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.effects.effect import RecordFacts
+from rw_ekf.model.effect import RecordFacts
 
 STEADY_SHARE = 0.005  # of dry friction: a steady effect below it changes nothing that anybody would act on
 SOUGHT_SHARE = 0.01  # the same for effects found by searching many onsets, orders or frequencies

@@ -4,15 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.effect import (
-    REFERENCE_DEGC,
-    Candidate,
-    Coefficient,
-    Contribution,
-    RecordFacts,
-    Shape,
-    StaticEffect,
-)
 from rw_ekf.effects.measures import (
     STEADY_SHARE,
     dry_scale,
@@ -21,6 +12,15 @@ from rw_ekf.effects.measures import (
     slope_percent,
     temperature_range,
     top_drive,
+)
+from rw_ekf.model.effect import (
+    REFERENCE_DEGC,
+    Candidate,
+    Coefficient,
+    Contribution,
+    RecordFacts,
+    Shape,
+    StaticEffect,
 )
 
 

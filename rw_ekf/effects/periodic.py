@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from rw_ekf.effects.effect import RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import RecordFacts, Shape, StaticEffect
 
 if TYPE_CHECKING:
     import numpy as np

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from rw_ekf.effects.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, plus_minus
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect
 from rw_ekf.model.friction import LAW_CODES
 
 _LAW_NAMES = {code: name for name, code in LAW_CODES.items()}

@@ -11,13 +11,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.errors import FilterError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.surroundings import Gatherer
 from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 
 _OUTCOMES = {
     decisions.FIRST: Outcome.FIRST,

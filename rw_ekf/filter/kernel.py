@@ -14,12 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects import dispatch as _dispatch
-from rw_ekf.effects import propagation as _effect_propagation
-from rw_ekf.effects.table import NO_EFFECTS, EffectTable
 from rw_ekf.filter import decisions as _decisions
-from rw_ekf.filter import effect_transition as _effect_transition
-from rw_ekf.filter import transition as _transition
 from rw_ekf.filter.compiled import compile_cached, make_jitable
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.decisions import (
@@ -36,10 +31,15 @@ from rw_ekf.filter.decisions import (
     timing,
     within_reach,
 )
-from rw_ekf.filter.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
-from rw_ekf.filter.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
+from rw_ekf.model import flow as _propagation
 from rw_ekf.model import friction as _friction
-from rw_ekf.model import propagation as _propagation
+from rw_ekf.wheel import dispatch as _dispatch
+from rw_ekf.wheel import effect_transition as _effect_transition
+from rw_ekf.wheel import pieces as _effect_propagation
+from rw_ekf.wheel import transition as _transition
+from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
+from rw_ekf.wheel.table import NO_EFFECTS, EffectTable
+from rw_ekf.wheel.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
 
 Float64Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects.table import NO_EFFECTS, EffectSet
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.current_schedule import Pieces, begins_of_pieces, pieces_of_log
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
 from rw_ekf.model.state import STATE_SIZE
+from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 Float64Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rw_ekf.effects.effect import REFERENCE_DEGC
 from rw_ekf.filter.current_schedule import CurrentSchedule
+from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.records import WheelSample
 
 _REMEMBERED_S = 10.0  # of past commands, for a model with a delay

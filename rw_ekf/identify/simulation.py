@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.filter import kernel as _kernel  # registers the equations with numba
-from rw_ekf.filter import transition as _transition
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.log_filter import FilterInput
-from rw_ekf.filter.transition import interval
+from rw_ekf.model import flow as _propagation
 from rw_ekf.model import friction as _friction
-from rw_ekf.model import propagation as _propagation
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.wheel import transition as _transition
+from rw_ekf.wheel.transition import interval
 
 Float64Array = NDArray[np.float64]
 

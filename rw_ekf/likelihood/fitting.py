@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects.table import ABSENT
 from rw_ekf.likelihood.frame import Frame, Noise, Prior, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
+from rw_ekf.wheel.table import ABSENT
 
 Float64Array = NDArray[np.float64]
 

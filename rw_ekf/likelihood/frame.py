@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects.effect import FrictionMemoryEffect, StaticEffect
-from rw_ekf.effects.table import ABSENT
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
+from rw_ekf.model.effect import FrictionMemoryEffect, StaticEffect
+from rw_ekf.wheel.table import ABSENT
 
 Float64Array = NDArray[np.float64]
 

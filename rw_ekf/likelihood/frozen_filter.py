@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects.table import ABSENT
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, state_vector
+from rw_ekf.wheel.table import ABSENT
 
 Float64Array = NDArray[np.float64]
 

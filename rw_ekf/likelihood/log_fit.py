@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.table import Column
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput
@@ -26,6 +25,7 @@ from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.wheel.table import Column
 
 Float64Array = NDArray[np.float64]
 

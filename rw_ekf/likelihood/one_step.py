@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.effects.propagation import effect_interval, row_size
-from rw_ekf.effects.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.state import STATE_SIZE
+from rw_ekf.wheel.pieces import effect_interval, row_size
+from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
 Float64Array = NDArray[np.float64]
 

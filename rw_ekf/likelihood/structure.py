@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.table import Column, EffectSet
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import predict
+from rw_ekf.wheel.table import Column, EffectSet
 
 Float64Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable
 
-from rw_ekf.effects.table import ABSENT, EffectTable
+from rw_ekf.wheel.table import ABSENT, EffectTable
 
 # Of a whole diagnosis. Ordinary records of ten minutes at 10 Hz spend a tenth to a third of it.
 MOST_UNITS = 3.6e10

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from rw_ekf.errors import ConfigError
-from rw_ekf.model_bounds import VALUES, std_fault, value_fault
+from rw_ekf.model.bounds import VALUES, std_fault, value_fault
 from rw_ekf.settings.findings import validation_findings
 from rw_ekf.settings.resources import is_path, protocol_path
 from rw_ekf.settings.schema import (

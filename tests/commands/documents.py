@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from rw_ekf.effects.catalogue import CATALOGUE
-from tests.loop.bench import document_of
+from tests.live.bench import document_of
 
 STATE = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
 PHYSICAL = {"motor_constant_Nm_A", "viscous_Nms", "coulomb_Nm", "static_Nm"}

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.plant_batch import simulate_run
-from drivers.plant_effect_text import parse_effects
-from rw_ekf.excitation import make_profile, sample_profile
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from tests.truth import Float64Array, fine_trajectory, run_of
 

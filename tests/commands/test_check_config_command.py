@@ -11,7 +11,7 @@ import yaml
 
 from rw_ekf.cli import main
 from rw_ekf.settings.resources import protocol_path
-from tests.loop.bench import ROOT, document_of, write_config
+from tests.live.bench import ROOT, document_of, write_config
 
 Map = dict[str, Any]
 CONFIGURATIONS = [

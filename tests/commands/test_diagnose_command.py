@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from rw_ekf.cli import main
-from rw_ekf.model_file import read_model
+from rw_ekf.wheel.model_file import read_model
 from tests.commands.documents import diagnosis_document, replay_document, run_document
 from tests.commands.logs import plant_columns, write_columns
-from tests.loop.bench import ROOT, rw_ekf, served_wheel
+from tests.live.bench import ROOT, rw_ekf, served_wheel
 
 TORQUE_RAD_S2 = 0.03  # 5 % of Coulomb friction; slows forward motion
 FILES = {"diagnosis.json", "report.html", "speed.png", "residual.png", "evidence.png"}

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.plant_batch import simulate_run
-from drivers.plant_effect_text import parse_effects
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.cli import main
 from tests.commands.documents import diagnosis_document
 from tests.commands.logs import plant_columns, write_columns

@@ -11,7 +11,7 @@ import pytest
 from rw_ekf.cli import main
 from rw_ekf.logs.reader import read_log
 from tests.commands.logs import CARRIAGE_MAP, carriage_log, profile_log
-from tests.loop.bench import document_of
+from tests.live.bench import document_of
 
 
 @pytest.mark.parametrize("chain", list(itertools.permutations([".csv", ".parquet", ".mat"], 2)))

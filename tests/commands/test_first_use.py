@@ -18,7 +18,7 @@ from rw_ekf.replay import judge_log, judge_now
 from rw_ekf.starting_point import setup_of_record
 from tests.commands.logs import write_log
 from tests.diagnosis.simulated import Float64Array, simulated
-from tests.loop.bench import ROOT, program, rw_ekf, served_wheel
+from tests.live.bench import ROOT, program, rw_ekf, served_wheel
 
 OF_EVERY_VERB = """
 import gc, sys

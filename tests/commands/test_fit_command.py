@@ -11,7 +11,7 @@ from rw_ekf.cli import main
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from tests.commands.documents import is_number, replay_document
 from tests.commands.logs import coast_log, experiments_log, profile_log
-from tests.loop.bench import document_of
+from tests.live.bench import document_of
 
 TRUTH = dict(zip(PARAMETER_NAMES, CK13_STATISTICAL, strict=True))
 

@@ -10,7 +10,7 @@ import pytest
 from rw_ekf.cli import main
 from tests.commands.documents import diagnosis_document, replay_document
 from tests.commands.logs import profile_log
-from tests.loop.bench import document_of
+from tests.live.bench import document_of
 
 CELLS = ["", "nan", "inf", "-inf", "1e400", "1e300", "-1e300", "1e-320", "abc", '"', "1,2", "0x10", "٣", "1_0", "-0.0"]
 VALUES = [

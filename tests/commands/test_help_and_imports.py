@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.cli import VERBS, main
-from tests.loop.bench import ROOT, served_wheel, write_config
+from tests.live.bench import ROOT, served_wheel, write_config
 
 HEAVY = ("numpy", "numba", "scipy", "filterpy", "pyarrow", "matplotlib", "rw_ekf.filter", "rw_ekf.diagnosis")
 PROBE = """
@@ -72,6 +72,6 @@ def test_help_and_check_config_import_nothing_heavy(tmp_path: Path) -> None:
 
 
 def test_stop_imports_nothing_heavy(tmp_path: Path) -> None:
-    """`stop` on a wheel loads no heavy module, and nothing of the filter; `tools.measure_startup` has the times."""
+    """`stop` on a wheel loads no heavy module, and nothing of the filter; `tools.measure.startup` has the times."""
     with served_wheel(tmp_path) as bench:
         assert heavy_imports("stop", "--config", str(bench.config())) == (0, "")

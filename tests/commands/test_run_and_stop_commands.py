@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers import link_faults
+from drivers.sim import link_faults
 from rw_ekf.cli import main
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.model_file import WheelModel
+from rw_ekf.wheel.model_file import WheelModel
 from tests.commands.documents import run_document
-from tests.loop.bench import ROOT, Bench, document_of, rw_ekf, served_wheel, write_config
+from tests.live.bench import ROOT, Bench, document_of, rw_ekf, served_wheel, write_config
 
 
 @pytest.fixture

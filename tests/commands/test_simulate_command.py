@@ -10,7 +10,7 @@ import pytest
 
 from rw_ekf.cli import main
 from tests.commands.documents import run_document
-from tests.loop.bench import program, rw_ekf, write_config
+from tests.live.bench import program, rw_ekf, write_config
 
 
 @pytest.mark.parametrize(

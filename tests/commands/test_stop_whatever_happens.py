@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from rw_ekf.cli import main
-from tests.loop.bench import PROGRAM, ROOT, Bench, document_of, driven, program, rw_ekf, served_wheel, wait_for
+from tests.live.bench import PROGRAM, ROOT, Bench, document_of, driven, program, rw_ekf, served_wheel, wait_for
 
 AS_USER = ("--clear-groups", "--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search")  # reads our files
 

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from drivers.plant_batch import PlantRun, simulate_run
-from drivers.plant_effect_text import parse_effects
-from drivers.plant_parameters import PlantNoise, PlantParameters
+from drivers.sim.plant_batch import PlantRun, simulate_run
+from drivers.sim.plant_effect_text import parse_effects
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
-from rw_ekf.excitation import make_profile, sample_profile
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.model_file import WheelModel
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.model_file import WheelModel
 
 Float64Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.plant_batch import PlantRun, simulate_run
-from drivers.plant_effect_text import parse_effects
-from drivers.plant_parameters import PlantNoise
-from rw_ekf.excitation import make_profile, sample_profile
+from drivers.sim.plant_batch import PlantRun, simulate_run
+from drivers.sim.plant_effect_text import parse_effects
+from drivers.sim.plant_parameters import PlantNoise
+from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, filter_constants
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_reference

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from rw_ekf.diagnosis.look import worsened
-from rw_ekf.diagnosis.trial import possible
+from rw_ekf.diagnosis.search.look import worsened
+from rw_ekf.diagnosis.search.trial import possible
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.effect import RecordFacts
-from rw_ekf.effects.table import Column
+from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.wheel.table import Column
 from tests.diagnosis.simulated import TRUTH
 
 WHEEL = RecordFacts(0.0, 600.0, 0.1, 250.0, 0.3, CK13_STATISTICAL, 0.42, 0, 0.1, 10, 8.0, True)

@@ -10,16 +10,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2, kstest
 
-from rw_ekf.diagnosis.conditions import facts_of
-from rw_ekf.diagnosis.scorer import Scorer
+from rw_ekf.diagnosis.prepare.conditions import facts_of
+from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.effect import NO_SHAPE, Shape
-from rw_ekf.effects.table import Column
 from rw_ekf.likelihood.fitting import fit_model, likelihood, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
+from rw_ekf.model.effect import NO_SHAPE, Shape
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.table import Column
 from tests.diagnosis.simulated import PRIOR, TRUTH, fitted, record_of, simulated
 
 Float64Array = NDArray[np.float64]

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.plant_effects import CATALOGUE_IDS
+from drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.reader import read_log
-from tools import proof_tables
-from tools.proof_cases import Case
-from tools.proof_judge import judge, record_of
-from tools.proof_marks import MARKS, case_called, cases_of
-from tools.proof_plants import SEEN_CHI_SQUARE, excess_chi_square, log_of, save_log
-from tools.proof_sizes import SHARES
-from tools.prove_diagnosis import Job, prove
+from tools.proof import tables as proof_tables
+from tools.proof.cases import Case
+from tools.proof.judge import judge, record_of
+from tools.proof.marks import MARKS, case_called, cases_of
+from tools.proof.plants import SEEN_CHI_SQUARE, excess_chi_square, log_of, save_log
+from tools.proof.prove import Job, prove
+from tools.proof.sizes import SHARES
 
 SEED = 1
 
-# One of each kind; numbers are those of `python tools/prove_diagnosis.py --list`.
+# One of each kind; numbers are those of `python -m tools.proof.prove --list`.
 REDUCED = (
     "id-1rpm-000",  # offset_torque
     "id-1rpm-002",  # quadratic_drag

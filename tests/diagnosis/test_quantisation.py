@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.quantisation import Lattice, _log_cell, find_lattice, grid_of
+from rw_ekf.diagnosis.prepare.quantisation import Lattice, _log_cell, find_lattice, grid_of
 from rw_ekf.units import RAD_S_PER_RPM
 
 Float64Array = NDArray[np.float64]

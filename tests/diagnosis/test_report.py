@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
-from rw_ekf.diagnosis.report import write_report
-from rw_ekf.diagnosis.report_thinning import binned_means, correlation_samples, running_means, thinned_line
-from rw_ekf.diagnosis.report_words import Units, figure_pairs, number_text
-from rw_ekf.diagnosis.text import diagnosis_text
+from rw_ekf.diagnosis.report.text import diagnosis_text
+from rw_ekf.diagnosis.report.thinning import binned_means, correlation_samples, running_means, thinned_line
+from rw_ekf.diagnosis.report.words import Units, figure_pairs, number_text
+from rw_ekf.diagnosis.report.write import write_report
 from tests.diagnosis.example import INERTIA_KG_M2, example, many_samples
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}

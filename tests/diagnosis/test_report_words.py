@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.diagnosis.candidates_document import _explained_by_what_stands
-from rw_ekf.diagnosis.report_residual import SHOWN_AGAINST, _marked
-from rw_ekf.diagnosis.report_tables import commands
-from rw_ekf.diagnosis.report_words import gain_text, percent_text
+from rw_ekf.diagnosis.report.candidates_document import _explained_by_what_stands
+from rw_ekf.diagnosis.report.residual import SHOWN_AGAINST, _marked
+from rw_ekf.diagnosis.report.tables import commands
+from rw_ekf.diagnosis.report.words import gain_text, percent_text
 from rw_ekf.effects.catalogue import CATALOGUE
 
 PANELS: Any = [SimpleNamespace(title=t) for t in ("time", "speed", "low speed", "current", "angle", "temperature")]

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.split import split_record
-from rw_ekf.effects.effect import NO_SHAPE
-from rw_ekf.effects.table import EffectSet, columns_of
+from rw_ekf.diagnosis.prepare.split import split_record
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.effect import NO_SHAPE
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.model_file import WheelModel, read_model
+from rw_ekf.wheel.model_file import WheelModel, read_model
+from rw_ekf.wheel.table import EffectSet, columns_of
 from tests.diagnosis.simulated import TRUTH, log_of, simulated
 
 DRAG = "quadratic_drag:coefficient_1_rad=1.2e-6"

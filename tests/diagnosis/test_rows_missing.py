@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.plant_batch import simulate_run
-from drivers.plant_effect_text import parse_effects
-from drivers.plant_parameters import PlantNoise
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_effect_text import parse_effects
+from drivers.sim.plant_parameters import PlantNoise
+from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.excitation import make_profile, sample_profile
 from rw_ekf.logs.wheel_log import WheelLog
 from tests.diagnosis.simulated import log_of, simulated
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rw_ekf.diagnosis.split import Split, reversals, running_time, split_record
+from rw_ekf.diagnosis.prepare.split import Split, reversals, running_time, split_record
 
 Float64Array = NDArray[np.float64]
 

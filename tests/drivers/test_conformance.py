@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import pytest
 
-from drivers.register_server import RegisterServer
+from drivers.line.serial_wheel import open_serial_wheel
+from drivers.line.wire_map import WireMap
 from drivers.replay_wheel import ReplayWheel
-from drivers.serial_wheel import open_serial_wheel
-from drivers.simulated_wheel import SimulatedWheel
-from drivers.wire_map import WireMap
+from drivers.sim.register_server import RegisterServer
+from drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.errors import DriverError, EndOfRecord
 from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
 

@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
-from drivers.framing import Frame, decode, encode
-from drivers.register_server import Manipulator, RegisterServer, Reply
-from drivers.registers import decode_register, is_plausible
-from drivers.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
-from drivers.wire_map import WireMap
+from drivers.line.framing import Frame, decode, encode
+from drivers.line.registers import decode_register, is_plausible
+from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
+from drivers.line.wire_map import WireMap
+from drivers.sim.register_server import Manipulator, RegisterServer, Reply
 from rw_ekf.replay import _WILD
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
-from tests.loop.bench import Recorder, served_wheel
-from tests.loop.daemon import run
+from tests.live.bench import Recorder, served_wheel
+from tests.live.daemon import run
 
 Served = Callable[..., AbstractContextManager[RegisterServer]]
 CYCLE = 137
@@ -90,7 +90,7 @@ def test_the_daemon_goes_on(
     float_map: WireMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: float
 ) -> None:
     """In mid-run: every other sample is there, counted, logged, and the log reads."""
-    monkeypatch.setattr("tests.loop.daemon.check_wire", lambda configuration: float_map)
+    monkeypatch.setattr("tests.live.daemon.check_wire", lambda configuration: float_map)
     with served_wheel(tmp_path) as bench:
         bench.registers.wire_map = float_map
         bench.recorder.fault = with_value(name, number, from_cycle=8)

@@ -15,21 +15,21 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.framing import decode, encode
-from drivers.plant_parameters import PlantNoise, PlantParameters
-from drivers.pty_server import serve_simulated_wheel
-from drivers.register_server import RegisterServer
-from drivers.serial_wheel import open_serial_wheel
-from drivers.wire_map import WireMap
+from drivers.line.framing import decode, encode
+from drivers.line.serial_wheel import open_serial_wheel
+from drivers.line.wire_map import WireMap
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from drivers.sim.pty_server import serve_simulated_wheel
+from drivers.sim.register_server import RegisterServer
 from rw_ekf.errors import DriverError
 
 Served = Callable[..., AbstractContextManager[RegisterServer]]
 ROOT = Path(__file__).parents[2]
 PROGRAM = """
 import sys, yaml
-from drivers.plant_parameters import PlantParameters
-from drivers.pty_server import serve_simulated_wheel
-from drivers.wire_map import wire_map_from_mapping
+from drivers.sim.plant_parameters import PlantParameters
+from drivers.sim.pty_server import serve_simulated_wheel
+from drivers.line.wire_map import wire_map_from_mapping
 wire_map = wire_map_from_mapping(yaml.safe_load(open("config/sunspace-wheel.yaml")), str)
 serve_simulated_wheel(wire_map, PlantParameters(), sys.argv[1], initial_speed_rad_s=50.0,
                       on_ready=lambda device: print(device, flush=True))
@@ -184,7 +184,7 @@ def _cpu_s(pid: int) -> float:
 
 def test_the_same_seed_gives_the_same_noise(wire_map: WireMap) -> None:
     """What is random about a served wheel comes from its seed."""
-    from drivers.plant_runner import PlantRunner
+    from drivers.sim.plant_runner import PlantRunner
 
     readings = []
     for seed in (1, 1, 2):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.framing import decode, encode
-from drivers.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.plant_runner import PlantRunner
-from drivers.register_server import (
+from drivers.line.framing import decode, encode
+from drivers.line.registers import decode_register, encode_register
+from drivers.line.wire_map import WireMap
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from drivers.sim.plant_runner import PlantRunner
+from drivers.sim.register_server import (
     CURRENT,
     FLAG_FAULT,
     FLAG_LIMITED,
@@ -22,8 +24,6 @@ from drivers.register_server import (
     WRONG_LENGTH,
     RegisterServer,
 )
-from drivers.registers import decode_register, encode_register
-from drivers.wire_map import WireMap
 
 
 class Wheel:

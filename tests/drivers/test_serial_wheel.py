@@ -18,13 +18,13 @@ from typing import Any, cast
 
 import pytest
 
-from drivers import link_faults
-from drivers.framing import Frame, decode, encode
-from drivers.register_server import Manipulator, RegisterServer, Reply
-from drivers.serial_link import Exchange
-from drivers.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.wire_layout import Register
-from drivers.wire_map import Where, WireMap, wire_map_from_mapping
+from drivers.line.framing import Frame, decode, encode
+from drivers.line.serial_link import Exchange
+from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.line.wire_layout import Register
+from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
+from drivers.sim import link_faults
+from drivers.sim.register_server import Manipulator, RegisterServer, Reply
 from rw_ekf.errors import DriverError
 from rw_ekf.records import FAULT, WheelIdentity
 
@@ -421,7 +421,7 @@ def test_a_wheel_behind_a_socket(wire_map: WireMap) -> None:
     """Anything serial_for_url takes works: here a wheel behind a TCP server."""
     import socket
 
-    from drivers.plant_runner import PlantRunner
+    from drivers.sim.plant_runner import PlantRunner
 
     listener = socket.create_server(("127.0.0.1", 0))
     server = RegisterServer(wire_map, PlantRunner(seed=1))
@@ -457,7 +457,7 @@ def test_a_wheel_behind_rfc2217(wire_map: WireMap) -> None:
     from serial import serial_for_url
     from serial.rfc2217 import PortManager
 
-    from drivers.plant_runner import PlantRunner
+    from drivers.sim.plant_runner import PlantRunner
 
     listener = socket.create_server(("127.0.0.1", 0))
     server = RegisterServer(wire_map, PlantRunner(seed=1))
@@ -487,14 +487,15 @@ def test_a_wheel_behind_rfc2217(wire_map: WireMap) -> None:
 
 def test_the_serial_side_loads_nothing_heavy() -> None:
     """`stop` must be quick: the serial driver needs no numpy and no numba."""
-    code = "import sys, drivers.serial_wheel, drivers.wire_map_check; print({'numpy', 'numba'} & set(sys.modules))"
+    code = "import sys, drivers.line.serial_wheel, drivers.line.wire_map_check\n"
+    code += "print({'numpy', 'numba'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 
 
 def test_golden_write_and_its_reply(wire_map: WireMap) -> None:
     """100 mA goes out as these bytes, and status 0 comes back for the same seq and id."""
-    from drivers.plant_runner import PlantRunner
+    from drivers.sim.plant_runner import PlantRunner
 
     server = RegisterServer(wire_map, PlantRunner(seed=1))
     request = encode(7, 3, bytes.fromhex("e803"))
@@ -506,8 +507,8 @@ def test_golden_write_and_its_reply(wire_map: WireMap) -> None:
 
 def test_rounding_on_the_wire_never_carries_a_current_beyond_what_was_asked() -> None:
     """A current between two counts goes out as the smaller one; one on a count goes out as it is."""
-    from drivers.serial_wheel import _toward_zero
-    from drivers.wire_layout import Field
+    from drivers.line.serial_wheel import _toward_zero
+    from drivers.line.wire_layout import Field
 
     field = Field("current_command", "i16", scale=0.1, unit="mA")
     assert _toward_zero(field, 0.60006) == pytest.approx(0.6000)

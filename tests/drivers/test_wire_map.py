@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from drivers.wire_map import Where, WireMap, wire_map_from_mapping
+from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
 from rw_ekf.errors import ConfigError
 from rw_ekf.units import rpm_from_rad_s
 

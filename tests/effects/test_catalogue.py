@@ -16,9 +16,9 @@ import pytest
 from numba import njit
 
 import rw_ekf.effects
-from drivers.plant_effects import EFFECTS
-from drivers.plant_parameters import PlantParameters, PlantState
-from drivers.plant_terms import (
+from drivers.sim.plant_effects import EFFECTS
+from drivers.sim.plant_parameters import PlantParameters, PlantState
+from drivers.sim.plant_terms import (
     coulomb_shift,
     drag,
     dry_friction,
@@ -29,7 +29,11 @@ from drivers.plant_terms import (
 )
 from rw_ekf.effects import catalogue
 from rw_ekf.effects.catalogue import CATALOGUE, CONTRACT_IDS, MACHINERY, STATIC_CODES
-from rw_ekf.effects.effect import (
+from rw_ekf.effects.measures import dry_scale
+from rw_ekf.effects.periodic import PeriodicEffect
+from rw_ekf.effects.speed_quantisation import SpeedQuantisation
+from rw_ekf.effects.stribeck_shape import StribeckShape
+from rw_ekf.model.effect import (
     Contribution,
     CurrentEffect,
     DelayEffect,
@@ -41,10 +45,6 @@ from rw_ekf.effects.effect import (
     StaticEffect,
     StribeckEffect,
 )
-from rw_ekf.effects.measures import dry_scale
-from rw_ekf.effects.periodic import PeriodicEffect
-from rw_ekf.effects.speed_quantisation import SpeedQuantisation
-from rw_ekf.effects.stribeck_shape import StribeckShape
 from rw_ekf.model.friction import acceleration
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
@@ -156,7 +156,7 @@ def test_codes_of_static_effects_are_consecutive() -> None:
 def test_one_effect_one_file_one_name() -> None:
     """A file that defines an effect defines one, is called as its id is, and the class is the id in CamelCase."""
     files = {module.name for module in pkgutil.iter_modules(rw_ekf.effects.__path__)}
-    assert files >= MACHINERY, "a module of the machinery is gone: take it off the list"
+    assert files >= MACHINERY
     for effect_id, effect in CATALOGUE.items():
         assert effect.__module__ == f"rw_ekf.effects.{effect_id}"
         assert effect.__name__ == "".join(word.capitalize() for word in effect_id.split("_"))

@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.plant_batch import simulate_run
-from drivers.plant_parameters import PlantParameters
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.effect import RecordFacts
-from rw_ekf.effects.table import Column, EffectSet
-from rw_ekf.excitation import make_profile, sample_profile
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.likelihood.model import columns_of_candidate
+from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import IssuedCommand, StepResult, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.table import Column, EffectSet
 from tests.filter.replay import Columns
 from tests.truth import OMEGA_S, constants_for
 

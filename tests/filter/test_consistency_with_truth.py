@@ -14,13 +14,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import truncnorm
 
-from drivers.plant_batch import simulate_run
-from drivers.plant_parameters import PlantNoise, PlantParameters
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.log_filter import FilterInput, filter_log
-from rw_ekf.filter.transition import factor_covariance, transition
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.transition import factor_covariance, transition
 from tests.truth import (
     OMEGA_S,
     PUBLISHED,

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.plant_batch import simulate_run
-from drivers.plant_effect_text import parse_effects
-from drivers.plant_parameters import PlantNoise
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_effect_text import parse_effects
+from drivers.sim.plant_parameters import PlantNoise
+from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.effect import Shape
-from rw_ekf.effects.propagation import effect_interval
-from rw_ekf.effects.table import NO_EFFECTS, Column, EffectSet
-from rw_ekf.excitation import make_profile, sample_profile
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
-from rw_ekf.filter.transition import interval
+from rw_ekf.model.effect import Shape
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.pieces import effect_interval
+from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
+from rw_ekf.wheel.transition import interval
 from tests.filter.effect_replay import believed, both, in_use, rough_log
 from tests.filter.replay import OUTCOMES
 from tests.truth import OMEGA_S, constants_for, prior_drawn_around

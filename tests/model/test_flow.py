@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rw_ekf.filter.transition import interval
+from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import GAUSS, LAW_CODES
-from rw_ekf.model.propagation import flow
+from rw_ekf.wheel.transition import interval
 from tests.counting import lines_of
 from tests.truth import OMEGA_S, fine_flow
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from rw_ekf.control.profiles import PROFILE_NAMES, make_profile
 from rw_ekf.errors import ConfigError
-from rw_ekf.excitation import PROFILE_NAMES, make_profile
 from rw_ekf.settings.load import configuration_from, load_configuration, resolved_lines
 from rw_ekf.settings.resources import config_directory
 from rw_ekf.settings.schema import CommandSection, Configuration
@@ -179,7 +179,7 @@ def test_the_shipped_examples_are_valid(name: str) -> None:
 def test_settings_import_nothing_heavy() -> None:
     """Proves that `rw-ekf stop` does not wait for numerical libraries."""
     code = (
-        "import sys, rw_ekf.settings.load, rw_ekf.excitation;"
+        "import sys, rw_ekf.settings.load, rw_ekf.control.profiles;"
         "print([m for m in ('numpy', 'scipy', 'pyarrow', 'numba') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

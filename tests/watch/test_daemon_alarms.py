@@ -10,8 +10,8 @@ import pytest
 
 from rw_ekf.commands.run import _warnings
 from rw_ekf.logs.metadata import read_metadata
-from tests.loop.bench import Bench, served_wheel
-from tests.loop.daemon import run
+from tests.live.bench import Bench, served_wheel
+from tests.live.daemon import run
 
 # The wheel is known well, so that the estimator has settled before the spike: a test cannot wait for minutes.
 PRIOR = {

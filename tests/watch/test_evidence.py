@@ -12,7 +12,7 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelSample
 from rw_ekf.watch.evidence import Evidence, EvidenceReader
-from tools.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream
+from tools.measure.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream
 
 R = 0.01
 MEAN = (10.0, 15.0, 0.003, 0.6, 0.62)

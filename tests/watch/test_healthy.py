@@ -6,7 +6,7 @@ import pytest
 
 from rw_ekf.watch.thresholds import dependence_threshold, onset_threshold
 from tests.counting import lines_of
-from tools.watch_runs import PROFILES, commands, drawn_wheel, filtered, heard, simulated, stream, watch_of
+from tools.measure.watch_runs import PROFILES, commands, drawn_wheel, filtered, heard, simulated, stream, watch_of
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 from rw_ekf.watch.alarms import RESIDUAL
 from rw_ekf.watch.residual_watch import NOISE_LEVEL
-from tools.watch_runs import Heard, commands, drawn_wheel, heard, simulated
+from tools.measure.watch_runs import Heard, commands, drawn_wheel, heard, simulated
 
 CHANGE_S = 900.0
 

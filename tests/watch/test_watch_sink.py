@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.loop.watch_sink import WatchSink
 from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.sinks.watch_sink import WatchSink
 from rw_ekf.watch.alarms import DRAG_SPIKE, RESIDUAL, Alarm
 from rw_ekf.watch.wheel_watch import WheelWatch
-from tests.loop.daemon import Notes
-from tools.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream, watch_of
+from tests.live.daemon import Notes
+from tools.measure.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream, watch_of
 
 NOON = datetime(2024, 5, 17, 12, 0, tzinfo=UTC)
 

@@ -1,0 +1,1 @@
+"""A wheel on a serial line: framing, registers, the wire map, the port."""

@@ -1,0 +1,159 @@
+"""One request in flight on a serial line: frames out, the one reply that belongs to them in, everything else counted.
+
+Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.py does).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import Any, NamedTuple
+
+import serial
+
+from drivers.line.framing import Frame, decode, encode
+from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, open_error
+from drivers.line.wire_layout import Framing, LineSettings
+from rw_ekf.records import LinkCounters
+
+# How long one look at the port blocks. Setting pyserial's timeout per request would reprogram the port every time.
+POLL_S = 0.002
+DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
+_PARITIES = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
+
+
+class Exchange(NamedTuple):
+    """One request and what came of it. Times are of the host's monotonic clock."""
+
+    data: bytes | None  # of the reply; None: no valid reply came in time
+    received_by_wheel_s: float  # when the request's last byte reached the wheel, from send time and baud
+    replied_s: float  # when the reply was complete here, or the wait ended
+
+
+class SerialLink:
+    """An open line. Raises DriverError when the port cannot be opened or fails; a missing reply is not an error."""
+
+    def __init__(
+        self,
+        port: str,
+        framing: Framing,
+        line: LineSettings,
+        reply_timeout_s: float,
+        *,
+        baud: int | None = None,
+        counters: LinkCounters | None = None,
+        exclusive: bool = True,
+    ) -> None:
+        """Open the port: anything pyserial's serial_for_url takes. reply_timeout_s: behind a request's last byte."""
+        self.port = port
+        self.framing = framing
+        self.baud = baud if baud is not None else line.baud
+        self.byte_s = line.bits_per_byte / self.baud
+        self.reply_timeout_s = reply_timeout_s
+        self.counters = counters if counters is not None else LinkCounters()
+        self.received_bytes = 0
+        self.good_frames = 0
+        self._seq = 0
+        self._rest = b""
+        self._serial = self._open(line, exclusive=exclusive)
+
+    def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
+        """Send one frame and wait for the reply with the same seq and id and `reply_bytes` of data.
+
+        Replies to earlier requests are dropped and counted as stale, frames with a bad CRC or another length as
+        damaged. Returns within timeout_s (default: sending time + reply timeout). Raises DriverError if the port fails.
+        """
+        self._seq = (self._seq + 1) & 0xFF
+        frame = encode(self._seq, register_id, data, self.framing)
+        started_s = time.monotonic()
+        limit_s = self.transmit_s(len(frame)) + self.reply_timeout_s
+        deadline_s = started_s + (limit_s if timeout_s is None else min(limit_s, max(timeout_s, 0.0)))
+        try:
+            self._drain()
+            self.counters.requests += 1
+            sent_s = time.monotonic()
+            reply = self._wait(register_id, reply_bytes, deadline_s) if self._send(frame) else None
+        except LINE_EXCEPTIONS as error:
+            raise lost_error(self.port, error) from error
+        if reply is None:
+            self.counters.timeouts += 1
+        return Exchange(reply, sent_s + self.transmit_s(len(frame)), time.monotonic())
+
+    def transmit_s(self, byte_count: int) -> float:
+        """How long bytes take on the line [s]."""
+        return byte_count * self.byte_s
+
+    def close(self) -> None:
+        """Release the port. Safe to call twice, and on a port that has vanished."""
+        with contextlib.suppress(*LINE_EXCEPTIONS):  # a port that is gone is closed
+            self._serial.close()
+
+    def _open(self, line: LineSettings, *, exclusive: bool) -> Any:
+        """Open the port; exclusively, if asked for, where it is a device of this machine."""
+        options: dict[str, Any] = {"exclusive": True} if exclusive and "://" not in self.port else {}
+        if not self.port.startswith("rfc2217://"):  # which refuses to be opened with one
+            options["write_timeout"] = max(self.reply_timeout_s, 0.050)
+        try:
+            opened: Any = serial.serial_for_url(
+                self.port,
+                baudrate=self.baud,
+                bytesize=line.data_bits,
+                parity=_PARITIES[line.parity],
+                stopbits=line.stop_bits,
+                timeout=POLL_S,
+                **options,
+            )
+        except LINE_EXCEPTIONS as error:
+            raise open_error(self.port, error, line.parity) from error
+        return opened
+
+    def _send(self, frame: bytes) -> bool:
+        """Write a frame; False if the far end takes no bytes (then nothing of it may come later)."""
+        try:
+            self._serial.write(frame)
+        except serial.SerialTimeoutException:
+            if "://" not in self.port:
+                self._serial.reset_output_buffer()
+            return False
+        return True
+
+    def _drain(self) -> None:
+        """Take what came since the last request, so that no old reply can answer this one; count what it was."""
+        taken = 0
+        while taken < DRAIN_LIMIT_BYTES:
+            waiting = self._serial.in_waiting
+            if not waiting:
+                return
+            taken += len(self._take(waiting))
+
+    def _wait(self, register_id: int, reply_bytes: int, deadline_s: float) -> bytes | None:
+        """The data of the reply, or None at the deadline."""
+        while time.monotonic() < deadline_s:
+            frames: list[Frame] = []
+            self._take(1, keep=frames)
+            for frame in frames:
+                if frame.seq == self._seq and frame.id == register_id:
+                    if len(frame.data) == reply_bytes:
+                        return frame.data
+                    self.counters.damaged += 1  # e.g. our own request, echoed by a two-wire adapter
+                else:
+                    self.counters.stale += 1
+        return None
+
+    def _take(self, at_least: int, keep: list[Frame] | None = None) -> bytes:
+        """Read what is there, waiting one poll for it; frames go to `keep`, or without it count as stale."""
+        chunk: bytes = self._serial.read(at_least)
+        if chunk and keep is not None:
+            chunk += self._serial.read(min(self._serial.in_waiting, DRAIN_LIMIT_BYTES))
+        if not chunk:
+            return chunk
+        decoded = decode(self._rest + chunk, self.framing)
+        self._rest = decoded.rest
+        self.received_bytes += len(chunk)
+        self.good_frames += len(decoded.frames)
+        self.counters.damaged += decoded.damaged
+        if keep is None:
+            self.counters.stale += len(decoded.frames)
+        else:
+            keep.extend(decoded.frames)
+        return chunk

@@ -1,0 +1,272 @@
+"""A wheel on a serial line: register values become WheelSamples, currents become register writes."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from drivers.line.line_errors import silent_error
+from drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
+from drivers.line.serial_link import Exchange, SerialLink
+from drivers.line.wheel_clock import WheelClock
+from drivers.line.wheel_registers import FLAG_RESET, conditions, registers_beside, uptime_field
+from drivers.line.wire_layout import Field, Register
+from drivers.line.wire_map import STATUS_OK, WireMap
+from rw_ekf.errors import DriverError
+from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
+
+PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
+STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
+ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
+QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
+
+
+class SerialWheel:
+    """A WheelDriver on a line. Made by open_serial_wheel."""
+
+    def __init__(self, link: SerialLink, wire_map: WireMap, clock: WheelClock | None = None) -> None:
+        self.source = f"serial+{link.port}"
+        self.link: LinkCounters = link.counters
+        self.identity: WheelIdentity | None = None
+        self._line = link
+        self._map = wire_map
+        self.clock = clock if clock is not None else WheelClock()
+        self._main = wire_map.speed_register
+        self._others = registers_beside(self._main, wire_map)
+        self._uptime_field = uptime_field((self._main, *self._others))
+        self._flags: int | None = None
+        self._status_due_s = 0.0
+        self._crowded_out = False  # what was asked beside the last sample left no time for it
+        self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
+        self._quiet_since_s: float | None = None
+        self._opened_s = time.monotonic()
+        self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
+
+    def read(self, timeout_s: float) -> WheelSample | None:
+        """One sample, or None if no valid one came within timeout_s [s] and the reply timeout. Raises DriverError."""
+        deadline_s = time.monotonic() + timeout_s
+        # On a slow line at a high rate what is asked beside may take the sample's time: never twice running.
+        beside = not self._crowded_out and self._read_beside(deadline_s)
+        exchange = self._exchange(self._main, deadline_s)
+        values = self._values(self._main, exchange)
+        self._crowded_out = beside and values is None
+        if values is None:
+            if not beside:
+                self._status_due_s = 0.0  # the wheel may have restarted: ask before the next sample
+            self._note_quiet()
+            return None
+        self._quiet_since_s = None
+        for register in self._others:
+            values = (self._values(register, self._exchange(register, deadline_s)) or {}) | values
+        if "uptime" not in values and any(register.field("uptime") for register in (self._main, *self._others)):
+            return None  # of no time: the host's clock in its place would be a jump
+        self._sample_at_s = exchange.received_by_wheel_s
+        segment = self.clock.segment
+        time_s = self._time_s(values, exchange)
+        if self.clock.segment != segment:
+            self.doubt_identity()
+            self._read_identity_if_due(deadline_s)
+        news, self.clock.news = self.clock.news, None
+        flags = values.get("flags", self._flags)
+        return WheelSample(
+            time_s=time_s,
+            speed_rad_s=values["speed"],
+            current_A=values.get("current"),
+            current_command_A=values.get("current_command"),
+            temperature_degC=values.get("temperature"),
+            pressure_Pa=values.get("pressure"),
+            bus_voltage_V=values.get("bus_voltage"),
+            angle_rad=values.get("angle"),
+            status=None if flags is None else int(flags),
+            segment=self.clock.segment,
+            conditions=conditions(flags),
+            news=news,
+        )
+
+    def command_current(self, current_A: float) -> IssuedCommand:
+        """Write a current [A]; what is reported is what the wire carries, and from when after the last sample it acts.
+
+        Unacknowledged means: refused (reason from the map's statuses) or no answer in time (reason "timeout"; the
+        wheel may or may not have taken it). Raises DriverError for a current the wire cannot carry or a lost line.
+        """
+        register = self._map.current_command
+        current_A = _toward_zero(register.fields[0], current_A)
+        try:
+            data = encode_register(register, {"current_command": current_A})
+        except ValueError as error:
+            raise DriverError(f"{self.source}: {error}. Set limits.current_A to what the wheel takes") from error
+        exchange = self._line.request(register.id, data, reply_bytes=1)
+        # Sent in host time, acts in wheel time.
+        after_s = exchange.received_by_wheel_s - self._sample_at_s if self._sample_at_s is not None else 0.0
+        delay_s = after_s * self.clock.rate
+        sent_A = rounded_si(register.fields[0], current_A)
+        if exchange.data is None:
+            return IssuedCommand(sent_A, delay_s, acknowledged=False, reason="timeout")
+        status = exchange.data[0]
+        if status != STATUS_OK:
+            return IssuedCommand(sent_A, delay_s, acknowledged=False, reason=self._map.status_name(status))
+        return IssuedCommand(sent_A, delay_s)
+
+    def close(self) -> None:
+        """Release the port. Safe to call twice. Writes nothing: whoever commanded a current must have sent zero."""
+        self._line.close()
+
+    def probe(self, within_s: float = PROBE_S) -> None:
+        """Wait for the first valid reply and read who answers. Raises DriverError if none comes within_s [s]."""
+        identity = self._map.register("identity")
+        deadline_s = time.monotonic() + within_s
+        while self._line.good_frames == 0:
+            for register in filter(None, (identity, self._main)):
+                self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
+            if time.monotonic() >= deadline_s:
+                break
+        if self._line.good_frames == 0:
+            raise silent_error(self._line.port, self._line.baud, within_s, self._line.received_bytes)
+        soon_s = time.monotonic() + 4.0 * self._line.reply_timeout_s
+        if identity is not None and self.identity is None:
+            self._note_identity(self._values(identity, self._exchange(identity, soon_s)), identity)
+        self._read_status_if_due(soon_s)
+
+    # --- what the wheel says ------------------------------------------------------------------------------------
+
+    def _exchange(self, register: Register, deadline_s: float) -> Exchange:
+        """Ask for a register; at the deadline nothing is sent, for its reply would only come in the way of the next."""
+        now_s = time.monotonic()
+        if now_s >= deadline_s:
+            return Exchange(None, now_s, now_s)
+        return self._line.request(register.id, b"", register.size, deadline_s - now_s)
+
+    def _values(self, register: Register, exchange: Exchange) -> dict[str, float] | None:
+        """SI values of a reply; None where there was none, or where it holds a number that no wheel can have."""
+        if exchange.data is None:
+            return None
+        values = decode_register(register, exchange.data)
+        if not is_plausible(register, values):
+            self.link.damaged += 1
+            return None
+        return values
+
+    def _time_s(self, values: dict[str, float], exchange: Exchange) -> float:
+        """When the speed was read: by the wheel's clock, else when the request reached the wheel, since opening."""
+        host_s = exchange.received_by_wheel_s
+        field = self._uptime_field
+        if field is None:
+            return host_s - self._opened_s
+        if "uptime" not in values:  # its register was lost: where the clock would be
+            return self.clock.between_s(host_s)
+        counts = field.type != "f32"
+        span_s, count_s = (field.si_span, field.si_per_count) if counts else (None, 0.0)
+        return self.clock.time_s(values["uptime"], host_s, span_s, exchange.replied_s, count_s)
+
+    def _read_beside(self, deadline_s: float) -> bool:
+        """Ask what is due beside the sample, before it: behind it, it would delay the command. Whether anything was."""
+        status = self._read_status_if_due(deadline_s)
+        return self._read_identity_if_due(deadline_s) or status
+
+    def _read_status_if_due(self, deadline_s: float) -> bool:
+        """Read the status register now and then; whether it was asked."""
+        register = self._map.register("status")
+        now_s = time.monotonic()
+        if register is None or register.access != "read" or now_s < self._status_due_s:
+            return False
+        values = self._values(register, self._exchange(register, deadline_s))
+        if values is None or "flags" not in values:
+            return True
+        first = self._flags is None
+        self._flags = int(values["flags"])
+        self._status_due_s = now_s + (ALARMED_EVERY_S if conditions(self._flags) else STATUS_EVERY_S)
+        if self._flags & FLAG_RESET and self._uptime_field is not None:
+            self.clock.note_restart()
+        elif self._flags & FLAG_RESET and not first:
+            self.clock.begin_segment("wheel_restarted", "the wheel restarted: its status says so")
+        return True
+
+    def doubt_identity(self) -> None:
+        """It may be another wheel that answers from now on: ask before the next sample. Until it says, it is nobody."""
+        if self.identity is not None and self.identity.serial_number is not None:
+            self._expected, self.identity = self.identity, None
+
+    def _note_quiet(self) -> None:
+        """Whoever is silent for longer than a cycle or two may have been changed for another."""
+        now_s = time.monotonic()
+        if self._quiet_since_s is None:
+            self._quiet_since_s = now_s
+        elif now_s - self._quiet_since_s > QUIET_S:
+            self.doubt_identity()
+
+    def _read_identity_if_due(self, deadline_s: float) -> bool:
+        """Ask who answers, while that is in doubt; whether it was asked."""
+        register = self._map.register("identity")
+        if self._expected is None or register is None:
+            return False
+        self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
+        if self.identity is not None:
+            self._expected = None
+        return True
+
+    def _note_identity(self, values: dict[str, float] | None, register: Register) -> None:
+        """Keep who answered."""
+        if values is None or register.name != "identity":
+            return
+        self.identity = WheelIdentity(
+            kind=_whole(values.get("type")),
+            version=_whole(values.get("version")),
+            serial_number=_whole(values.get("serial_number")),
+            uptime_s=values.get("uptime"),
+        )
+
+
+def open_serial_wheel(
+    port: str,
+    wire_map: WireMap,
+    reply_timeout_s: float | None = None,
+    *,
+    baud: int | None = None,
+    probe: bool = True,
+    previous: SerialWheel | None = None,
+    exclusive: bool = True,
+) -> SerialWheel:
+    """Open a wheel. Default timeout and baud are the wire map's.
+
+    probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
+    segments go on from it. exclusive: refuse a port that another process has locked. Raises DriverError: no such port,
+    busy, no permission, nobody answers.
+    """
+    if previous is not None:
+        previous.close()
+    counters = previous.link if previous is not None else None
+    timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.line.reply_timeout_s
+    line = SerialLink(
+        port, wire_map.framing, wire_map.line, timeout_s, baud=baud, counters=counters, exclusive=exclusive
+    )
+    wheel = SerialWheel(line, wire_map, previous.clock if previous is not None else None)
+    if previous is not None:
+        wheel.identity = previous.identity if previous.identity is not None else previous._expected
+        wheel.doubt_identity()
+        wheel._opened_s = previous._opened_s
+    try:
+        if probe:
+            wheel.probe()
+    except BaseException:
+        wheel.close()
+        raise
+    if previous is not None:
+        wheel.link.reconnects += 1
+    return wheel
+
+
+def _toward_zero(field: Field, current_A: float) -> float:
+    """The current itself, or one count less where rounding on the wire would carry it beyond: a limit is a limit."""
+    if not math.isfinite(current_A):
+        return current_A
+    try:
+        sent_A = rounded_si(field, current_A)
+    except ValueError:
+        return current_A
+    count_A = abs(field.si_per_count)
+    return sent_A - math.copysign(count_A, sent_A) if abs(sent_A) - abs(current_A) > 1e-6 * count_A else current_A
+
+
+def _whole(value: float | None) -> int | None:
+    """A number that counts something."""
+    return None if value is None else int(value)

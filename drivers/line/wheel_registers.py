@@ -1,0 +1,50 @@
+"""Which of a wire map's registers a sample is made of, and what the wheel's status flags mean."""
+
+from __future__ import annotations
+
+from drivers.line.wire_layout import Field, Register
+from drivers.line.wire_map import WireMap
+from rw_ekf.records import CURRENT_LIMITED, FAULT, OVER_TEMPERATURE
+
+FLAGS = {1: FAULT, 2: CURRENT_LIMITED, 4: OVER_TEMPERATURE}
+FLAG_RESET = 8  # reset since last read
+COARSEST_S = 0.05  # a clock that counts in larger steps gives no time to a sample
+NO_CONDITIONS: frozenset[str] = frozenset()
+TELEMETRY = (
+    "speed",
+    "current",
+    "current_command",
+    "temperature",
+    "pressure",
+    "bus_voltage",
+    "angle",
+    "uptime",
+    "flags",
+)
+
+
+def registers_beside(main: Register, wire_map: WireMap) -> tuple[Register, ...]:
+    """Where the speed's register lacks a value, the registers that are named after one and carry it."""
+    known = {field.name for field in main.fields}
+    return tuple(
+        register
+        for register in wire_map.readable()
+        if register is not main
+        and register.name in TELEMETRY
+        and register.name not in known
+        and register.field(register.name)
+    )
+
+
+def uptime_field(registers: tuple[Register, ...]) -> Field | None:
+    """The field that gives a sample its time; None where the wheel has no clock, or one too coarse for that."""
+    for register in registers:
+        field = register.field("uptime")
+        if field is not None:
+            return field if field.type == "f32" or field.si_per_count <= COARSEST_S else None
+    return None
+
+
+def conditions(flags: float | None) -> frozenset[str]:
+    """What the wheel's status flags mean."""
+    return NO_CONDITIONS if not flags else frozenset(name for bit, name in FLAGS.items() if int(flags) & bit)

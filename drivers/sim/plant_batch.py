@@ -1,0 +1,181 @@
+"""Many simulated runs, compiled: numba over the very functions of plant.py, one call per run.
+
+Import this only where numbers are crunched: it loads numpy and numba.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from numba.extending import register_jitable
+
+from drivers.sim import plant, plant_parameters, plant_terms
+from drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
+
+Array = npt.NDArray[np.float64]
+Run = Callable[..., PlantState]
+
+for _function in (
+    plant_terms.sinc,
+    plant_terms.lag_mean,
+    plant_terms.stribeck,
+    plant_terms.motor_acceleration,
+    plant_terms.ripple_acceleration,
+    plant_terms.external_acceleration,
+    plant_terms.spike_acceleration,
+    plant_terms.coulomb_shift,
+    plant_terms.dry_friction,
+    plant_terms.drag,
+    plant.choose_step,
+    plant.crossing_fraction,
+    plant.step_bristle,
+    plant.step_slip,
+    plant.varies_at_rest,
+    plant.step_fast,
+    plant.step_thermal,
+    plant.advance,
+):
+    register_jitable(_function)
+advance = plant.advance
+
+
+@dataclass(frozen=True, slots=True)
+class PlantRun:
+    """One simulated run; every array has shape (n,), row i is at sample_times_s[i], before current_A[i] takes force."""
+
+    time_s: Array
+    current_command_A: Array  # as given
+    command_delay_s: float  # from a sample's time until its command acts, as a driver would report it
+    measured_speed_rad_s: Array
+    speed_rad_s: Array  # true
+    temperature_degC: Array
+    angle_rad: Array
+    current_A: Array  # true winding current
+    parameters: PlantParameters
+
+
+def plain_run(
+    p: PlantParameters,
+    state: PlantState,
+    current_A: Array,
+    times_s: Array,
+    delay_s: float,
+    kicks_rad_s: Array,
+    wanders_rad_s2: Array,
+    fine_step_s: float,
+    truth: Array,
+) -> PlantState:
+    """Advance from sample to sample and return the last state.
+
+    truth: (n, 4), filled with speed, temperature, angle and winding current.
+    The command of sample i acts from times_s[i] + delay_s on, however many samples that is later.
+    """
+    n = times_s.shape[0]
+    in_force = 0.0
+    following = 0  # the next command to take force
+    for i in range(n):
+        while following < i and times_s[following] + delay_s <= times_s[i]:
+            state = advance(p, state, in_force, times_s[following] + delay_s - state.time_s, fine_step_s)
+            in_force = current_A[following]
+            following += 1
+        state = advance(p, state, in_force, times_s[i] - state.time_s, fine_step_s)
+        if i > 0:
+            kicked = state.speed_rad_s + kicks_rad_s[i] if state.speed_rad_s != 0.0 else 0.0
+            state = PlantState(
+                times_s[i], kicked, state.angle_rad, state.temperature_degC, state.winding_current_A,
+                state.lagged_friction_rad_s2, state.bristle_rad, state.coulomb_wander_rad_s2 + wanders_rad_s2[i],
+            )  # fmt: skip
+        truth[i, 0] = state.speed_rad_s
+        truth[i, 1] = state.temperature_degC
+        truth[i, 2] = state.angle_rad
+        truth[i, 3] = state.winding_current_A if p.actuator_lag_s > 0.0 else in_force
+    return state
+
+
+def _compiled(source_digest: str) -> Run:
+    """The compiled run.
+
+    numba's cache watches this file alone. Through the closure the digest of the physics' source is part of its key, so
+    that changed physics is compiled anew and never taken from a stale cache.
+    """
+
+    def run(
+        p: PlantParameters,
+        state: PlantState,
+        current_A: Array,
+        times_s: Array,
+        delay_s: float,
+        kicks_rad_s: Array,
+        wanders_rad_s2: Array,
+        fine_step_s: float,
+        truth: Array,
+    ) -> PlantState:
+        _ = source_digest
+        return plain_run(p, state, current_A, times_s, delay_s, kicks_rad_s, wanders_rad_s2, fine_step_s, truth)
+
+    compiled: Run = njit(cache=True)(run)
+    return compiled
+
+
+def _digest(*modules: Any) -> str:
+    """Digest of the source the compiled code comes from."""
+    content = b"".join(Path(str(module.__file__)).read_bytes() for module in modules)
+    return hashlib.sha256(content).hexdigest()
+
+
+register_jitable(plain_run)
+compiled_run = _compiled(_digest(plant, plant_terms, plant_parameters))
+
+
+def simulate_run(
+    parameters: PlantParameters,
+    current_A: npt.ArrayLike,
+    sample_times_s: npt.ArrayLike,
+    noise: PlantNoise | None = None,
+    *,
+    seed: int = 0,
+    command_delay_s: float = 0.0,
+    initial_speed_rad_s: float = 0.0,
+    initial_temperature_degC: float | None = None,
+    fine_step_s: float = FINE_STEP_S,
+    run: Run = compiled_run,
+) -> PlantRun:
+    """Simulate one run.
+
+    current_A: (n,) command given at each sample [A]; before the first one takes force there is none.
+    sample_times_s: (n,) increasing [s]; the wheel has run since time 0 (or since a negative first time).
+    command_delay_s: until a command acts; the effect transport_delay comes on top and is not reported.
+    run: compiled_run, or plain_run to run the same in Python. Raises ValueError for shapes or times that cannot be.
+    """
+    currents_A = np.ascontiguousarray(current_A, dtype=np.float64)
+    times_s = np.ascontiguousarray(sample_times_s, dtype=np.float64)
+    if currents_A.shape != times_s.shape or times_s.ndim != 1 or times_s.size == 0:
+        raise ValueError(f"current_A {currents_A.shape} and sample_times_s {times_s.shape} must be (n,) with n above 0")
+    steps_s = np.diff(times_s, prepend=times_s[0])
+    if not (np.isfinite(currents_A).all() and np.isfinite(times_s).all() and (steps_s[1:] > 0.0).all()):
+        raise ValueError("currents must be finite, and sample times finite and increasing")
+    noise = noise if noise is not None else PlantNoise()
+    readings, kicks, wanders = np.random.default_rng(seed).standard_normal((3, times_s.size))
+    warmth = parameters.ambient_degC if initial_temperature_degC is None else initial_temperature_degC
+    state = PlantState(float(times_s[0]), float(initial_speed_rad_s), 0.0, float(warmth))
+    truth = np.empty((times_s.size, 4))
+    run(
+        PlantParameters(*(float(value) for value in parameters)), state, currents_A, times_s,
+        float(command_delay_s + parameters.transport_delay_s), kicks * noise.process_rad_s * np.sqrt(steps_s),
+        wanders * parameters.drift_wander_rad_s2 * np.sqrt(steps_s), float(fine_step_s), truth,
+    )  # fmt: skip
+    measured = truth[:, 0] + readings * noise.speed_rad_s
+    grid = parameters.speed_grid_rad_s
+    if grid > 0.0:
+        measured = np.round(measured / grid) * grid
+    return PlantRun(
+        times_s, currents_A, float(command_delay_s), measured, truth[:, 0].copy(), truth[:, 1].copy(),
+        truth[:, 2].copy(), truth[:, 3].copy(), parameters,
+    )  # fmt: skip

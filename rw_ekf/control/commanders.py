@@ -1,0 +1,74 @@
+"""What current is asked for after each sample: a profile of time, or a recorded current repeated."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from rw_ekf.control.profiles.profile import Profile, make_profile
+from rw_ekf.records import WheelSample
+
+if TYPE_CHECKING:
+    from rw_ekf.settings.schema import CommandSection
+
+Request = Callable[[WheelSample], float]
+Phase = Callable[[float], str]
+
+
+class ProfileRequest:
+    """Current of a profile at the sample's time since the first sample; goes on through restarts of the wheel."""
+
+    def __init__(self, profile: Profile) -> None:
+        self.profile = profile
+        self._elapsed_s = 0.0
+        self._last: WheelSample | None = None
+
+    def __call__(self, sample: WheelSample) -> float:
+        """Return the current [A] to ask for after this sample."""
+        if self._last is not None and sample.segment == self._last.segment:
+            self._elapsed_s += max(sample.time_s - self._last.time_s, 0.0)
+        self._last = sample
+        return self.profile.current_A(self._elapsed_s)
+
+
+def request_of(command: CommandSection) -> tuple[Request, float | None, Phase]:
+    """Return what to ask for, for how long [s] (None: for ever), and what the profile is at by its time.
+
+    Profile `none` is not asked here: a run that never writes has no request.
+    """
+    profile = profile_of(command)
+    return ProfileRequest(profile), profile.duration_s, profile.phase or (lambda time_s: profile.name)
+
+
+def profile_of(command: CommandSection) -> Profile:
+    """Return the profile that a configuration names; `log` reads the log and repeats its current."""
+    if command.profile == "log":
+        assert command.log is not None
+        return logged_profile(command.log)
+    return make_profile(
+        command.profile,
+        amplitude_A=command.amplitude_A,
+        period_s=command.period_s,
+        bias_A=command.bias_A,
+        seed=command.seed,
+    )
+
+
+def logged_profile(path: str) -> Profile:
+    """Return the current of a log as a profile: each value holds from its own time to the next."""
+    from rw_ekf.logs.reader import read_log
+
+    log = read_log(path)
+    times: list[float] = []
+    elapsed = 0.0
+    for i in range(len(log)):
+        if i > 0 and log.segment[i] == log.segment[i - 1]:
+            elapsed += float(log.time_s[i] - log.time_s[i - 1])
+        times.append(elapsed)
+    currents = [float(v) for v in log.current_A]
+
+    def law(time_s: float) -> float:
+        return currents[max(bisect.bisect_right(times, time_s) - 1, 0)]
+
+    return Profile(f"log {path}", times[-1] if times else 0.0, law)

@@ -1,0 +1,45 @@
+"""The model that a diagnosis leaves: fitted to the whole record, as a file carries it on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rw_ekf.diagnosis.prepare.quantisation import QUANTISATION, Lattice
+from rw_ekf.diagnosis.search.look import Found
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.wheel.table import Column, EffectSet
+
+if TYPE_CHECKING:
+    from rw_ekf.wheel.model_file import WheelModel
+
+
+def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
+    """The final model, fitted to the whole record, as a file carries it on."""
+    from rw_ekf import __version__
+    from rw_ekf.model.friction import LAW_CODES
+    from rw_ekf.wheel.model_file import WheelModel
+
+    fit, prepared = found.whole, found.prepared
+    known = 4 + len(fit.model.columns)
+    covariance = fit.likelihood.covariance[:known, :known]
+    covariance = 0.5 * (covariance + covariance.T)
+    effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[4:known])
+    variance = fit.noise.variance
+    if lattice is not None:
+        grid = Column(CATALOGUE[QUANTISATION], lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), in_state=False)
+        effects = EffectSet((*effects.columns, grid))
+        variance = max(variance - lattice.grid_rad_s**2 / 12.0, (0.02 * lattice.grid_rad_s) ** 2)
+    names = {code: name for name, code in LAW_CODES.items()}
+    return WheelModel(
+        fit.model.parameters,
+        tuple(tuple(float(v) for v in row) for row in covariance),
+        fit.model.omega_s,
+        names[fit.model.law],
+        float(np.sqrt(variance)),
+        float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.data.period_s)),
+        prepared.setup.inertia_kg_m2,
+        {"method": "diagnose, fitted to the whole record", "log": prepared.log.name, "rw_ekf": __version__},
+        effects,
+    )

@@ -1,0 +1,171 @@
+"""How well a model predicts what it was not fitted to: METRICS of the contract, section 6, parameters frozen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.judge.ahead import simulate_ahead
+from rw_ekf.diagnosis.records import ModelTrace
+from rw_ekf.likelihood.fitting import Fit, likelihood, smoothed_reference
+from rw_ekf.likelihood.frame import Noise, linearise
+from rw_ekf.likelihood.frozen_filter import filtered_reference, run_frozen
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.units import rpm_from_rad_s
+from rw_ekf.wheel.table import ABSENT
+
+Float64Array = NDArray[np.float64]
+
+_STARTS = 400  # of a horizon: more would add nothing but time
+_OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
+_STEPS_AT_MOST = 4_000_000
+_TURNS, _MEMORY_TURNS = 2, 5  # of smoothing a reference under another model
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A model's figures on the held-out part, and its traces over the whole record."""
+
+    figures: dict[str, Any]
+    trace: ModelTrace
+    predicted_std_rad_s: Float64Array  # of the speed before each reading, (n,)
+
+
+def judge_model(
+    whole: Record,
+    model: Model,
+    noise: Noise,
+    heldout: NDArray[np.bool_],
+    block: NDArray[np.int64],
+    omit: NDArray[np.bool_],
+    reference: Reference,
+    inertia_kg_m2: float | None,
+) -> Judged:
+    """Run the model, frozen, over the record; figures from the samples in `heldout` (n,), cut at changes of `block`."""
+    data = whole.data.with_speed(np.where(omit, np.nan, whole.data.speed_rad_s))
+    ready = replace(data, temperature_degC=whole.temperature_degC, angle_rad=whole.angle_rad)
+    run = run_frozen(ready, model, noise, whole.constants)
+    free = _free_run(whole, model, run.states, block)
+    observed = _observed_acceleration(whole, model, noise, omit, reference)
+    errors = {seconds: _horizon(whole, model, run.states, heldout, seconds) for seconds in (1.0, 20.0)}
+    speed = data.speed_rad_s
+    figures = {
+        "one_step_rms_rpm": _rms_rpm(run.innovation_rad_s[heldout]),
+        "horizon_1s_rms_rpm": _rms_rpm(errors[1.0]),
+        "horizon_20s_rms_rpm": _rms_rpm(errors[20.0]),
+        "free_run_rms_rpm": _rms_rpm((speed - free)[heldout]),
+        "nis_mean": _mean(run.nis[heldout]),
+        "torque_rms_mNm": None if inertia_kg_m2 is None else _scaled(_rms(observed[heldout]), 1e3 * inertia_kg_m2),
+    }
+    trace = ModelTrace(run.innovation_rad_s, free, observed, run.innovation_rad_s / np.sqrt(run.innovation_variance))
+    predicted = np.sqrt(np.maximum(run.innovation_variance - noise.variance, 0.0))
+    return Judged(figures, trace, predicted)
+
+
+def _free_run(whole: Record, model: Model, states: Float64Array, block: NDArray[np.int64]) -> Float64Array:
+    """Each stretch of the split simulated from its first filtered speed, (n,)."""
+    n = block.size
+    continues = whole.follows & (np.diff(block, prepend=block[:1]) == 0)
+    first = np.flatnonzero(~continues)
+    # The filter itself begins with one reading: where a stretch opens the record, let it settle for some samples.
+    settle = _settling(states, whole, first)
+    last = np.append(first[1:], n) - 1
+    _, path = simulate_ahead(
+        whole, model.effects, model.omega_s, model.law, states[settle], settle.astype(np.int64), last, keep_path=True
+    )
+    return path
+
+
+def _settling(states: Float64Array, whole: Record, first: NDArray[np.intp]) -> NDArray[np.intp]:
+    opens = ~whole.follows[first]
+    n = states.shape[0]
+    wanted = np.where(opens, np.minimum(first + _SETTLE_SAMPLES, n - 1), first)
+    limit = np.append(first[1:], n) - 1
+    settled: NDArray[np.intp] = np.minimum(wanted, limit)
+    return settled
+
+
+_SETTLE_SAMPLES = 20
+
+
+def _horizon(
+    whole: Record, model: Model, states: Float64Array, heldout: NDArray[np.bool_], seconds: float
+) -> Float64Array:
+    """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
+    period = whole.data.period_s
+    steps = max(1, round(seconds / period))
+    run = np.zeros(heldout.size, dtype=np.int64)  # how many intervals in a row lead here within the held-out part
+    inside = whole.follows & heldout & np.roll(heldout, 1)
+    broken = np.flatnonzero(~inside)
+    index = np.arange(heldout.size)
+    run = index - np.maximum.accumulate(np.where(np.isin(index, broken), index, 0))
+    ends = np.flatnonzero((run >= steps) & np.isfinite(whole.data.speed_rad_s))
+    most = max(10, min(_STARTS, _STEPS_AT_MOST // steps))
+    if ends.size > most:
+        ends = ends[np.linspace(0, ends.size - 1, most).astype(int)]
+    if ends.size == 0:
+        return np.zeros(0)
+    first = (ends - steps).astype(np.int64)
+    predicted, _ = simulate_ahead(
+        whole, model.effects, model.omega_s, model.law, states[first], first, ends.astype(np.int64)
+    )
+    return whole.data.speed_rad_s[ends] - predicted
+
+
+def _observed_acceleration(
+    whole: Record, model: Model, noise: Noise, omit: NDArray[np.bool_], reference: Reference
+) -> Float64Array:
+    """What the smoothed speed asks for beyond the model [rad/s^2], (n,), by an observer the same for every model."""
+    observer = Noise(noise.variance, max(noise.ratio, _OBSERVER_RATIO))
+    for _ in range(2):
+        frame = linearise(whole, model, reference, observer, omit, with_columns=False)
+        smoothed = smoothed_reference(frame, np.zeros(0), observer)
+        delta = smoothed.speed - reference.speed
+        kept = frame.chain.slopes[:, 0] * np.concatenate(([0.0], delta[:-1]))
+        asked = delta - kept - frame.chain.defect
+        reference = smoothed
+    step = np.where(whole.follows, frame.chain.step_s, np.nan)
+    return np.where(whole.follows, asked / step, np.nan)
+
+
+def heldout_likelihood(record: Record, fit: Fit, reference: Reference) -> float:
+    """Log-likelihood of a part (record) under a fit's model, nothing adjusted to the part but the noises.
+
+    A model that fits well claims little process noise, which the sigmas of its own parameters then outgrow.
+
+    reference: of the whole record, by whatever model; it is smoothed anew under this one.
+    """
+    omit = np.zeros(reference.speed.size, dtype=bool)
+    with_memory = fit.model.effects.table().memory_state_at != ABSENT
+    here = Reference.of_speed(reference.speed, reference.spread)
+    if with_memory:
+        here = filtered_reference(record, fit.model, fit.noise, omit)
+    for _ in range(_MEMORY_TURNS if with_memory else _TURNS):
+        frame = linearise(record, fit.model, here, fit.noise, omit, with_columns=False)
+        here = smoothed_reference(frame, np.zeros(0), likelihood(frame, None, fit.noise).noise)
+    frame = linearise(record, fit.model, here, fit.noise, omit, with_columns=False)
+    return likelihood(frame, None, fit.noise).value
+
+
+def _rms(values: Float64Array) -> float:
+    found = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(found**2))) if found.size else math.nan
+
+
+def _mean(values: Float64Array) -> float | None:
+    found = values[np.isfinite(values)]
+    return float(np.mean(found)) if found.size else None
+
+
+def _rms_rpm(values: Float64Array) -> float | None:
+    found = _rms(values)
+    return None if math.isnan(found) else rpm_from_rad_s(found)
+
+
+def _scaled(value: float, factor: float) -> float | None:
+    return None if math.isnan(value) else factor * value

@@ -1,0 +1,155 @@
+"""From fits to a verdict: what is named, what cannot be told apart, and one sentence a person can act on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.diagnosis.judge.residual_map import Dependence
+from rw_ekf.diagnosis.report.words import number_text
+from rw_ekf.diagnosis.search.confounding import quantity_of, separates
+from rw_ekf.diagnosis.search.trial import Selection
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.periodic import PeriodicEffect
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect import RecordFacts
+from rw_ekf.units import rad_s_from_rpm
+from rw_ekf.wheel.table import Column
+
+_FIGURES = (
+    ("free_run_rms_rpm", "free-run error"),
+    ("horizon_20s_rms_rpm", "error 20 s ahead"),
+    ("one_step_rms_rpm", "one-step error"),
+)
+_GROUP = 3  # at most so many are named together
+
+
+@dataclass
+class Verdict:
+    """The `verdict` object, and how each effect's candidate was decided."""
+
+    kind: str
+    effects: list[str] = field(default_factory=list)
+    indistinguishable: list[list[str]] = field(default_factory=list)
+    statement: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """As the contract has it."""
+        return {
+            "kind": self.kind,
+            "effects": self.effects,
+            "indistinguishable": self.indistinguishable,
+            "statement": self.statement,
+        }
+
+
+def lines_of(fit: Fit, name: str) -> list[list[int]]:
+    """Positions among the model's columns of each line of an effect: one, or the two quadratures of one period."""
+    columns = fit.model.columns
+    lines: list[list[int]] = []
+    for i, column in enumerate(columns):
+        if column.id != name:
+            continue
+        for line in lines:
+            if column.same_line(columns[line[0]]):
+                line.append(i)
+                break
+        else:
+            lines.append([i])
+    return lines
+
+
+def described(fit: Fit, name: str) -> dict[str, Any]:
+    """`parameters` of a candidate that was fitted, with standard deviations; the strongest line of several."""
+    lines = sorted(lines_of(fit, name), key=lambda line: -_size(fit, line))
+    found = dict(_described_line(fit, lines[0]))
+    for number, line in enumerate(lines[1:], start=2):
+        found |= {f"{key}_{number}": value for key, value in _described_line(fit, line).items()}
+    return found
+
+
+def _size(fit: Fit, line: list[int]) -> float:
+    return float(np.linalg.norm([fit.model.columns[i].value for i in line]))
+
+
+def _described_line(fit: Fit, line: list[int]) -> dict[str, Any]:
+    columns = fit.model.columns
+    first = columns[line[0]]
+    covariance = fit.likelihood.covariance[np.ix_([4 + i for i in line], [4 + i for i in line])]
+    effect = first.effect
+    if len(line) == 2 and issubclass(effect, PeriodicEffect):
+        found = dict(effect.described_pair(first.value, columns[line[1]].value, covariance, first.shape))
+    else:
+        found = dict(effect.described(first.value, float(np.sqrt(max(covariance[0, 0], 0.0))), first.shape))
+    for at, (i, j) in enumerate(fit.model.refined, start=4 + len(columns)):
+        if i == line[0]:
+            constant = effect.constants[j].name
+            found[constant] = {**found[constant], "std": float(fit.std[at])}
+    return found
+
+
+def sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
+    """What was found of one effect, its size as a share of the friction that the final model has."""
+    facts = replace(facts, friction=fit.model.parameters)
+    said = []
+    lines = lines_of(fit, name)  # pieces of a broken line are in the order of time
+    if CATALOGUE[name].quadrature:
+        lines.sort(key=lambda item: -_size(fit, item))
+    for line in lines:
+        first: Column = fit.model.columns[line[0]]
+        covariance = fit.likelihood.covariance[np.ix_([4 + i for i in line], [4 + i for i in line])]
+        effect = first.effect
+        if len(line) == 2 and issubclass(effect, PeriodicEffect):
+            second = fit.model.columns[line[1]].value
+            said.append(effect.sentence_pair(first.value, second, covariance, first.shape, facts))
+        else:
+            said.append(effect.sentence(first.value, float(np.sqrt(max(covariance[0, 0], 0.0))), first.shape, facts))
+    return "; ".join(said)
+
+
+def grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:
+    """Each effect with those that the data cannot tell from it."""
+    groups: list[list[str]] = []
+    for name in chosen:
+        rivals = []
+        told = {other for group in groups for other in group} & selection.constructed.get(name, set())
+        for fit in selection.rivals.get(name, []):
+            rivals += [other for other in fit.model.effects.ids if other not in chosen and other not in told]
+        if rivals:
+            groups.append([name, *dict.fromkeys(rivals)][:_GROUP])
+    return groups
+
+
+def separation(group: list[str], selection: Selection) -> str:
+    """What would tell the members of a group apart."""
+    first, *others = group
+    same = selection.constructed.get(first, set())
+    ways = dict.fromkeys(
+        separates(quantity_of(CATALOGUE[first]))
+        if other in same
+        else CATALOGUE[first].confounded.get(other)
+        or CATALOGUE[other].confounded.get(first)
+        or CATALOGUE[other].excitation
+        for other in others
+    )
+    return f"{' or '.join(group)} fit alike; what separates them: {'; '.join(ways)}"
+
+
+def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
+    """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
+    for key, words in _FIGURES:
+        if before.get(key) is None or after.get(key) is None:
+            continue
+        old, new = before[key], after[key]
+        if wheel_units:
+            return f"{words} {number_text(old)} -> {number_text(new)} rpm on {seconds:.0f} s held out"
+        change = f"{number_text(rad_s_from_rpm(old))} -> {number_text(rad_s_from_rpm(new))}"
+        return f"{words} {change} rad/s (or m/s) on {seconds:.0f} s held out"
+    return f"nothing held out to judge it by in {seconds:.0f} s"
+
+
+def left_over(found: list[Dependence], limit: float) -> list[Dependence]:
+    """Dependences that noise does not explain."""
+    return [item for item in found if item.p_value < limit]

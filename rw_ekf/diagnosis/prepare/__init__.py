@@ -1,0 +1,1 @@
+"""A log made ready: mended, split, its conditions, the base model fitted."""

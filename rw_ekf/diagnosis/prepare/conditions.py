@@ -1,0 +1,97 @@
+"""What surrounds the speed in a log: temperature and angle without gaps, and the facts that the catalogue asks for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.prepare.split import reversals
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.likelihood.model import Model
+from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
+
+Float64Array = NDArray[np.float64]
+
+_LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
+_TURN_PER_SAMPLE = 2.0  # rad: an angle is integrated where the wheel is slow enough for some of the record
+_SLOW_SHARE = 0.02
+_LEAST_FOR_PERIOD = 40  # samples
+_REPEATS = 0.98  # of the autocorrelation at no lag
+
+
+def filled(values: Float64Array | None, n: int, otherwise: float) -> tuple[Float64Array, bool]:
+    """A channel with its gaps filled by the value before, and whether it was logged at all."""
+    if values is None or np.isfinite(values).mean() < _LEAST_LOGGED:
+        return np.full(n, otherwise), False
+    good = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(good, np.arange(n), 0))
+    out = values[last]
+    out[~np.isfinite(out)] = values[good][0]
+    return out, True
+
+
+def integrated_angle(data: FilterInput, reference: Float64Array) -> Float64Array:
+    """Angle turned since the start of each segment [rad], (n,), from a smoothed speed."""
+    dt = np.diff(data.time_s)
+    same = np.diff(data.segment) == 0
+    turned = np.where(same, 0.5 * (reference[1:] + reference[:-1]) * dt, 0.0)
+    return np.concatenate(([0.0], np.cumsum(turned)))
+
+
+def facts_of(
+    data: FilterInput,
+    model: Model,
+    speed_noise_rad_s: float,
+    temperature_degC: Float64Array,
+    part: NDArray[np.bool_],
+    channels: frozenset[str],
+) -> RecordFacts:
+    """Facts of the part (n,) that is searched; channels: those that are logged."""
+    speed = data.speed_rad_s[part]
+    speed = speed[np.isfinite(speed)]
+    period = data.period_s
+    top = float(np.quantile(np.abs(speed), 0.999)) if speed.size else 0.0
+    slow = np.mean(np.abs(speed) * period < _TURN_PER_SAMPLE) if speed.size else 0.0
+    warmth = temperature_degC[part]
+    return RecordFacts(
+        first_s=float(data.time_s[0]),
+        last_s=float(data.time_s[-1]),
+        period_s=period,
+        top_speed_rad_s=top,
+        top_current_A=float(np.max(np.abs(data.pieces.current_A))) if data.pieces.current_A.size else 0.0,
+        friction=model.parameters,
+        stribeck_speed_rad_s=model.omega_s,
+        stribeck_law=model.law,
+        speed_noise_rad_s=speed_noise_rad_s,
+        reversals=reversals(data.speed_rad_s[part], speed_noise_rad_s),
+        temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
+        angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
+        channels=channels,
+        command_Hz=command_frequency(data),
+    )
+
+
+def command_frequency(data: FilterInput) -> float:
+    """Frequency [Hz] at which the current of a log repeats itself, at least twice; 0 where it does not.
+
+    The first lag beyond a sign change at which the autocorrelation, each lag over its own number of samples, is 0.98.
+    """
+    last = np.minimum(data.pieces.start, data.pieces.current_A.size - 1)
+    current = data.pieces.current_A[last]
+    current = current - current.mean()
+    n = current.size
+    if n < _LEAST_FOR_PERIOD or not current.any():
+        return 0.0
+    power = np.abs(np.fft.rfft(current, 2 * n)) ** 2
+    lags = np.fft.irfft(power)[: n // 2] / np.arange(n, n - n // 2, -1)
+    level = lags / lags[0]
+    crossed = np.flatnonzero(level < 0.0)
+    again = np.flatnonzero(level[crossed[0] :] > _REPEATS) if crossed.size else crossed
+    if again.size == 0:
+        return 0.0
+    first = int(crossed[0] + again[0])
+    end = first + int(np.argmax(np.append(level[first:] < _REPEATS, True)))
+    return float(1.0 / (data.period_s * (first + int(np.argmax(level[first:end])))))
+
+
+__all__ = ["REFERENCE_DEGC", "facts_of", "filled", "integrated_angle"]

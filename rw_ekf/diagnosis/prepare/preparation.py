@@ -1,0 +1,245 @@
+"""A log made ready for diagnosis: conditions, split, the base model fitted to the part that is searched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.prepare.base_fit import model_of_setup, part_of, start_parameters
+from rw_ekf.diagnosis.prepare.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
+from rw_ekf.diagnosis.prepare.gross_errors import gross_errors
+from rw_ekf.diagnosis.prepare.source import Source
+from rw_ekf.diagnosis.prepare.split import Kind, Split, running_time, split_record
+from rw_ekf.diagnosis.search.scorer import information
+from rw_ekf.filter.belief import Belief, prior_around
+from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.work import Work
+from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.state import FrictionParameters
+from rw_ekf.replay import input_of_log
+from rw_ekf.starting_point import FilterSetup, setup_of_record
+from rw_ekf.units import rpm_from_rad_s
+
+if TYPE_CHECKING:
+    from rw_ekf.logs.wheel_log import WheelLog
+    from rw_ekf.settings.schema import Configuration
+    from rw_ekf.wheel.model_file import WheelModel
+
+Float64Array = NDArray[np.float64]
+
+# Of the top speed. A record cleaner than the first shows the steps of any integration near rest as structure, and is
+# looked at with noise of the second added: 0.06 rpm of 2000.
+_CLEAN, _LEAST_NOISE = 1.5e-5, 3.0e-5
+_WIDENED, _AGEING = 3.0, 0.2
+_LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known exactly
+_LEAST_READINGS = 100
+_LEAST_SECONDS = 10.0
+_LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Everything that a search starts from."""
+
+    source: Source
+    data: FilterInput
+    setup: FilterSetup
+    split: Split
+    prior: Prior
+    facts: RecordFacts
+    fit_part: Record
+    whole: Record
+    heldout: Record
+    base: Fit
+    seen: Reference  # the whole record's speed, smoothed under the base model
+    angle_is_logged: bool
+    temperature_is_logged: bool
+    kept: NDArray[np.bool_]  # (samples of the log,) those looked at; all arrays above are of these alone
+    notes: tuple[str, ...]  # for the user
+
+    @property
+    def work(self) -> Work:
+        """What the diagnosis has cost so far."""
+        return self.whole.work
+
+    @property
+    def log(self) -> WheelLog:
+        """The log, or several joined, as it is looked at."""
+        return self.source.log
+
+    @property
+    def in_rpm(self) -> bool:
+        """Whether speeds are told in rpm: of a wheel, and of any plant whose log has them so."""
+        return self.setup.inertia_kg_m2 is not None or self.log.in_rpm
+
+    def over_log(self, values: Float64Array) -> Float64Array:
+        """An array over the samples looked at as one over the whole log, NaN elsewhere."""
+        if self.kept.all():
+            return values
+        out = np.full(self.kept.size, np.nan)
+        out[self.kept] = values
+        return out
+
+    def swapped(self) -> Prepared:
+        """The same with the parts' roles exchanged: what was held out is searched."""
+        split = replace(self.split, fit=self.split.heldout, heldout=self.split.fit)
+        return _with_base(replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part), self.base.model)
+
+
+def with_running_time(data: FilterInput) -> FilterInput:
+    """The log in a time that only grows: where a segment restarts its clock, it follows on the one before."""
+    time = data.time_s
+    if time.size < 2 or bool(np.all(np.diff(time) >= 0.0)):
+        return data
+    return replace(data, time_s=time[0] + running_time(time, data.segment))
+
+
+def unfit(log: WheelLog, data: FilterInput) -> str | None:
+    """Why the base model cannot be judged on this log; None if it can."""
+    speed = data.speed_rad_s[np.isfinite(data.speed_rad_s)]
+    if speed.size < _LEAST_READINGS or log.duration_s < _LEAST_SECONDS:
+        return (
+            f"the log has {speed.size} speed readings over {log.duration_s:.3g} s; "
+            f"{_LEAST_READINGS} readings over {_LEAST_SECONDS:g} s are the least that can be judged"
+        )
+    low, high = np.quantile(speed, (0.01, 0.99))
+    top = max(abs(low), abs(high))
+    third = np.diff(speed, 3)
+    noise = float(np.median(np.abs(third))) / 0.6745 / math.sqrt(20.0)
+    if high - low <= _LEAST_MOVE * top or high - low <= 8.0 * noise:
+        return "the speed hardly changes in this log, so that any friction fits it"
+    return None
+
+
+def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
+    """Fit the base model to the part that is searched. The log must not be `unfit`."""
+    log, log_of = source.log, source.log_of
+    data = with_running_time(input_of_log(log))
+    wrong = gross_errors(data.speed_rad_s, data.segment)
+    notes: tuple[str, ...] = ()
+    if wrong.any():
+        notes += (
+            f"{int(wrong.sum())} of {wrong.size} speed readings stood far from those around them and were left out, "
+            f"the first at {log.time_s[int(np.argmax(wrong))]:.10g} s",
+        )
+        data = data.with_speed(np.where(wrong, np.nan, data.speed_rad_s))
+    setup = setup_of_record(data, configuration, model)
+    if model is not None:
+        setup = replace(setup, prior=_aged(model))
+    noise = setup.noise.speed_noise_rad_s
+    own = setup if configuration is None and model is None else setup_of_record(data)
+    top = float(np.nanquantile(np.abs(data.speed_rad_s), 0.999))
+    if own.noise.speed_noise_rad_s < _CLEAN * top:
+        least = _LEAST_NOISE * top
+        data = data.with_speed(data.speed_rad_s + least * np.random.default_rng(0).standard_normal(wrong.size))
+        if own is setup:
+            setup = setup_of_record(data)
+        noise = max(setup.noise.speed_noise_rad_s, least)
+        notes += (
+            f"the readings are cleaner than any integration of a wheel near rest: noise of {rpm_from_rad_s(least):.2g} "
+            "rpm was added to them",
+        )
+    split = split_record(data.time_s, data.segment, data.speed_rad_s, kind, noise)
+    kept = split.looked_at
+    current, delay = log.current_A, log.command_delay_s
+    if not kept.all():
+        notes += (
+            f"of {kept.size} samples {int(kept.sum())} were looked at, in stretches evenly spread over the record; "
+            "what happened between them is not known",
+        )
+        data = part_of(data, current, delay, kept)
+        current, delay, split, log_of = current[kept], delay[kept], split.of_looked_at(), log_of[kept]
+    if not np.any(current != 0.0):
+        notes += ("the current is zero throughout: the motor gain cannot be identified and keeps its prior",)
+    n = data.time_s.size
+    temperature, warm = filled(data.temperature_degC, n, REFERENCE_DEGC)
+    logged_angle, turned = filled(data.angle_rad, n, 0.0)
+    prior = Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
+    if model is not None:
+        prior = replace(prior, given=_given(model))
+    part = part_of(data, current, delay, split.fit)
+    start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
+    everything = np.ones(n, dtype=bool)
+    by_filter = smoothed_by_filter(data, everything, start.base, setup.constants, noise)
+    work = Work()
+    record = Record.of(data, everything, setup.constants, temperature, logged_angle, work, log_of)
+    seen = robust_fit(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
+    angle = logged_angle if turned else integrated_angle(data, seen.speed)
+    channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
+    fit_part, whole, heldout = (
+        Record.of(data, mask, setup.constants, temperature, angle, work, log_of)
+        for mask in (split.fit, everything, split.heldout)
+    )
+    base = robust_fit(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
+    facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
+    starts = tuple(float(data.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
+    facts = replace(facts, timing_doubt_s=source.timing_doubt_s, log_starts_s=starts)
+    ready = Prepared(
+        source, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
+    )
+    return ready if kind == "halves" else _richer(ready)
+
+
+def _aged(model: WheelModel) -> Belief:
+    """Prior from a model of another log: three times as wide as it says, and as much wider as a wheel may have aged."""
+    belief = prior_around(model.parameters)
+    known = 1 + len(model.parameters)
+    covariance = np.zeros_like(belief.covariance)
+    covariance[0, 0] = belief.covariance[0, 0]
+    said = np.array(model.covariance)[: known - 1, : known - 1]
+    width = _AGEING * np.maximum(np.abs(belief.mean[1:]), [0.0, _LEAST_VISCOUS, 0.0, 0.0])
+    covariance[1:, 1:] = _WIDENED**2 * said + np.diag(width**2)
+    return Belief(belief.mean, covariance)
+
+
+def _given(model: WheelModel) -> tuple[tuple[str, float, float], ...]:
+    """Coefficients of a model of another log, as wide as its parameters are taken (`_aged`)."""
+    known = len(model.parameters)
+    found = []
+    for at, column in enumerate(model.effects.state_columns, start=known):
+        aged = 0.0 if column.effect.of_one_record else _AGEING * abs(column.value)
+        std = math.hypot(_WIDENED * math.sqrt(max(model.covariance[at][at], 0.0)), aged)
+        found.append((column.id, column.value, max(std, 1.0e-9 * max(abs(column.value), 1.0))))
+    return tuple(found)
+
+
+def _references(data: FilterInput, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
+    """Where a fit of the part that is searched may start; nothing of the held-out part is looked at."""
+    noise = setup.noise.speed_noise_rad_s
+    blind = data.with_speed(np.where(split.fit, data.speed_rad_s, np.nan))
+    bare = model_of_setup(setup, parameters).base
+    return [read_reference(blind, noise), smoothed_by_filter(data, split.fit, bare, setup.constants, noise)]
+
+
+def _richer(prepared: Prepared) -> Prepared:
+    """Search the part that can say more, by its excitation alone, and hold out the other."""
+    other = prepared.swapped()
+    if int(other.split.fit.sum()) > 2 * int(prepared.split.fit.sum()):
+        return prepared  # a long record, of which only some blocks are searched
+    parts = [
+        information(p.base.frame, p.prior, prepared.base.noise.variance, prepared.facts) for p in (prepared, other)
+    ]
+    ratios = [math.log(parts[1][name] / parts[0][name]) for name in parts[0] if parts[0][name] > 0.0 < parts[1][name]]
+    return other if ratios and sum(ratios) > 0.0 else prepared
+
+
+def _with_base(prepared: Prepared, model: Model) -> Prepared:
+    """Fit the base to the present fit part."""
+    noise = prepared.setup.noise.speed_noise_rad_s
+    references = _references(prepared.data, prepared.split, model.parameters, prepared.setup)
+    base = robust_fit(prepared.fit_part, model, prepared.prior, noise, references)
+    channels = prepared.facts.channels
+    warmth = prepared.fit_part.temperature_degC
+    facts = facts_of(prepared.data, base.model, math.sqrt(base.noise.variance), warmth, prepared.split.fit, channels)
+    before = prepared.facts
+    facts = replace(facts, timing_doubt_s=before.timing_doubt_s, log_starts_s=before.log_starts_s)
+    return replace(prepared, base=base, facts=facts)

@@ -1,0 +1,1 @@
+"""The diagnosis for people: text, tables, pictures, one page."""

@@ -1,0 +1,115 @@
+"""The document's entry for every effect of the catalogue: what was tried, and what became of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.diagnosis.judge.metrics import Judged
+from rw_ekf.diagnosis.judge.verdict import (
+    Verdict,
+    described,
+)
+from rw_ekf.diagnosis.prepare.quantisation import QUANTISATION, Lattice
+from rw_ekf.diagnosis.search.candidates import testable
+from rw_ekf.diagnosis.search.event import event_gain
+from rw_ekf.diagnosis.search.evidence import threshold
+from rw_ekf.diagnosis.search.look import Found, gain_over
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.wheel.table import Column
+
+
+def candidate_entries(
+    found: Found, lattice: Lattice | None, verdict: Verdict, before: Judged, after: Judged
+) -> list[dict[str, Any]]:
+    """One entry for every effect of the catalogue, strongest first."""
+    facts, selection = found.prepared.facts, found.selection
+    reasons = testable(facts)
+    entries = []
+    for name, effect in CATALOGUE.items():
+        trial = selection.trials.get(name)
+        entry: dict[str, Any] = {
+            "effect": name, "parameters": {}, "statistic": None, "p_value": None,
+            "heldout_gain_percent": None, "decision": "not significant",
+        }  # fmt: skip
+        if name in selection.base.model.effects.ids:
+            entry["decision"] = "in the model already"
+            entry["parameters"] = _parameters(selection.final, name)
+        elif name == QUANTISATION:
+            if lattice is not None:
+                entry |= _lattice_entry(lattice)
+                entry["decision"] = "added" if name in verdict.effects else "not significant"
+            else:
+                entry["decision"] = "no grid coarser than the noise"
+        elif reasons[name] is not None:
+            entry["decision"] = f"not testable: {reasons[name]}"
+        elif trial is not None:
+            entry |= {"statistic": trial.statistic, "p_value": trial.p_value, "decision": trial.decision}
+            entry["threshold"] = threshold(effect, facts)
+            if name in selection.final.model.effects.ids:
+                entry["parameters"] = _parameters(selection.final, name)
+                for constant, std in trial.shape_std.items():
+                    entry["parameters"][constant] = {**entry["parameters"][constant], "std": std}
+                entry["heldout_gain_percent"] = _gain(found, name, before, after)
+            else:
+                entry["parameters"] = _tried(trial.columns, trial.std)
+                if trial.decision == "not significant" and trial.p_value < 1.0e-5:
+                    entry["decision"] = (
+                        f"explained by {', '.join(found.new_ids)}" if found.new_ids else "too small to matter"
+                    )
+            for group in verdict.indistinguishable:
+                if name in group[1:]:
+                    entry["decision"] = f"indistinguishable from {group[0]}"
+        entries.append(entry)
+    _explained_by_what_stands(entries)
+    return sorted(entries, key=lambda e: -(e["statistic"] if e["statistic"] is not None else -1.0e300))
+
+
+def _explained_by_what_stands(entries: list[dict[str, Any]]) -> None:
+    """Only what is in the model explains anything; what looked like a cause that was rejected is said to."""
+    said = {str(entry["effect"]): str(entry["decision"]) for entry in entries}
+    for entry in entries:
+        _, _, causes = str(entry["decision"]).partition("explained by ")
+        names = causes.split(", ") if causes else []
+        standing = [name for name in names if said.get(name, "").startswith(("added", "in the model"))]
+        if standing:
+            entry["decision"] = f"explained by {', '.join(standing)}"
+        elif names:
+            entry["decision"] = f"looks like {names[0]}: {said.get(names[0], 'not confirmed')}"
+
+
+def _gain(found: Found, name: str, before: Judged, after: Judged) -> float | None:
+    """Percent by which the held-out error falls when the effect is added to the others.
+
+    Of one effect that was added alone it is what the figures before and after say.
+    """
+    if CATALOGUE[name].local_in_time:
+        gain = event_gain(found.whole, name, found.prepared.prior, found.prepared.seen)
+        return None if gain is None else gain.percent
+    errors = [judged.figures.get("free_run_rms_rpm") for judged in (before, after)]
+    if found.new_ids == [name] and errors[0] and errors[1] is not None:
+        return float(100.0 * (1.0 - errors[1] / errors[0]))
+    final = found.selection.final
+    return gain_over(found.prepared, found.search.without(final, name), final)
+
+
+def _parameters(fit: Fit, name: str) -> dict[str, Any]:
+    return described(fit, name) if any(column.id == name for column in fit.model.columns) else {}
+
+
+def _tried(columns: tuple[Column, ...], std: float) -> dict[str, Any]:
+    """Parameters of a candidate that was only scored."""
+    first = columns[0]
+    value = float(np.linalg.norm([column.value for column in columns])) if len(columns) > 1 else first.value
+    return dict(first.effect.described(value, std, first.shape))
+
+
+def _lattice_entry(lattice: Lattice) -> dict[str, Any]:
+    coefficient = CATALOGUE[QUANTISATION].coefficient
+    return {
+        "parameters": {coefficient.name: {"value": lattice.grid_rad_s, "std": None, "unit": coefficient.unit}},
+        "statistic": lattice.statistic,
+        "p_value": None,
+    }

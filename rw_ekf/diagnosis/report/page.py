@@ -1,0 +1,158 @@
+"""The report's page: verdict and figures first, then the pictures that show it, then tables and what to do."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rw_ekf.diagnosis.records import Diagnosis
+from rw_ekf.diagnosis.report.advice import excitation_of, next_steps
+from rw_ekf.diagnosis.report.style import STYLE
+from rw_ekf.diagnosis.report.tables import (
+    candidate_table,
+    commands,
+    figure,
+    figure_table,
+    parameter_table,
+    prose,
+    residual_caption,
+    split_text,
+    table,
+    tiles,
+)
+from rw_ekf.diagnosis.report.words import Units, figure_pairs, number_text, verdict_of
+from rw_ekf.documents import inertia_text
+
+
+def page(
+    diagnosis: Diagnosis,
+    pictures: Mapping[str, bytes],
+    directory: Path,
+    units: Units,
+    options: Sequence[str] = (),
+) -> str:
+    """The whole HTML document; pictures: name -> PNG; directory, options: of the model and log, for commands shown."""
+    document = diagnosis.document
+    kind, name, statement = verdict_of(document)
+    title = f"{name}: {Path(diagnosis.log.name).name}"
+    parts = [
+        _head(diagnosis, kind, name, statement),
+        _figures(diagnosis, units),
+        _pictures(diagnosis, pictures, units),
+        _details(diagnosis, units),
+        _next(diagnosis, directory, options),
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
+        f"<title>{html.escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(part for part in parts if part)
+        + "\n</body>\n</html>\n"
+    )
+
+
+def _head(diagnosis: Diagnosis, kind: str, name: str, statement: str) -> str:
+    log, document = diagnosis.log, diagnosis.document
+    facts = [html.escape(log.name), f"{document.get('samples', len(log))} samples"]
+    if document.get("rate_hz") is not None:
+        facts.append(f"{number_text(document['rate_hz'])} Hz")
+    facts.append(f"{log.duration_s:.6g} s")
+    return (
+        f'<header><p class="source">Diagnosis of {" · ".join(facts)}</p>'
+        f'<span class="badge {html.escape(kind, quote=True)}">{html.escape(name)}</span>'
+        f"<h1>{prose(statement)}</h1></header>"
+    )
+
+
+def _figures(diagnosis: Diagnosis, units: Units) -> str:
+    pairs = figure_pairs(diagnosis.document, units)
+    if not pairs:
+        return ""
+    compared = (
+        ' <span class="before">Before</span> → <span class="after">after</span> the effect was added.'
+        if diagnosis.after is not None
+        else ""
+    )
+    plant = "" if units.wheel else " SI: rad/s, or m/s of a plant that moves along a line."
+    torques = ""
+    if diagnosis.inertia_kg_m2 is not None:
+        torques = f" Torques: {html.escape(inertia_text(diagnosis.inertia_kg_m2, diagnosis.inertia_from))}."
+    words = (
+        "Root-mean-square errors on the held-out part, parameters frozen at what the fit part gave."
+        f"{compared}{plant}{torques}"
+    )
+    return f'<p class="legend">{words}</p>{tiles(pairs)}'
+
+
+def _pictures(diagnosis: Diagnosis, pictures: Mapping[str, bytes], units: Units) -> str:
+    kind, _, _ = verdict_of(diagnosis.document)
+    thresholds = any(c.get("threshold") is not None for c in diagnosis.document.get("candidates") or ())
+    parts = []
+    for key, heading, alt, caption in (
+        ("speed", *_speed_words(diagnosis)),
+        (
+            "residual",
+            "Residual",
+            "Binned means of the residual against time, speed, low speed, current, angle and temperature.",
+            residual_caption(units, has_after=diagnosis.after is not None, kind=kind),
+        ),
+        (
+            "evidence",
+            "Evidence for every effect of the catalogue",
+            "Horizontal bars of the test statistic of every candidate effect; the table below has the same numbers.",
+            "Blue was added to the model. Pale blue looked like the cause, until the effect that was added explained "
+            "it, or cannot be told apart from another one. Grey was not needed, or could not be tested."
+            + (" The black tick is the threshold." if thresholds else ""),
+        ),
+    ):
+        if key in pictures:
+            source = f"data:image/png;base64,{base64.b64encode(pictures[key]).decode('ascii')}"
+            parts.append(f"<h2>{heading}</h2>{figure(key, source, alt, caption)}")
+    return "\n".join(parts)
+
+
+def _speed_words(diagnosis: Diagnosis) -> tuple[str, str, str]:
+    if diagnosis.before is None:
+        heading, caption = "Speed and current", "Speed as it was read, and the current that was in force."
+        return heading, caption, caption
+    return (
+        "Speed measured and predicted",
+        "Speed and free-run error over time.",
+        "Each stretch is simulated from its first measured speed with nothing but the current: what the model gets "
+        "wrong adds up. Below: what the simulation misses the readings by, its running mean drawn "
+        "thick; held-out stretches are shaded.",
+    )
+
+
+def _details(diagnosis: Diagnosis, units: Units) -> str:
+    document = diagnosis.document
+    parts = []
+    for heading, content in (
+        ("Parameters of what was added", parameter_table(document)),
+        ("Figures on the held-out part", figure_table(figure_pairs(document, units))),
+        ("Candidates", candidate_table(document)),
+    ):
+        if content:
+            parts.append(f"<h3>{heading}</h3>{content}")
+    if document.get("split"):
+        parts.append(f"<h3>Split of the record</h3>{split_text(document)}")
+    warnings = [*diagnosis.log.warnings, *(document.get("warnings") or ())]
+    if warnings:
+        items = "".join(f"<li>{prose(str(text))}</li>" for text in dict.fromkeys(warnings))
+        parts.append(f"<h3>Warnings</h3><ul>{items}</ul>")
+    return f"<h2>Numbers</h2>{''.join(parts)}" if parts else ""
+
+
+def _next(diagnosis: Diagnosis, directory: Path, options: Sequence[str]) -> str:
+    steps = "".join(f"<li>{prose(step)}</li>" for step in next_steps(diagnosis.document))
+    found = f"<h2>What to do next</h2><ul>{steps}</ul>"
+    excitation = excitation_of(diagnosis.document)
+    if excitation:
+        rows = [("", [f"<code>{html.escape(name)}</code>", prose(text)]) for name, text in excitation.items()]
+        found += f"<h3>What shows it best</h3>{table(('effect', 'excitation'), rows)}"
+    if diagnosis.model is not None:
+        found += f"<h3>The augmented model</h3>{commands(directory, diagnosis.log.name, options)}"
+    return found

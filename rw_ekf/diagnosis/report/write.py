@@ -1,0 +1,82 @@
+"""What `diagnose --out DIR` leaves: the document, the pictures, the page that holds them, the better model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rw_ekf.diagnosis.records import Diagnosis
+from rw_ekf.diagnosis.report.page import page
+from rw_ekf.diagnosis.report.pictures import evidence_picture, speed_picture
+from rw_ekf.diagnosis.report.residual import residual_picture
+from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.errors import BadInputError
+from rw_ekf.json_output import finite
+from rw_ekf.logs.atomic import atomic_path, write_text
+
+DOCUMENT, PAGE, MODEL = "diagnosis.json", "report.html", "augmented-model.yaml"
+
+
+def write_report(
+    directory: Path,
+    diagnosis: Diagnosis,
+    *,
+    inertia_kg_m2: float | None,
+    wheel_units: bool,
+    options: Sequence[str] = (),
+) -> list[Path]:
+    """Write everything into `directory`, each file whole or not at all; returns what was written.
+
+    inertia_kg_m2: turns residuals into mNm; None: they stay accelerations. wheel_units: rpm and mA, otherwise plain SI.
+    options: of the command line with which the log was read, for the commands that the page shows.
+    What an earlier run left there and this one does not have (a model, a picture) is removed.
+    Raises BadInputError if the place cannot be written.
+    """
+    units = Units(wheel_units, inertia_kg_m2)
+    _make(directory)
+    drawn = {
+        "speed": speed_picture(diagnosis, units),
+        "residual": residual_picture(diagnosis, units),
+        "evidence": evidence_picture(diagnosis.document),
+    }
+    pictures = {name: content for name, content in drawn.items() if content is not None}
+    written = [directory / DOCUMENT]
+    write_text(written[0], json.dumps(finite(diagnosis.document), indent=2, allow_nan=False) + "\n")
+    model = directory / MODEL
+    if diagnosis.model is not None:
+        write_text(model, diagnosis.model.to_text())
+        written.append(model)
+    else:
+        _remove(model)
+    for name in drawn:
+        path = directory / f"{name}.png"
+        if name in pictures:
+            with atomic_path(path) as temporary:
+                temporary.write_bytes(pictures[name])
+            written.append(path)
+        else:
+            _remove(path)
+    # The page comes last: where it stands, what it speaks of stands too.
+    write_text(directory / PAGE, page(diagnosis, pictures, directory, units, options))
+    written.append(directory / PAGE)
+    return written
+
+
+def _make(directory: Path) -> None:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInputError(
+            f"{directory}: cannot be made a directory ({error.strerror or error}): give another place"
+        ) from None
+
+
+def _remove(path: Path) -> None:
+    """Remove what an earlier run left."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise BadInputError(
+            f"{path}: is left from another run and cannot be removed ({error.strerror or error}): remove it"
+        ) from None

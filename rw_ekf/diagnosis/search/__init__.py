@@ -1,0 +1,1 @@
+"""What could explain the residual: candidates scored, fitted, kept or refused."""

@@ -1,0 +1,109 @@
+"""What a record confounds by construction: a wheel that only slows down, or a temperature that only rises.
+
+In such a record time is a function of speed (or of temperature), so that an effect of the one is an effect of the
+other, whatever the likelihoods say of two particular shapes. Two questions are asked of the data, none of names: is one
+quantity a function of the other, and does an effect of the one say anything beside a smooth, otherwise unknown function
+of the other (docs/diagnosis.md, "Confounded by construction")?
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.judge.residual_map import hats
+from rw_ekf.diagnosis.search.evidence import p_value
+from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.structure import slopes_by_torque
+from rw_ekf.model.effect import Effect, RecordFacts
+
+Float64Array = NDArray[np.float64]
+Quantity = Literal["speed", "time", "temperature"]
+
+_KNOTS = 12  # of a smooth function, as in the map of the residual
+_IS_FUNCTION = 0.5  # of the variance of one quantity: where less goes with the other, nothing is confounded
+_IS_ONE = 0.9
+_LEAST_KELVIN = 1.0
+
+
+def separates(other: Quantity) -> str:
+    """What would tell an effect of time from one of another quantity, where a record has them as one."""
+    if other == "temperature":
+        return (
+            "temperature and time are one and the same in this record: one in which the temperature falls again, or "
+            "another from another temperature (`rw-ekf diagnose LOG LOG`)"
+        )
+    return (
+        "speed and time are one and the same in this record: a second coast-down from another speed (`rw-ekf diagnose "
+        "LOG LOG`), a dwell or a reversal"
+    )
+
+
+def quantity_of(effect: type[Effect]) -> Quantity:
+    """What an effect goes with: the record's own clock, the temperature, else the motion."""
+    if effect.of_one_record or effect.clocked:
+        return "time"
+    return "temperature" if "temperature_degC" in effect.needs else "speed"
+
+
+def values_of(record: Record, speed_rad_s: Float64Array, quantity: Quantity) -> Float64Array:
+    """A quantity at each sample (n,): |speed|, temperature, or the time since the sample's own log began."""
+    if quantity == "speed":
+        return np.abs(speed_rad_s)
+    if quantity == "temperature":
+        return record.temperature_degC
+    time = record.data.time_s
+    return time - time[np.searchsorted(record.log_of, record.log_of)]
+
+
+def function_share(record: Record, speed_rad_s: Float64Array, one: Quantity, other: Quantity) -> float:
+    """Share of the variance of one quantity that a smooth function of the other has, 0 to 1."""
+    y, x = values_of(record, speed_rad_s, one), values_of(record, speed_rad_s, other)
+    kept = np.isfinite(y) & np.isfinite(x)
+    y, x = y[kept], x[kept]
+    if y.size < 2 * _KNOTS or np.ptp(y) <= 0.0 or np.ptp(x) <= (_LEAST_KELVIN if other == "temperature" else 0.0):
+        return 0.0
+    A = hats(x, _KNOTS, float(x.min()), float(x.max()))
+    left = y - A @ np.linalg.lstsq(A, y, rcond=None)[0]
+    return 1.0 - float(np.var(left) / np.var(y))
+
+
+def one_and_the_same(fit: Fit, one: Quantity, other: Quantity) -> bool:
+    """Whether the record cannot tell a function of one quantity from a function of the other."""
+    return one != other and function_share(fit.frame.record, fit.reference.speed, one, other) > _IS_ONE
+
+
+def may_confound(fit: Fit, one: Quantity, other: Quantity) -> bool:
+    """Whether it is worth asking `beside`: one quantity goes with the other at all."""
+    return one != other and function_share(fit.frame.record, fit.reference.speed, one, other) > _IS_FUNCTION
+
+
+def smooth_columns(fit: Fit, quantity: Quantity) -> Float64Array:
+    """Slopes by a dry friction and a torque that follow a smooth unknown function of a quantity, (n, m)."""
+    drive, dry = slopes_by_torque(fit)
+    record = fit.frame.record
+    x = values_of(record, fit.reference.speed, quantity)
+    x = np.concatenate((x[:1], x[:-1]))  # where each interval began
+    shapes = hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
+    parts = [dry[:, None] * shapes, drive[:, None] * shapes]
+    if quantity == "temperature":
+        parts.append((drive * fit.frame.record.data.mean_current_A)[:, None] * shapes)
+    return np.where(record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
+
+
+def scorer_beside(fit: Fit, prior: Prior, quantity: Quantity) -> Scorer:
+    """Scores what is left of an effect beside a smooth function of a quantity."""
+    return Scorer(fit.frame, prior, fit.noise.variance, fit.noise.ratio, smooth_columns(fit, quantity))
+
+
+def says_more(
+    fit: Fit, prior: Prior, facts: RecordFacts, effect: type[Effect], quantity: Quantity, enough: float
+) -> bool:
+    """Whether an effect is significant at a p-value even beside a smooth function of a quantity."""
+    found = scorer_beside(fit, prior, quantity).best_of_each(facts, [effect], lambda: None).get(effect.id)
+    return found is not None and p_value(effect, found.statistic, facts) < enough

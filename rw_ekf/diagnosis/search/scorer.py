@@ -1,0 +1,268 @@
+"""What each hypothesis would add to the likelihood of a model on a frame (docs/diagnosis.md, "Evidence").
+
+Nothing is refitted: a candidate's gain is that of a linear regression, joint with the corrections of everything already
+in the model, at each of a few ratios of noises.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, analytic, hypotheses
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import LEAST_RATIO
+from rw_ekf.likelihood.frame import Frame, Prior
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.whitening import adjoint
+from rw_ekf.likelihood.work import screening_units
+from rw_ekf.model.effect import Candidate, Effect, ReadingEffect, RecordFacts, StaticEffect, StribeckEffect
+
+Float64Array = NDArray[np.float64]
+
+_RATIOS_BELOW = 6
+_SCREENED = 24
+_NEIGHBOURS = 41
+_BLOCK = 64  # frequencies at once
+_EVEN = 1.0e-9  # of their spacing
+_GROUP_RANK = 0.02  # of a unit column: less is what the model's own parameters do
+_SEEN = 1.0e-4  # a column that the model's own explain to this share of its length says nothing
+
+
+class Scorer:
+    """Scores hypotheses on a frame, at a few ratios of noises from the model's own downwards.
+
+    Which ratio goes with which columns is decided by the restricted likelihood (Patterson & Thompson 1971; eq. 6a):
+    columns that follow a wandering speed would otherwise make it look as if it wandered less, and gain by that.
+    """
+
+    def __init__(
+        self, frame: Frame, prior: Prior | None, variance: float, ratio: float, beside: Float64Array | None = None
+    ) -> None:
+        """beside: more columns (n, m) that are free, as the model's own are."""
+        self.frame = frame
+        self.variance = variance
+        self.ratios = _ratios(ratio)
+        self.bases: list[Float64Array] = []
+        self.residuals: list[Float64Array] = []
+        self.rss: list[float] = []
+        self.logs: list[float] = []
+        self.restrictions: list[float] = []  # half the log-determinant of the model's own columns
+        for value in self.ratios:
+            r, A, logs = frame.whitened(value, variance, frame.columns, frame.memory_columns)
+            self.places = frame.innovation_at
+            if beside is not None:
+                A = np.concatenate((A, frame.whitened(value, variance, beside)[1]), axis=1)
+            Q = _basis(A, prior, frame.model)
+            self.restrictions.append(_restriction(A, prior))
+            left = r - Q @ (Q.T @ r)
+            self.bases.append(Q)
+            self.residuals.append(left)
+            self.rss.append(float(left @ left))
+            self.logs.append(logs)
+        self.count = self.residuals[0].size
+        own = max(range(len(self.ratios)), key=lambda i: self._value(i, 0.0) - self.restrictions[i])
+        self.own = own
+        self.without = self._value(own, 0.0)
+
+    def _value(self, i: int, gain: float) -> float:
+        left = max(self.rss[i] - gain, 1.0e-9)
+        return -0.5 * (self.count * math.log(left / self.count) + self.logs[i])
+
+    def score(self, group: list[Hypothesis]) -> list[Score]:
+        """Scores of hypotheses that came in one chunk."""
+        columns = np.concatenate([h.columns for h in group], axis=1)
+        edges = np.cumsum([0, *(h.columns.shape[1] for h in group)])
+        best: list[tuple[float, Score] | None] = [None] * len(group)
+        for i, ratio in enumerate(self.ratios):
+            _, A, _ = self.frame.whitened(ratio, self.variance, columns)
+            Q = self.bases[i]
+            lengths = np.einsum("ij,ij->j", A, A)
+            G = A - Q @ (Q.T @ A)
+            products = G.T @ self.residuals[i]
+            for g, hypothesis in enumerate(group):
+                part = slice(edges[g], edges[g + 1])
+                gram = G[:, part].T @ G[:, part]
+                if np.any(np.diag(gram) <= _SEEN**2 * lengths[part]) or np.linalg.cond(gram) > 1.0e10:
+                    continue
+                inverse = np.linalg.inv(gram)
+                solution = inverse @ products[part]
+                if not _allowed(hypothesis, solution):
+                    continue
+                gain = float(products[part] @ solution)
+                value = self._value(i, gain)
+                merit = value - self.restrictions[i] - 0.5 * float(np.linalg.slogdet(gram)[1])
+                before = best[g]
+                if before is None or merit > before[0]:
+                    scale = max(self.rss[i] - gain, 1.0e-9) / self.count
+                    std = np.sqrt(scale * np.diag(inverse))
+                    best[g] = merit, Score(hypothesis, 2.0 * (value - self.without), solution, std)
+        return [found[1] for found in best if found is not None]
+
+    def score_group(self, columns: Float64Array) -> tuple[float, int]:
+        """Statistic and degrees of freedom of many columns (n, m) taken together, those without content left out."""
+        columns = self._independent(columns)
+        if columns.shape[1] == 0:
+            return 0.0, 0
+        best_merit, statistic = -math.inf, 0.0
+        for i in range(len(self.ratios)):
+            G = self._beside_own(i, columns)
+            U, sizes, _ = np.linalg.svd(G, full_matrices=False)
+            value = self._value(i, float(np.sum((U.T @ self.residuals[i]) ** 2)))
+            merit = value - self.restrictions[i] - float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
+            if merit > best_merit:
+                best_merit, statistic = merit, 2.0 * (value - self.without)
+        return statistic, columns.shape[1]
+
+    def _beside_own(self, i: int, columns: Float64Array) -> Float64Array:
+        """Columns whitened at the i-th ratio, the model's own projected out."""
+        _, A, _ = self.frame.whitened(self.ratios[i], self.variance, columns)
+        Q = self.bases[i]
+        return A - Q @ (Q.T @ A)
+
+    def _independent(self, columns: Float64Array) -> Float64Array:
+        """Combinations of columns (n, m) that say something of their own, of unit length at the model's own ratio."""
+        _, A, _ = self.frame.whitened(self.ratios[self.own], self.variance, columns)
+        lengths = np.linalg.norm(A, axis=0)
+        scaled = columns[:, lengths > 0.0] / lengths[lengths > 0.0]
+        _, sizes, Vt = np.linalg.svd(self._beside_own(self.own, scaled), full_matrices=False)
+        return np.ascontiguousarray(scaled @ Vt[sizes > _GROUP_RANK].T)
+
+    def best_of_each(
+        self, facts: RecordFacts, effects: list[type[Effect]], advance: Callable[[], object]
+    ) -> dict[str, Score]:
+        """The best place of each effect, by id."""
+        best: dict[str, Score] = {}
+        places = []
+        for effect in effects:
+            if not issubclass(effect, ReadingEffect):
+                found = effect.candidates(facts)
+                places += [(effect, c) for c in (self._screened(found) if effect.clocked else found)]
+        for group in hypotheses(self.frame, places):
+            advance()
+            for score in self.score(group):
+                if score.id not in best or score.statistic > best[score.id].statistic:
+                    best[score.id] = score
+        return best
+
+    def _screened(self, candidates: list[Candidate]) -> list[Candidate]:
+        """The frequencies worth an exact score: those of most power in the adjoint of what is left (eq. 9).
+
+        The power's denominator changes slowly with frequency, so that comparing neighbours needs none.
+        """
+        if len(candidates) <= _SCREENED:
+            return candidates
+        frame = self.frame
+        chain = frame.chain
+        middle = frame.record.data.time_s - 0.5 * chain.step_s
+        frequency = np.array([candidate.shape[0] for candidate in candidates])
+        chosen: set[int] = set()
+        moving = np.zeros((2, chain.reading.size))
+        for at, i in enumerate((0, len(self.ratios) - 1)):
+            full = np.zeros(chain.reading.size)
+            full[self.places] = self.residuals[i]
+            back = np.zeros(chain.reading.size)
+            adjoint(chain, self.ratios[i] * self.variance / frame.record.data.period_s, self.variance, full, back)
+            moving[at] = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
+        frame.record.work.charge(screening_units(middle.size, frequency.size))
+        # A torque moves the speed by one over its frequency.
+        for power in powers(frequency, middle, moving) * (frequency**2 + frequency[0] ** 2):
+            level = np.maximum(np.convolve(power, np.ones(_NEIGHBOURS), "same"), 1.0e-300)
+            chosen |= {int(j) for j in np.argsort(power / level)[-_SCREENED // 2 :]}
+            chosen |= {int(j) for j in np.argsort(power)[-_SCREENED // 2 :]}
+        return [candidates[j] for j in sorted(chosen)]
+
+
+def powers(frequency_Hz: Float64Array, time_s: Float64Array, values: Float64Array) -> Float64Array:
+    """Power (k, m) of k series (k, n) at times (n,) in m frequencies [Hz].
+
+    Where a block of frequencies is as evenly spaced as the one before, its phasors are those turned on: a product in
+    place of an exponential.
+    """
+    used = np.any(values != 0.0, axis=0)
+    time, series = time_s[used] - time_s[0], values[:, used].T.astype(np.complex128)
+    power = np.empty((values.shape[0], frequency_Hz.size))
+    turn, shift, before = np.zeros((0, 0), np.complex128), 0.0, np.zeros(0)
+    on = np.zeros(0, np.complex128)
+    for first in range(0, frequency_Hz.size, _BLOCK):
+        block = frequency_Hz[first : first + _BLOCK]
+        apart = block - before if block.size == before.size else np.zeros(0)
+        if apart.size and np.ptp(apart) < _EVEN * apart[0]:
+            if apart[0] != shift:
+                shift, on = float(apart[0]), np.exp(-2j * math.pi * apart[0] * time)
+            turn *= on
+        else:
+            turn = np.exp(-2j * math.pi * np.outer(block, time))
+        before = block
+        power[:, first : first + _BLOCK] = (np.abs(turn @ series) ** 2).T
+    return power
+
+
+def information(frame: Frame, prior: Prior | None, variance: float, facts: RecordFacts) -> dict[str, float]:
+    """How much a part of a record can say of each simple linear effect: its squared length beside the model's own.
+
+    No residual enters: this is about excitation alone.
+    """
+    places: list[tuple[type[Effect], Candidate]] = [
+        (effect, effect.candidates(facts)[0])
+        for effect in CATALOGUE.values()
+        if issubclass(effect, StaticEffect)
+        and effect.linear
+        and not effect.quadrature
+        and not effect.local_in_time
+        and effect.untestable(facts) is None
+    ]
+    if not places:
+        return {}
+    group = analytic(frame, places)
+    columns = np.concatenate([h.columns for h in group], axis=1)
+    _, A, _ = frame.whitened(LEAST_RATIO, variance, columns)
+    _, own, _ = frame.whitened(LEAST_RATIO, variance, frame.columns, frame.memory_columns)
+    Q = _basis(own, prior, frame.model)
+    lengths = np.einsum("ij,ij->j", A - Q @ (Q.T @ A), A)
+    return {h.effect.id: float(length) for h, length in zip(group, lengths, strict=True)}
+
+
+def _restriction(A: Float64Array, prior: Prior | None) -> float:
+    """Half the log-determinant of the information on the model's own vector."""
+    normal = A.T @ A
+    if prior is not None:
+        normal[:4, :4] += prior.root.T @ prior.root
+    scale = np.sqrt(np.maximum(np.diag(normal), 1.0e-300))
+    return float(0.5 * np.linalg.slogdet(normal / np.outer(scale, scale) + 1.0e-12 * np.eye(scale.size))[1]
+                 + np.sum(np.log(scale)))  # fmt: skip
+
+
+def _allowed(hypothesis: Hypothesis, solution: Float64Array) -> bool:
+    """Whether the coefficient's sign is one that the effect can have."""
+    limits = hypothesis.effect.coefficient
+    if hypothesis.effect.quadrature:
+        return True
+    if issubclass(hypothesis.effect, StribeckEffect):  # how far towards the tried speed
+        return bool(solution[0] > 0.0)
+    return bool(limits.lower <= solution[0] * hypothesis.unit <= limits.upper)
+
+
+def _ratios(ratio: float) -> list[float]:
+    """The model's own ratio, one above, and several below down to hardly any process noise."""
+    low = math.log(LEAST_RATIO)
+    top = max(math.log(ratio), low)
+    steps = np.linspace(low, top, _RATIOS_BELOW + 1) if top > low + 1.0 else np.array([low, top])
+    return [math.exp(v) for v in sorted({*steps.tolist(), top + 1.0})]
+
+
+def _basis(A: Float64Array, prior: Prior | None, model: Model) -> Float64Array:
+    """Orthonormal columns (n, p) of the span of A, a priori counted as rows that are then cut off."""
+    weights = np.linalg.norm(A, axis=0)
+    weights[weights == 0.0] = 1.0
+    scaled = A / weights
+    if prior is None:
+        U, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+        return np.asarray(U[:, sizes > 1.0e-8 * sizes[0]])
+    pull = np.zeros((4, A.shape[1]))
+    pull[:, :4] = prior.root
+    U, sizes, _ = np.linalg.svd(np.vstack((scaled, pull / weights)), full_matrices=False)
+    return np.asarray(U[:-4, sizes > 1.0e-8 * sizes[0]])

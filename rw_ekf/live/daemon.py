@@ -1,0 +1,290 @@
+"""The daemon: a configuration becomes a live wheel, an estimator and its sinks, until a signal or a duration."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf import __version__
+from rw_ekf.control.commanders import request_of
+from rw_ekf.errors import BadInputError, RwEkfError
+from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.estimator import Estimator
+from rw_ekf.filter.identifiability import rounded
+from rw_ekf.live.claim import PortClaim
+from rw_ekf.live.guard import SafetyLimits
+from rw_ekf.live.live import LiveWheel, LoopTiming, with_following_command
+from rw_ekf.live.loop import Issue, Sink, run_loop
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.live.telemetry import TelemetryCheck
+from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
+from rw_ekf.logs.writer import EstimateWriter, SampleWriter
+from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
+from rw_ekf.sinks.sign_sink import SignSink
+from rw_ekf.sinks.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, Unwritten
+from rw_ekf.sinks.status_line import StatusLine
+from rw_ekf.sinks.watch_sink import WatchSink, watch_sink_of
+from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
+from rw_ekf.statistics import RunStatistics
+from rw_ekf.watch.sign_watch import SignWatch
+from rw_ekf.watch.stuck_watch import StuckWatch
+from rw_ekf.wheel.model_file import WheelModel, refusal_of
+
+if TYPE_CHECKING:
+    from drivers.line.wire_map import WireMap
+    from rw_ekf.settings.schema import Configuration
+
+
+_SURE = 5.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """Where one run leaves its files; all beside each other under one stem."""
+
+    log: Path
+    estimates: Path
+    model: Path
+    state: Path
+
+    @classmethod
+    def in_directory(cls, directory: Path, wheel: str, began: datetime) -> RunFiles:
+        """Name the files of a run; the directory is made if it is not there. Raises BadInputError if it cannot be."""
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInputError(
+                f"output.directory {directory} cannot be made ({error.strerror}): give another one"
+            ) from None
+        safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)[:60]
+        stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
+        number = 1
+        while os.path.lexists(directory / f"{stem}.csv"):
+            number += 1
+            stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
+        return cls(
+            directory / f"{stem}.csv",
+            directory / f"{stem}.estimates.csv",
+            directory / f"{stem}.model.yaml",
+            directory / f"{safe}.state.json",
+        )
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """What a run came to."""
+
+    files: RunFiles
+    setup: FilterSetup
+    belief: Belief
+    statistics: RunStatistics
+    link: LinkCounters
+    timing: LoopTiming
+    stopped_by: str | None
+    lost: bool  # the link was down, or the wheel silent, at the end
+    zero_confirmed: bool
+    alarms: tuple[str, ...] = ()  # what the watch said, in sentences, oldest first
+    findings: tuple[str, ...] = ()  # what the wheel, its line or its wire map did, in sentences, oldest first
+    halted: str | None = None  # why the run ended before its time, where the wheel must not be driven on
+    unwritten: Unwritten = field(default_factory=Unwritten)
+
+
+def run_daemon(
+    configuration: Configuration,
+    wire_map: WireMap,
+    model: WheelModel | None,
+    duration_s: float | None,
+    logger: Any,
+    stop: StopSignal,
+) -> RunOutcome:
+    """Attach, estimate, log, publish. Raises DriverError if the wheel cannot be reached at the start.
+
+    Zero current is sent on every way out; `stop` ends the run in order.
+    """
+    from rw_ekf.wheels import scale_places, serial_opener
+
+    began = datetime.now(UTC)
+    if model is not None:
+        model, notes = carried_over(model)
+        for text in notes:
+            logger.info("effect_not_carried_over", text=text)
+    setup = setup_of_configuration(configuration, model)
+    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
+    writes = configuration.command.profile != "none"
+    request, profile_s, phase = request_of(configuration.command) if writes else (None, None, None)
+    lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
+    statistics, unwritten = StatisticsSink(), Unwritten()
+    watch = watch_sink_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(PortClaim(configuration.wheel.port))
+        resolution, noise = wire_map.speed_step_rad_s, estimator.constants.speed_variance**0.5
+        law = estimator.constants.omega_s, estimator.constants.law
+        stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *law)
+        check = TelemetryCheck(logger.warning, stuck, lambda: (estimator.mean, estimator.covariance), writes=writes)
+        live = LiveWheel(
+            serial_opener(configuration, wire_map),
+            SafetyLimits.of(configuration.limits),
+            configuration.loop.rate_hz,
+            stop,
+            writes=writes,
+            note=logger.warning,
+            check=check,
+            speed_step_rad_s=max(resolution, noise),
+        )
+        sign = SignSink(
+            SignWatch(tuple(setup.prior.mean[1:4]), law[0], max(resolution, noise)),
+            lambda: scale_places(configuration.wheel.protocol),
+            expectation_of(configuration, model),
+            halt=live.halt if writes else None,
+            found=check.found,
+            note=logger.warning,
+        )
+        confirmed = False
+        try:
+            files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
+            status = StatusLine(logger, lasts_s, phase, None if watch is None else watch.active)
+            names = setup.state_names
+            sinks = [
+                *_sinks(stack, files, configuration, statistics, names, watch, unwritten, logger, status),
+                sign,
+            ]
+            logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
+            samples = _with_metadata(live, live.samples(lasts_s), files, configuration, unwritten, logger)
+            if request is None:
+                samples, issue = _following(samples)
+            else:
+                issue = live.issue(request)
+            run_loop(samples, estimator, issue, sinks)
+        finally:
+            confirmed = live.close()
+            if not confirmed:
+                logger.error(
+                    "zero_not_confirmed",
+                    port=configuration.wheel.port,
+                    do="the wheel may still carry its last current: run `rw-ekf stop --config F`, or cut its power",
+                )
+        belief = Belief(estimator.mean, estimator.covariance)
+        if live.halted is None and belief.mean[1] + _SURE * belief.std[1] < 0.0:
+            gain = rounded(float(belief.mean[1]), float(belief.std[1]))
+            check.found(
+                "negative_gain",
+                f"the motor gain is estimated as {gain} rad/s^2/A, and no "
+                "wheel has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
+            )
+        model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
+        with _tried(files.model, unwritten, logger):
+            refusal = refusal_of(model_now)
+            if refusal is not None:
+                raise BadInputError(f"{files.model}: not written, because nothing could read it: {refusal}")
+            write_text(files.model, model_now.to_text(), follow=False)
+        ended_by = "halt" if live.halted is not None else stop.requested or "duration"
+        zero = ("confirmed" if confirmed else "NOT confirmed") if writes else "left to who commands the wheel"
+        samples_read = statistics.statistics.samples
+        logger.info("ended", by=ended_by, samples=samples_read, zero_current=zero)
+        return RunOutcome(
+            files,
+            setup,
+            belief,
+            statistics.statistics,
+            live.link,
+            live.timing,
+            stop.requested,
+            live.lost or live.silent,
+            confirmed,
+            () if watch is None else tuple(watch.warnings),
+            tuple(check.findings),
+            live.halted,
+            unwritten,
+        )
+
+
+def expectation_of(configuration: Configuration, model: WheelModel | None) -> str:
+    """Say where the expected motor gain comes from."""
+    if model is not None:
+        return "the model says"
+    prior = configuration.filter.prior
+    given = prior is not None and prior.motor_gain is not None
+    return "filter.prior.motor_gain says" if given else "the built-in prior says"
+
+
+@contextlib.contextmanager
+def _tried(path: Path, unwritten: Unwritten, logger: Any) -> Iterator[None]:
+    """A file whose loss must not end a run that drives a wheel: counted, and said where it is the first."""
+    try:
+        yield
+    except (RwEkfError, OSError) as error:
+        unwritten.other_files.append(path.name)
+        if unwritten.note(str(error)):
+            logger.warning("not_written", file=str(path), reason=str(error))
+
+
+def _sinks(
+    stack: contextlib.ExitStack,
+    files: RunFiles,
+    configuration: Configuration,
+    statistics: StatisticsSink,
+    names: tuple[str, ...],
+    watch: WatchSink | None,
+    unwritten: Unwritten,
+    logger: Any,
+    status: StatusLine,
+) -> list[Sink]:
+    log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates, names), unwritten, logger.warning)
+    about = {"schema": "rw_ekf.state/1", "wheel": configuration.wheel.name, "log": files.log.name}
+    sinks: list[Sink] = [
+        log,
+        statistics,
+        *([] if watch is None else [watch]),
+        StateFileSink(files.state, about, names=names, alarms=watch.active if watch else None, unwritten=unwritten),
+        SyncSink([files.log, files.estimates]),
+        status,
+    ]
+    for sink in sinks:
+        stack.callback(sink.close)
+    return sinks
+
+
+def _with_metadata(
+    live: LiveWheel,
+    samples: Iterator[WheelSample],
+    files: RunFiles,
+    configuration: Configuration,
+    unwritten: Unwritten,
+    logger: Any,
+) -> Iterator[WheelSample]:
+    """Write the metadata when the first sample comes: only then is its UTC known."""
+    first = True
+    for sample in samples:
+        if first:
+            first = False
+            about = RunMetadata(
+                utc_text(datetime.now(UTC)),
+                live.driver.source,
+                __version__,
+                live.driver.identity,
+                configuration.model_dump(mode="json"),
+            )
+            with _tried(metadata_path(files.log), unwritten, logger):
+                write_metadata(files.log, about)
+        yield sample
+
+
+def _following(samples: Iterator[WheelSample]) -> tuple[Iterator[WheelSample], Issue]:
+    """Samples a tick late, each with the command that telemetry reported after it."""
+    latest: list[IssuedCommand] = []
+
+    def walk() -> Iterator[WheelSample]:
+        for sample, command in with_following_command(samples):
+            latest[:] = [command]
+            yield sample
+
+    def issue(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
+        return latest[0]
+
+    return walk(), issue

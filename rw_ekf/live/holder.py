@@ -1,0 +1,126 @@
+"""Ending the daemon that drives a wheel, from outside: asked first, then killed; and never any other process."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from rw_ekf.live.claim import Claim, held_claims, is_held
+from rw_ekf.live.port_name import device_of, names_of, own_name
+from rw_ekf.live.process import ProcessFacts, ProcessHandle, facts_of, has_open, processes_with, user_name
+
+_KILL_WITHIN_S = 2.0
+_LOOK_EVERY_S = 0.02
+
+
+@dataclass
+class HolderReport:
+    """What became of who had the port."""
+
+    ended: list[int] = field(default_factory=list)  # every daemon that gave the port up, however
+    killed: list[int] = field(default_factory=list)  # those of them that had to be killed
+    remaining: list[str] = field(default_factory=list)  # daemons that still drive the wheel, one sentence each
+    notes: list[str] = field(default_factory=list)  # what else a person should know
+
+
+def stop_holder(port: str, within_s: float = 5.0) -> HolderReport:
+    """End every daemon that drives the wheel at `port`: SIGTERM, and SIGKILL where that has not helped within_s [s].
+
+    Found by its claim, under any name of the port, or else by the port that it has open. A process is signalled only
+    if the kernel bears out that it is a daemon of this program. Never raises.
+    """
+    report = HolderReport()
+    device = device_of(own_name(port))
+    claims = held_claims(names_of(port))
+    for claim in claims:
+        holder = claim.holder()
+        if holder is None:
+            report.notes.append(_not_believed(claim))
+        elif holder.pid != os.getpid():
+            _end(holder, lambda claim=claim: is_held(claim), device, within_s, report)  # type: ignore[misc]
+    for pid in processes_with(device) if device is not None else []:
+        facts = facts_of(pid)
+        if facts is None or pid in report.ended:
+            continue
+        if facts.drives:  # its claim is gone: temporary directories get tidied up
+            _end(facts, lambda pid=pid: has_open(pid, device), device, within_s, report)  # type: ignore[misc,arg-type]
+    return report
+
+
+def others_with(port: str) -> list[str]:
+    """Who else has the port open, for a person: "process 4711 of user anna (minicom)"."""
+    device = device_of(own_name(port))
+    found = [facts_of(pid) for pid in processes_with(device)] if device is not None else []
+    return [f"{facts.described} ({' '.join(facts.arguments[:3])[:60]})" for facts in found if facts is not None]
+
+
+def _end(
+    facts: ProcessFacts, holds: Callable[[], bool], device: str | None, within_s: float, report: HolderReport
+) -> None:
+    """Signal one process that was found to be a daemon, and wait until it no longer holds what it held."""
+    with contextlib.ExitStack() as stack:
+        try:
+            handle = stack.enter_context(ProcessHandle(facts.pid))
+        except OSError:  # it ended by itself
+            report.ended.append(facts.pid)
+            return
+        if not _same(facts):  # looked at again under the handle: from here on it cannot be another
+            report.ended.append(facts.pid)
+            return
+        try:
+            handle.send(signal.SIGTERM)
+            if facts.stopped:
+                handle.send(signal.SIGCONT)  # it acts on SIGTERM only when it runs again
+            if _until(lambda: handle.ended() or not holds(), within_s):
+                report.ended.append(facts.pid)
+                return
+            if device is not None and not has_open(facts.pid, device):
+                report.ended.append(facts.pid)
+                report.notes.append(f"{facts.described} has given the port up but not ended yet")
+                return
+            handle.send(signal.SIGKILL)
+        except PermissionError:
+            me = user_name(os.geteuid())
+            report.remaining.append(
+                f"{facts.described} is a daemon that drives this wheel, and user {me} may not signal it: run "
+                f"`rw-ekf stop` as {user_name(facts.uid)} or as root"
+            )
+            return
+        if handle.ended(_KILL_WITHIN_S):
+            report.ended.append(facts.pid)
+            report.killed.append(facts.pid)
+        else:
+            report.remaining.append(
+                f"{facts.described} did not end when told, nor when killed: it hangs in the kernel, in the port's "
+                "driver most likely; pull the adapter out"
+            )
+
+
+def _same(facts: ProcessFacts) -> bool:
+    """Whether the process of that number is still the one that was looked at."""
+    now = facts_of(facts.pid)
+    return now is not None and (now.start_ticks, now.uid) == (facts.start_ticks, facts.uid)
+
+
+def _until(condition: Callable[[], bool], within_s: float) -> bool:
+    end_s = time.monotonic() + within_s
+    while not condition():
+        if time.monotonic() > end_s:
+            return False
+        time.sleep(_LOOK_EVERY_S)
+    return True
+
+
+def _not_believed(claim: Claim) -> str:
+    facts = facts_of(claim.pid) if claim.pid is not None and claim.pid > 1 else None
+    named = "no process" if claim.pid is None else f"process {claim.pid}"
+    if facts is not None:
+        named = f"{facts.described} ({' '.join(facts.arguments[:2])[:60]})"
+    return (
+        f"{claim.described} is locked and names {named}, but that is no daemon that holds it: it was not "
+        "signalled. Remove the file if nobody knows it"
+    )

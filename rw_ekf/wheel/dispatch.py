@@ -1,0 +1,76 @@
+"""One compiled call for every effect of the catalogue: the choice by code is written out, so that numba can follow it.
+
+A new effect's file is found by the catalogue and needs no line here. The functions below are ordinary Python too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import Any
+
+import rw_ekf.effects
+from rw_ekf.effects.catalogue import CATALOGUE, MACHINERY
+from rw_ekf.model import memory_flow as memory_flow_home
+from rw_ekf.model.effect import CurrentEffect, FrictionMemoryEffect, StaticEffect
+
+_HOMES = ("rw_ekf.effects.", memory_flow_home.__name__)
+_STATIC_ARGUMENTS = "a, q1, q2, q3, omega, current, temperature, angle, time, duration"
+_LAG_ARGUMENTS = "a, q1, q2, q3, state, current, duration"
+_FLOW_ARGUMENTS = "omega, memory, drive, b, c, s, omega_s, law, a, q1, q2, q3, duration"
+
+
+def _of_kind(kind: Any) -> list[type[Any]]:
+    return [effect for effect in CATALOGUE.values() if issubclass(effect, kind)]
+
+
+def _choice(name: str, arguments: str, functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+    """A function `name(code, arguments)` that calls functions[code]; plain source, as closures defeat numba's cache."""
+    lines = [f"def {name}(code, {arguments}):"]
+    lines += [f"    if code == {i}:\n        return function_{i}({arguments})" for i in range(1, len(functions))]
+    lines.append(f"    return function_0({arguments})" if functions else "    return None")
+    namespace: dict[str, Any] = {f"function_{i}": function for i, function in enumerate(functions)}
+    namespace["__name__"] = __name__
+    exec("\n".join(lines), namespace)
+    made: Callable[..., Any] = namespace[name]
+    return made
+
+
+def _called_by(effect: type[Any]) -> list[Callable[..., Any]]:
+    """Plain functions of the effect's own module and of the modules that it imports them from."""
+    module = inspect.getmodule(effect)
+    functions = [value for value in vars(module).values() if inspect.isfunction(value)]
+    homes = {function.__module__ for function in functions if function.__module__.startswith(_HOMES)}
+    return [
+        value
+        for home in sorted(homes)
+        for value in vars(importlib.import_module(home)).values()
+        if inspect.isfunction(value) and value.__module__ == home
+    ]
+
+
+STATIC_EFFECTS = _of_kind(StaticEffect)
+CURRENT_EFFECTS = _of_kind(CurrentEffect)
+MEMORY_EFFECTS = _of_kind(FrictionMemoryEffect)
+
+contribution = _choice("contribution", _STATIC_ARGUMENTS, [effect.contribution for effect in STATIC_EFFECTS])
+contribution_slope = _choice("contribution_slope", _STATIC_ARGUMENTS, [effect.slope for effect in STATIC_EFFECTS])
+lagged = _choice("lagged", _LAG_ARGUMENTS, [effect.lagged for effect in CURRENT_EFFECTS])
+memory_flow = _choice("memory_flow", _FLOW_ARGUMENTS, [effect.flow for effect in MEMORY_EFFECTS])
+
+# Every module of an effect, and what its functions call: the compiled passes are stale when one of them changes.
+MODULES: list[ModuleType] = [
+    importlib.import_module(f"{rw_ekf.effects.__name__}.{found.name}")
+    for found in pkgutil.iter_modules(rw_ekf.effects.__path__)
+    if found.name not in MACHINERY
+] + [memory_flow_home]
+JITABLE: list[Callable[..., Any]] = [
+    *(function for effect in MEMORY_EFFECTS for function in _called_by(effect)),
+    *(effect.contribution for effect in STATIC_EFFECTS),
+    *(effect.slope for effect in STATIC_EFFECTS),
+    *(effect.lagged for effect in CURRENT_EFFECTS),
+    *(effect.flow for effect in MEMORY_EFFECTS),
+]

@@ -1,0 +1,205 @@
+"""The filter's transition where the model has effects: coefficients and hidden states are states like the others.
+
+The rule is that of `transition` (docs/filter.md eq. 6-8): the derivative of the flow away from zero speed, the
+statistical slope over a turned root of the covariance near it; and always the latter where an effect has a hidden
+state, a delay or a Stribeck shape, whose derivatives nobody should write by hand.
+"""
+
+import math
+from typing import Any
+
+from rw_ekf.wheel.pieces import effect_interval
+from rw_ekf.wheel.transition import _REACH, _SPREAD, factor_covariance
+
+_SETTLED_VARIANCE = 1.0e-14  # of a hidden state [A^2 or rad^2/s^4]: a tenth of a microampere
+
+
+def turn_root(x: Any, L: Any, current: float, n: int) -> None:
+    """Turn the root L (n, n) so that its first column is the direction in which |k I| - s varies (filter.md eq. 7).
+
+    Householder's reflection; rows n and n + 1 of L are scratch. The turned root is left in rows n + 2 onwards.
+    """
+    push = math.copysign(current, x[1] * current)
+    norm = 0.0
+    for j in range(n):
+        L[n, j] = push * L[1, j] - L[4, j]
+        norm += L[n, j] * L[n, j]
+    norm = math.sqrt(norm)
+    L[n, 0] += norm if L[n, 0] > -0.5 * norm else -norm
+    length = 0.0
+    for j in range(n):
+        length += L[n, j] * L[n, j]
+    double = 2.0 / length if length > 0.0 else 0.0
+    for i in range(n):
+        dot = 0.0
+        for j in range(n):
+            dot += L[i, j] * L[n, j]
+        for j in range(n):
+            L[n + 2 + i, j] = L[i, j] - double * L[n, j] * dot
+    L[n + 1, 0] = double
+
+
+def solve_slopes(L: Any, differences: Any, row: Any, n: int) -> None:
+    """Row (n,) with row L = differences, L lower triangular before its turn; a column without variance is left out."""
+    double = L[n + 1, 0]
+    along = 0.0
+    for j in range(n):
+        along += differences[j] * L[n, j]
+    for j in range(n - 1, -1, -1):
+        row[j] = 0.0
+        if L[j, j] == 0.0:
+            continue
+        slope = differences[j] - double * along * L[n, j]
+        for m in range(j + 1, n):
+            slope -= row[m] * L[m, j]
+        row[j] = slope / L[j, j]
+
+
+def effect_transition(
+    x: Any,
+    P: Any,
+    table: Any,
+    omega_s: float,
+    law: int,
+    near_zero_speed: float,
+    from_s: float,
+    to_s: float,
+    temperature: float,
+    angle: float,
+    begins: Any,
+    durations: Any,
+    currents: Any,
+    first: int,
+    start: int,
+    count: int,
+    F: Any,
+    work: Any,
+) -> float:
+    """Predict x (n,) over one interval in place; F (n, n) gets the rows of speed and hidden states.
+
+    Returns the variance of the neglected curvature [rad^2/s^2]. work (3 n + 8, n) is scratch: the root and its turn,
+    then points, ends and differences. Pieces as in `effect_interval`.
+    """
+    n = table.size
+    hidden = table.hidden
+    analytic = hidden == 0 and table.delay_at < 0 and table.stribeck_at < 0
+    end = work[3 * n + 2]
+    row = F[0]
+    effect_interval(
+        x, table, omega_s, law, from_s, to_s, temperature, angle,
+        begins, durations, currents, first, start, count, analytic, row, end,
+    )  # fmt: skip
+    nearest = min(abs(x[0]), abs(end[0])) if x[0] * end[0] > 0.0 else 0.0
+    needed = True
+    if analytic:
+        if nearest > near_zero_speed:
+            needed = False
+        else:
+            spread = 0.0
+            for i in range(n):
+                for j in range(n):
+                    spread += row[i] * P[i, j] * row[j]
+            reach = _REACH * math.sqrt(max(spread, P[0, 0]))
+            needed = not (nearest > reach and reach < omega_s)
+    curvature = 0.0
+    if needed:
+        last = start
+        while last + 1 < count and begins[last + 1] < to_s:
+            last += 1
+        bends = _differences(
+            x, P, table, omega_s, law, from_s, to_s, temperature, angle,
+            begins, durations, currents, first, start, count, currents[last], end[0], F, work,
+        )  # fmt: skip
+        if nearest <= near_zero_speed:
+            curvature = bends * bends / 12.0
+    x[0] = end[0]
+    for j in range(n - hidden, n):
+        x[j] = end[j]
+    return curvature
+
+
+def _differences(
+    x: Any, P: Any, table: Any, omega_s: float, law: int, from_s: float, to_s: float, temperature: float, angle: float,
+    begins: Any, durations: Any, currents: Any, first: int, start: int, count: int, push: float, middle: float,
+    F: Any, work: Any,
+) -> float:  # fmt: skip
+    """Central divided differences of speed and hidden states over the columns of the turned root; the speed's bends."""
+    n = table.size
+    hidden = table.hidden
+    factor_covariance(P, work)
+    turn_root(x, work, push, n)
+    end, point, up = work[3 * n + 3], work[3 * n + 4], work[3 * n + 5]
+    bends = 0.0
+    for j in range(n):
+        differs = False
+        for i in range(n):
+            d = _SPREAD * work[n + 2 + i, j]
+            point[i] = x[i] + d
+            up[i] = x[i] - d
+            differs = differs or d != 0.0
+        for m in range(hidden + 1):
+            work[2 * n + 2 + m, j] = 0.0
+        if not differs:
+            continue
+        effect_interval(
+            point, table, omega_s, law, from_s, to_s, temperature, angle,
+            begins, durations, currents, first, start, count, False, F[0], end,
+        )  # fmt: skip
+        for i in range(n):
+            point[i], up[i] = up[i], end[i]
+        effect_interval(
+            point, table, omega_s, law, from_s, to_s, temperature, angle,
+            begins, durations, currents, first, start, count, False, F[0], end,
+        )  # fmt: skip
+        work[2 * n + 2, j] = (up[0] - end[0]) / (2.0 * _SPREAD)
+        bends += up[0] + end[0] - 2.0 * middle
+        for m in range(hidden):
+            at = n - hidden + m
+            work[2 * n + 3 + m, j] = (up[at] - end[at]) / (2.0 * _SPREAD)
+    solve_slopes(work, work[2 * n + 2], F[0], n)
+    for m in range(hidden):
+        solve_slopes(work, work[2 * n + 3 + m], F[n - hidden + m], n)
+    return bends
+
+
+def predict_covariance_full(P: Any, F: Any, noise: Any, work: Any) -> None:
+    """P <- F P F' + diag(noise), for hidden states; P, F (n, n), work (n, n) scratch."""
+    n = P.shape[0]
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for m in range(n):
+                total += F[i, m] * P[m, j]
+            work[i, j] = total
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for m in range(n):
+                total += work[i, m] * F[j, m]
+            P[i, j] = total
+            P[j, i] = total
+        P[i, i] += noise[i]
+
+
+def drop_settled(P: Any, hidden: int) -> None:
+    """Take a hidden state that has settled for known: of a variance that is mere rounding, rounding would decide."""
+    n = P.shape[0]
+    for j in range(n - hidden, n):
+        if P[j, j] < _SETTLED_VARIANCE:
+            for m in range(n):
+                P[j, m] = 0.0
+                P[m, j] = 0.0
+
+
+def seed_hidden(x: Any, P: Any, table: Any, current: float, omega_s: float) -> None:
+    """Start the hidden states where the speed starts afresh: a settled current, and settled friction if it turns."""
+    n = table.size
+    for j in range(n - table.hidden, n):
+        for m in range(n):
+            P[j, m] = 0.0
+            P[m, j] = 0.0
+    if table.lag_state_at >= 0:
+        x[table.lag_state_at] = current
+    if table.memory_state_at >= 0:
+        x[table.memory_state_at] = math.copysign(x[3], x[0]) if abs(x[0]) > omega_s else 0.0
+        P[table.memory_state_at, table.memory_state_at] = (0.3 * x[3]) ** 2

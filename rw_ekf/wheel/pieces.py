@@ -1,0 +1,242 @@
+"""The flow over one sample interval with effects: pieces re-read, terms gathered, then the model's own exact flow.
+
+docs/effects.md eq. 1-6. Scalars and indexed arrays only: plain Python calls it online, numba compiles it for logs.
+"""
+
+from typing import Any
+
+from rw_ekf.model.flow import flow
+from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
+
+_HELD = 0.05  # of the Stribeck speed
+_STEP = 1.0e-3  # of a friction or the Stribeck speed, in differences over one piece
+_LEAST_VISCOUS_STEP = 1.0e-6  # 1/s
+_COEFFICIENT_STEP = 1.0e-3
+_INPUTS = 7  # of a flow with a memory: speed, memory, drive, b, c, s, the effect's coefficient
+_LAG_STEPS = 8  # a lagging current is followed in this many steps at most, each half a time constant
+
+
+def _gather(
+    x: Any, table: Any, omega: float, current: float, temperature: float, angle: float, time: float, duration: float
+) -> tuple[float, float, float, float, float, float]:
+    """Sum of the static effects' contributions to one piece."""
+    amperes, external, viscous, viscous_factor, dry_factor, dry = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(table.static_at.shape[0]):
+        q = table.static_shape[j]
+        part = contribution(
+            table.static_code[j], x[table.static_at[j]], q[0], q[1], q[2],
+            omega, current, temperature, angle, time, duration,
+        )  # fmt: skip
+        amperes += part[0]
+        external += part[1]
+        viscous += part[2]
+        viscous_factor += part[3]
+        dry_factor += part[4]
+        dry += part[5]
+    return amperes, external, viscous, viscous_factor, dry_factor, dry
+
+
+def _chain(
+    x: Any, table: Any, row: Any, omega: float, current: float, temperature: float, angle: float, time: float,
+    duration: float, amperes: float, viscous_factor: float, dry_factor: float,
+    keep: float, of_drive: float, of_b: float, of_c: float, of_s: float,
+) -> None:  # fmt: skip
+    """Carry `row` (n,), the slopes of the speed by the state, over a piece by the chain rule (effects.md eq. 3)."""
+    k, b, c = x[1], x[2], x[3]
+    for j in range(table.size):
+        row[j] *= keep
+    row[1] += of_drive * (current + amperes)
+    row[2] += of_b * (1.0 + viscous_factor)
+    row[3] += of_c * (1.0 + dry_factor) + of_s * dry_factor
+    row[4] += of_s
+    for j in range(table.static_at.shape[0]):
+        at = table.static_at[j]
+        q = table.static_shape[j]
+        part = contribution_slope(
+            table.static_code[j], x[at], q[0], q[1], q[2], omega, current, temperature, angle, time, duration
+        )
+        row[at] += of_drive * (k * part[0] + part[1]) + of_b * (b * part[3] + part[2])
+        row[at] += (of_c + of_s) * (c * part[4] + part[5])
+
+
+def row_size(n: int) -> int:
+    """Length of the row of slopes that `effect_interval` fills for n states and a friction with a memory."""
+    return 2 * (n + _INPUTS)
+
+
+def _memory_moved(
+    which: int, h: float, code: int, omega: float, memory: float, drive: float, b: float, c: float, s: float,
+    omega_s: float, law: int, a: float, q1: float, q2: float, q3: float, duration: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Speed and memory after a piece whose input number `which` is greater by h."""
+    moved: tuple[float, float] = memory_flow(
+        code,
+        omega + h if which == 0 else omega,
+        memory + h if which == 1 else memory,
+        drive + h if which == 2 else drive,
+        b + h if which == 3 else b,
+        c + h if which == 4 else c,
+        s + h if which == 5 else s,
+        omega_s,
+        law,
+        a + h if which == 6 else a,
+        q1,
+        q2,
+        q3,
+        duration,
+    )
+    return moved
+
+
+def _chain_memory(
+    x: Any, table: Any, row: Any, omega: float, memory: float, omega_s: float, law: int, current: float,
+    temperature: float, angle: float, time: float, duration: float, amperes: float, viscous_factor: float,
+    dry_factor: float, drive: float, b: float, level: float, end_omega: float, end_memory: float,
+) -> None:  # fmt: skip
+    """Carry the slopes of the speed (n,) and of the memory (n,), in `row`, over a piece of friction with a memory.
+
+    Behind those `row` has room for the piece's own slopes by the flow's seven inputs, twice: differences from where the
+    piece ends. By the coefficients of static effects the chain rule leads, at no further run of the flow.
+    """
+    n = table.size
+    a = x[table.memory_at]
+    c, s = x[3] + level, x[4] + level
+    q = table.memory_shape
+    dry = _STEP * max(abs(c), abs(s), 1.0e-9)
+    at_slopes = 2 * n
+    carried = False
+    for j in range(1, n):
+        carried = carried or row[j] != 0.0 or row[n + j] != 0.0
+    for which in range(0 if carried else 2, _INPUTS):
+        h = dry
+        if which == 0:
+            h = _STEP * omega_s
+        elif which == 3:
+            h = max(_STEP * abs(b), _LEAST_VISCOUS_STEP)
+        elif which == 6:
+            h = max(_COEFFICIENT_STEP * abs(a), 1.0e-12)
+        moved_omega, moved_memory = _memory_moved(
+            which, h, table.memory_code, omega, memory, drive, b, c, s, omega_s, law, a, q[0], q[1], q[2], duration
+        )
+        row[at_slopes + which] = (moved_omega - end_omega) / h
+        row[at_slopes + _INPUTS + which] = (moved_memory - end_memory) / h
+    for j in range(1, n if carried else 1):
+        of_speed, of_memory = row[j], row[n + j]
+        row[j] = row[at_slopes] * of_speed + row[at_slopes + 1] * of_memory
+        row[n + j] = row[at_slopes + _INPUTS] * of_speed + row[at_slopes + _INPUTS + 1] * of_memory
+    for half in range(2):
+        to, of = half * n, at_slopes + half * _INPUTS
+        row[to + 1] += row[of + 2] * (current + amperes)
+        row[to + 2] += row[of + 3] * (1.0 + viscous_factor)
+        row[to + 3] += row[of + 4] * (1.0 + dry_factor) + row[of + 5] * dry_factor
+        row[to + 4] += row[of + 5]
+        row[to + table.memory_at] += row[of + 6]
+    for j in range(table.static_at.shape[0]):
+        at = table.static_at[j]
+        q = table.static_shape[j]
+        part = contribution_slope(
+            table.static_code[j], x[at], q[0], q[1], q[2], omega, current, temperature, angle, time, duration
+        )
+        for half in range(2):
+            of = at_slopes + half * _INPUTS
+            value = row[of + 2] * (x[1] * part[0] + part[1]) + row[of + 3] * (x[2] * part[3] + part[2])
+            row[half * n + at] += value + (row[of + 4] + row[of + 5]) * (x[3] * part[4] + part[5])
+
+
+def effect_interval(
+    x: Any,
+    table: Any,
+    omega_s: float,
+    law: int,
+    from_s: float,
+    to_s: float,
+    temperature: float,
+    angle: float,
+    begins: Any,
+    durations: Any,
+    currents: Any,
+    first: int,
+    start: int,
+    count: int,
+    slopes: bool,
+    row: Any,
+    end: Any,
+) -> None:
+    """Propagate the state x (n,) from from_s to to_s: end (n,) gets speed and hidden states, row (n,) the slopes.
+
+    begins [s], durations [s], currents [A] (count,): pieces of constant current; `first` is the earliest known, `start`
+    the one in force at from_s. With `slopes` the row has those of the speed by the state, but not by the coefficient of
+    a delay, a current's lag or a Stribeck shape, nor by their hidden states. For a friction with a memory it is
+    `row_size` long, the memory's slopes follow, and those by speed and memory at from_s are left zero. Without, row is
+    not touched. The coefficients in `end` are those of x.
+    """
+    n = table.size
+    for j in range(n):
+        end[j] = x[j]
+        if slopes:
+            row[j] = 1.0 if j == 0 else 0.0
+    if slopes and table.memory_at >= 0:
+        for j in range(n):
+            row[j] = row[n + j] = 0.0
+    if table.stribeck_at >= 0:
+        omega_s = max(x[table.stribeck_at], 0.05 * omega_s)
+        law = table.stribeck_law
+    delay = max(x[table.delay_at], 0.0) if table.delay_at >= 0 else 0.0
+    piece = start
+    while piece > first and begins[piece] > from_s - delay:
+        piece -= 1
+    omega = x[0]
+    at = from_s
+    while at < to_s:
+        until = begins[piece] + durations[piece] + delay
+        if until > to_s or piece + 1 >= count:
+            until = to_s
+        while at < until:
+            left = until - at
+            h = left
+            current = currents[piece]
+            if table.lag_at >= 0:
+                tau = x[table.lag_at]
+                if tau > 0.0:
+                    h = min(left, max(0.5 * tau, left / _LAG_STEPS))
+                q = table.lag_shape
+                current, end[table.lag_state_at] = lagged(
+                    table.lag_code, tau, q[0], q[1], q[2], end[table.lag_state_at], current, h
+                )
+            middle = at + 0.5 * h
+            amperes, external, viscous, viscous_factor, dry_factor, dry = _gather(
+                x, table, omega, current, temperature, angle, middle, h
+            )
+            drive = x[1] * (current + amperes) + external
+            b = x[2] * (1.0 + viscous_factor) + viscous
+            level = x[3] * dry_factor + dry
+            before = omega
+            if table.memory_at >= 0:
+                q = table.memory_shape
+                if table.memory_holds and abs(omega) < _HELD * omega_s and abs(drive) <= x[4] + level:
+                    # No estimate is exactly zero: below this speed a wheel that cannot break away counts as held.
+                    omega = 0.0
+                held = end[table.memory_state_at]
+                start_omega = omega
+                omega, end[table.memory_state_at] = memory_flow(
+                    table.memory_code, omega, held, drive, b, x[3] + level, x[4] + level,
+                    omega_s, law, x[table.memory_at], q[0], q[1], q[2], h,
+                )  # fmt: skip
+                if slopes:
+                    _chain_memory(
+                        x, table, row, start_omega, held, omega_s, law, current, temperature, angle, middle, h,
+                        amperes, viscous_factor, dry_factor, drive, b, level, omega, end[table.memory_state_at],
+                    )  # fmt: skip
+            else:
+                omega, keep, of_drive, of_b, of_c, of_s = flow(
+                    omega, drive, b, x[3] + level, x[4] + level, omega_s, law, h, slopes
+                )
+                if slopes:
+                    _chain(
+                        x, table, row, before, current, temperature, angle, middle, h,
+                        amperes, viscous_factor, dry_factor, keep, of_drive, of_b, of_c, of_s,
+                    )  # fmt: skip
+            angle += 0.5 * (before + omega) * h
+            at = until if h == left else at + h
+        piece += 1
+    end[0] = omega

@@ -1,0 +1,199 @@
+"""The filter's transition over one sample interval, in functions of scalars and indexed arrays (docs/filter.md).
+
+Plain Python calls them online with numpy arrays and lists; numba compiles them as they stand.
+
+The current is constant in pieces: a command takes force some time after the speed was read, so that an interval has
+one piece, or two or more where `command_delay_s` says so.
+"""
+
+import math
+from typing import Any
+
+from rw_ekf.model.flow import flow
+
+_SPREAD = math.sqrt(3.0)  # of a central divided difference: 1 sigma diverged, sqrt(3) did not (docs/filter.md)
+_REACH = 5.0  # standard deviations within which a kink in the transition matters
+
+
+def interval(
+    omega: float,
+    k: float,
+    b: float,
+    c: float,
+    s: float,
+    omega_s: float,
+    law: int,
+    durations: Any,
+    currents: Any,
+    start: int,
+    stop: int,
+    slopes: bool = True,
+) -> tuple[float, float, float, float, float, float]:
+    """Chain the flow over pieces start..stop: speed at the end, its derivatives by omega, k, b, c, s."""
+    to_omega, to_k, to_b, to_c, to_s = 1.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(start, stop):
+        current = currents[i]
+        omega, keep, of_drive, of_b, of_c, of_s = flow(omega, k * current, b, c, s, omega_s, law, durations[i], slopes)
+        to_omega *= keep
+        to_k = keep * to_k + current * of_drive
+        to_b = keep * to_b + of_b
+        to_c = keep * to_c + of_c
+        to_s = keep * to_s + of_s
+    return omega, to_omega, to_k, to_b, to_c, to_s
+
+
+def factor_covariance(P: Any, L: Any) -> None:
+    """Lower triangular L with L L' = P (n, n), Cholesky, in the first n rows of L; no variance gives a zero column."""
+    n = P.shape[0]
+    for j in range(n):
+        pivot = P[j, j]
+        for m in range(j):
+            pivot -= L[j, m] * L[j, m]
+        root = math.sqrt(pivot) if pivot > 1.0e-14 * P[j, j] else 0.0
+        L[j, j] = root
+        for i in range(j + 1, n):
+            value = P[i, j]
+            for m in range(j):
+                value -= L[i, m] * L[j, m]
+            L[i, j] = value / root if root > 0.0 else 0.0
+
+
+def _rests_for_sure(x: Any, P: Any, durations: Any, currents: Any, start: int, stop: int) -> bool:
+    """Whether every point that a divided difference would try comes to rest within the interval and stays.
+
+    Then the difference is exactly zero, and need not be computed: a wheel at rest far below break-away costs nothing.
+    """
+    longest = 0.0
+    push = 0.0
+    for i in range(start, stop):
+        longest += durations[i]
+        push = max(push, abs(currents[i]))
+    if not (x[1] > 0.0 and x[2] >= 0.0):
+        return False
+    # No point lies further than sqrt(3) sigma in any one parameter: the least friction against the largest drive.
+    drive = push * (x[1] + _SPREAD * math.sqrt(P[1, 1]))
+    friction = min(x[3] - _SPREAD * math.sqrt(P[3, 3]), x[4] - _SPREAD * math.sqrt(P[4, 4]))
+    drag = (_SPREAD * math.sqrt(P[2, 2]) - x[2]) * (abs(x[0]) + _SPREAD * math.sqrt(P[0, 0]))
+    brake = friction - drive - max(drag, 0.0)
+    return bool(abs(x[0]) + _SPREAD * math.sqrt(P[0, 0]) < brake * longest)
+
+
+def divided_difference(
+    x: Any,
+    P: Any,
+    end: float,
+    omega_s: float,
+    law: int,
+    durations: Any,
+    currents: Any,
+    start: int,
+    stop: int,
+    row: Any,
+    L: Any,
+) -> float:
+    """Overwrite `row` with the statistical slope of eq. 7 and return the variance of eq. 8 (see `transition`).
+
+    Rows 5 and 6 of `L` (7, 5) hold the reflection's vector v and the differences D.
+    """
+    factor_covariance(P, L)
+    # Householder's reflection I - 2 v v' / v'v turns L's first column into the direction in which |k I| - s varies.
+    current = currents[stop - 1]
+    push = math.copysign(current, x[1] * current)
+    norm = 0.0
+    for j in range(5):
+        L[5, j] = push * L[1, j] - L[4, j]
+        norm += L[5, j] * L[5, j]
+    norm = math.sqrt(norm)
+    # Any sign will do that does not cancel; one that rounding decides, where the first element is zero, will not.
+    L[5, 0] += norm if L[5, 0] > -0.5 * norm else -norm
+    length = 0.0
+    for j in range(5):
+        length += L[5, j] * L[5, j]
+    double = 2.0 / length if length > 0.0 else 0.0
+    q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(5):
+        q0 += L[0, j] * L[5, j]
+        q1 += L[1, j] * L[5, j]
+        q2 += L[2, j] * L[5, j]
+        q3 += L[3, j] * L[5, j]
+        q4 += L[4, j] * L[5, j]
+    bends = 0.0
+    along = 0.0
+    for j in range(5):
+        turn = double * L[5, j]
+        d0 = _SPREAD * (L[0, j] - turn * q0)
+        d1 = _SPREAD * (L[1, j] - turn * q1)
+        d2 = _SPREAD * (L[2, j] - turn * q2)
+        d3 = _SPREAD * (L[3, j] - turn * q3)
+        d4 = _SPREAD * (L[4, j] - turn * q4)
+        if d0 == 0.0 and d1 == 0.0 and d2 == 0.0 and d3 == 0.0 and d4 == 0.0:
+            L[6, j] = 0.0
+            continue
+        up = interval(
+            x[0] + d0, x[1] + d1, x[2] + d2, x[3] + d3, x[4] + d4, omega_s, law, durations, currents, start, stop, False
+        )[0]
+        down = interval(
+            x[0] - d0, x[1] - d1, x[2] - d2, x[3] - d3, x[4] - d4, omega_s, law, durations, currents, start, stop, False
+        )[0]
+        L[6, j] = (up - down) / (2.0 * _SPREAD)
+        along += L[6, j] * L[5, j]
+        bends += up + down - 2.0 * end
+    for j in range(4, -1, -1):
+        if L[j, j] == 0.0:
+            continue
+        slope = L[6, j] - double * along * L[5, j]
+        for m in range(j + 1, 5):
+            slope -= row[m] * L[m, j]
+        row[j] = slope / L[j, j]
+    return bends * bends / 12.0
+
+
+def transition(
+    x: Any,
+    P: Any,
+    omega_s: float,
+    law: int,
+    near_zero_speed: float,
+    durations: Any,
+    currents: Any,
+    start: int,
+    stop: int,
+    row: Any,
+    L: Any,
+) -> tuple[float, float]:
+    """Predict the speed over one interval: (speed [rad/s], variance of the neglected curvature [rad^2/s^2]).
+
+    x (5,) and P (5, 5) are the present belief; `row` (5,) receives the first row of F, `L` (7, 5) is scratch.
+
+    Away from zero speed the row is the derivative of the flow. Where the stop, the stick or the Stribeck peak lies
+    within reach of the uncertainty it is the statistical slope over the columns l_j of a root of P,
+
+        F L = D,   D_j = [Phi(x + h l_j) - Phi(x - h l_j)] / 2h,   h = sqrt(3),          (docs/filter.md eq. 7)
+
+    because a wheel believed stuck has derivative zero, and a filter that trusts it never learns the break-away friction
+    that would free it. The root is Cholesky's, turned so that its first column is the direction in which |k I| - s
+    varies: motion within h sigma of what is believed is then always seen. The curvature that any linear form neglects
+    is added to the process noise,
+
+        [sum_j Phi(x + h l_j) + Phi(x - h l_j) - 2 Phi(x)]^2 / 12,                          (docs/filter.md eq. 8)
+
+    its mean square for a bend along one direction, which the switching surface between stick and slip is.
+    """
+    end, row[0], row[1], row[2], row[3], row[4] = interval(
+        x[0], x[1], x[2], x[3], x[4], omega_s, law, durations, currents, start, stop
+    )
+    nearest = min(abs(x[0]), abs(end)) if x[0] * end > 0.0 else 0.0
+    if nearest > near_zero_speed:
+        return end, 0.0
+    if end == 0.0 and _rests_for_sure(x, P, durations, currents, start, stop):
+        for j in range(5):
+            row[j] = 0.0
+        return end, 0.0
+    spread = 0.0
+    for i in range(5):
+        for j in range(5):
+            spread += row[i] * P[i, j] * row[j]
+    reach = _REACH * math.sqrt(max(spread, P[0, 0]))
+    if nearest > reach and reach < omega_s:
+        return end, 0.0
+    return end, divided_difference(x, P, end, omega_s, law, durations, currents, start, stop, row, L)

@@ -1,0 +1,200 @@
+"""What the tests of the daemon share: a simulated wheel on a pty that keeps a record, its configuration, its run."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from drivers.line.framing import Frame
+from drivers.sim import link_faults
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from drivers.sim.plant_runner import PlantRunner
+from drivers.sim.pty_server import PtyServer
+from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheels import load_wire_map
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = (sys.executable, "-W", "ignore", "-m", "rw_ekf")
+CURRENT_COMMAND, CYCLE = 3, 137
+
+
+@dataclass
+class Recorder:
+    """A manipulator that remembers what the wheel was sent, and puts in the fault of the moment."""
+
+    fault: Manipulator = link_faults.healthy
+    requests: list[tuple[float, Frame]] = field(default_factory=list)
+
+    def __call__(self, server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        self.requests.append((time.monotonic(), request))
+        return self.fault(server, request, content)
+
+    def writes_A(self) -> list[float]:
+        """Every current that a good write frame carried, in order."""
+        return [
+            1e-4 * int.from_bytes(frame.data, "little", signed=True)
+            for _, frame in list(self.requests)
+            if frame.id == CURRENT_COMMAND
+        ]
+
+    def ids(self) -> set[int]:
+        """Ids of all good frames so far."""
+        return {frame.id for _, frame in list(self.requests)}
+
+
+@dataclass
+class Bench:
+    """A wheel that is being served, and where its runs go."""
+
+    directory: Path
+    registers: RegisterServer
+    recorder: Recorder
+    link: str = "wheel"
+    _server: PtyServer | None = None
+    _thread: threading.Thread | None = None
+    _stop: threading.Event = field(default_factory=threading.Event)
+
+    def plug(self) -> None:
+        """Serve the wheel on a pty; it goes on where it was."""
+        self._stop.clear()
+        self._server = PtyServer(self.registers, self.directory / self.link)
+        self._thread = threading.Thread(target=self._server.run, args=(self._stop.is_set,), daemon=True)
+        self._thread.start()
+
+    def unplug(self) -> None:
+        """The pty vanishes, as an adapter does that is pulled out; the wheel keeps its current."""
+        self._stop.set()
+        if self._thread is not None and self._server is not None:
+            self._thread.join(5.0)
+            self._server.close()
+            self._thread = self._server = None
+
+    @property
+    def port(self) -> str:
+        """Path of the wheel's tty."""
+        return str(self.directory / self.link)
+
+    @property
+    def runs(self) -> Path:
+        """Output directory of the configuration."""
+        return self.directory / "runs"
+
+    def logs(self) -> list[Path]:
+        """Logs of the runs so far, oldest first."""
+        return sorted(p for p in self.runs.glob("*.csv") if not p.name.endswith(".estimates.csv"))
+
+    def config(self, **changes: dict[str, Any]) -> Path:
+        """Write a configuration; a section given here is merged over the usual one."""
+        return write_config(self.directory, self.port, **changes)
+
+
+def write_config(directory: Path, port: str, **changes: dict[str, Any]) -> Path:
+    """Write a configuration for a wheel at `port`; quick by default."""
+    content: dict[str, dict[str, Any]] = {
+        "wheel": {"port": port},
+        "limits": {"current_A": 0.6, "silence_s": 0.3},
+        "command": {"profile": "sine", "amplitude_A": 0.1, "period_s": 4.0, "bias_A": 0.05},
+        "output": {"directory": str(directory / "runs")},
+    }
+    for name, section in changes.items():
+        content[name] = content.get(name, {}) | section
+    path = directory / "wheel.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return path
+
+
+@contextmanager
+def served_wheel(
+    directory: Path,
+    *,
+    initial_speed_rad_s: float = 20.0,
+    noise_rpm: float = 1.0,
+    first_uptime_s: float = 100.0,
+    link: str = "wheel",
+) -> Iterator[Bench]:
+    """A simulated wheel on a pty, served by a thread for the length of a with block."""
+    recorder = Recorder()
+    plant = PlantRunner(
+        PlantParameters(), PlantNoise(noise_rpm * RAD_S_PER_RPM), 5, PlantState(speed_rad_s=initial_speed_rad_s)
+    )
+    registers = RegisterServer(
+        load_wire_map("sunspace-wheel"), plant, manipulate=recorder, first_uptime_s=first_uptime_s
+    )
+    bench = Bench(directory, registers, recorder, link)
+    bench.plug()
+    try:
+        yield bench
+    finally:
+        bench.unplug()
+
+
+def program(*arguments: str, **options: Any) -> AbstractContextManager[subprocess.Popen[str]]:
+    """`rw-ekf ARGUMENTS` as a process of its own; killed if it outlives the with block."""
+    return _process([*PROGRAM, *arguments], **options)
+
+
+def shell(command: str) -> AbstractContextManager[subprocess.Popen[str]]:
+    """A command line of the shell, as `program`."""
+    return _process(["/bin/sh", "-c", command])
+
+
+@contextmanager
+def _process(command: list[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
+    settings: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": ROOT}
+    process = subprocess.Popen(command, **(settings | options))
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+        process.wait()
+        for stream in (process.stdout, process.stderr):
+            if stream is not None:
+                stream.close()
+
+
+def rw_ekf(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run `rw-ekf ARGUMENTS` to its end."""
+    settings: dict[str, Any] = {"capture_output": True, "text": True, "cwd": ROOT, "timeout": 60}
+    return subprocess.run([*PROGRAM, *arguments], check=False, **(settings | options))
+
+
+def wait_for(condition: Callable[[], bool], within_s: float = 15.0) -> None:
+    """Wait until something holds; fail the test if it does not in time."""
+    end_s = time.monotonic() + within_s
+    while not condition():
+        assert time.monotonic() < end_s, "did not come about in time"
+        time.sleep(0.01)
+
+
+def document_of(text: str) -> dict[str, Any]:
+    """The one JSON document of a text; NaN and Infinity are refused."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} is no JSON")
+
+    document: dict[str, Any] = json.loads(text, parse_constant=refuse)
+    return document
+
+
+def driven(bench: Bench) -> Callable[[], bool]:
+    """Whether the wheel carries a current that is not zero."""
+    return lambda: abs(bench.registers.command_A) > 0.01
+
+
+def open_descriptors() -> int:
+    """How many files this process has open."""
+    return len(os.listdir("/proc/self/fd"))

@@ -1,0 +1,77 @@
+"""A daemon in this process: its run, what happens to the wheel meanwhile, and what it said."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.live.daemon import RunOutcome, run_daemon
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.logs.reader import read_log
+from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.settings.load import load_configuration
+from rw_ekf.wheels import check_wire
+from tests.live.bench import Bench
+
+Event = tuple[float, Callable[[], object]]
+
+
+@dataclass
+class Notes:
+    """A logger that keeps what it is told."""
+
+    said: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
+
+    def info(self, event: str, **context: Any) -> None:
+        self.said.append((event, context))
+
+    warning = error = info
+
+    @property
+    def events(self) -> list[str]:
+        """Names of the events, in order."""
+        return [name for name, _ in self.said]
+
+
+@dataclass
+class Ran:
+    """A run that has ended."""
+
+    outcome: RunOutcome
+    notes: Notes
+
+    @property
+    def log(self) -> WheelLog:
+        """The log that the run wrote."""
+        return read_log(self.outcome.files.log)
+
+
+def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = None, **changes: dict[str, Any]) -> Ran:
+    """Run the daemon on the bench's wheel; each event is a time [s] after the first request, and what happens then."""
+    configuration = load_configuration(bench.config(**changes))
+    model = read_wheel_model(None, configuration)
+    notes = notes if notes is not None else Notes()
+    over = threading.Event()
+    thread = threading.Thread(target=_happen, args=(bench, events, over), daemon=True)
+    with StopSignal() as stop:
+        thread.start()
+        try:
+            outcome = run_daemon(configuration, check_wire(configuration), model, duration_s, notes, stop)
+        finally:
+            over.set()
+            thread.join(10.0)
+    return Ran(outcome, notes)
+
+
+def _happen(bench: Bench, events: tuple[Event, ...], over: threading.Event) -> None:
+    while not bench.recorder.requests and not over.wait(0.005):
+        pass
+    began_s = time.monotonic()
+    for at_s, action in events:
+        if over.wait(max(began_s + at_s - time.monotonic(), 0.0)):
+            return
+        action()

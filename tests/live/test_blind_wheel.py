@@ -1,0 +1,241 @@
+"""Nothing is driven blind: telemetry that stands still, a wrong sign, a clock that jumps, another wheel, a fault."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from drivers.line.framing import Frame, decode, encode
+from drivers.sim import link_faults
+from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.live.bench import CURRENT_COMMAND, CYCLE, ROOT, Bench, document_of, rw_ekf, served_wheel
+from tests.live.daemon import Ran, run
+from tests.live.test_line_faults import fault, only
+
+STEADY = {"profile": "steps", "amplitude_A": 0.25, "period_s": 60.0, "bias_A": 0.0}
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """A wheel on a pty."""
+    with served_wheel(tmp_path, initial_speed_rad_s=2.0) as made:
+        yield made
+
+
+class Repeated:
+    """The last cycle reply of before, for ever, with the seq of each request: nothing in it changes."""
+
+    def __init__(self) -> None:
+        self.data: bytes | None = None
+
+    def __call__(self, server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        (frame,) = decode(content, server.wire_map.framing).frames
+        self.data = frame.data if self.data is None else self.data
+        return [Reply(encode(frame.seq, frame.id, self.data, server.wire_map.framing))]
+
+
+class Frozen:
+    """The speed of the first reply in every one; all else, the clock too, goes on."""
+
+    def __init__(self) -> None:
+        self.speed: bytes | None = None
+
+    def __call__(self, server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        (frame,) = decode(content, server.wire_map.framing).frames
+        self.speed = frame.data[:2] if self.speed is None else self.speed
+        return [Reply(encode(frame.seq, frame.id, self.speed + frame.data[2:], server.wire_map.framing))]
+
+
+def flags(value: int) -> Manipulator:
+    """The status register with these flags."""
+
+    def manipulate(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        return [Reply(encode(request.seq, request.id, struct.pack("<BB", 1, value), server.wire_map.framing))]
+
+    return only(130, manipulate)
+
+
+def times_of(ran: Ran, event: str) -> int:
+    return ran.notes.events.count(event)
+
+
+def told(ran: Ran, words: str) -> bool:
+    return any(words in text for text in ran.outcome.findings)
+
+
+def test_one_reply_repeated_is_silence(bench: Bench) -> None:
+    """Its time stands still: zero within the silence, said, the log without those speeds, the run ends in time."""
+    speeds: list[float] = []
+
+    def watch(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        speeds.append(server.plant.speed_rad_s)
+        return repeated(server, request, content)
+
+    repeated = Repeated()
+    ran = run(bench, 3.0, *fault(bench, 1.0, 60.0, only(CYCLE, watch)), command=STEADY, limits={"speed_rpm": 100.0})
+    assert bench.registers.command_A == 0.0
+    assert max(speeds) < 2.0 + 15.205 * 0.25 * 2.0
+    assert times_of(ran, "silence") == 1
+    assert told(ran, "repeated one reply")
+    assert ran.outcome.lost
+    assert np.isfinite(ran.log.speed_rad_s).sum() <= 13
+    assert ran.outcome.timing.ticks <= 33
+
+
+def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
+    """The clock runs on: STUCK is said, zero is written, and the profile goes on once the speed moves again."""
+    ran = run(
+        bench,
+        5.5,
+        *fault(bench, 1.2, 3.0, only(CYCLE, Frozen())),
+        command={"profile": "sine", "amplitude_A": 0.3, "period_s": 8.0},
+    )
+    assert times_of(ran, "telemetry_stuck") == 1
+    assert times_of(ran, "telemetry_alive") == 1
+    assert told(ran, "the speed reading is stuck")
+    log = ran.log
+    blind = np.isnan(log.speed_rad_s)
+    assert 5 <= int(blind.sum()) <= 35
+    after = np.flatnonzero(blind)[-1] + 1
+    held = log.current_A[np.flatnonzero(blind)[6] : after]
+    assert np.all(held == 0.0)
+    assert np.any(log.current_A[after:] != 0.0)
+    assert ran.outcome.statistics.rejected <= 4  # repeats that the gate refused before they were several steps off
+    assert bench.registers.command_A == 0.0
+
+
+def wrong_map(directory: Path, field: str, scale: float) -> str:
+    """A copy of the wire map in which one scale, of all registers that have the field, is multiplied."""
+    content = yaml.safe_load((ROOT / "config" / "sunspace-wheel.yaml").read_text(encoding="utf-8"))
+    for register in content["registers"]:
+        for entry in register["fields"]:
+            if entry["name"] == field:
+                entry["scale"] = scale * entry.get("scale", 1.0)
+    path = directory / "wrong-map.yaml"
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("field", ["speed", "current_command"])
+def test_a_wrong_sign_in_the_wire_map_ends_the_run(bench: Bench, field: str) -> None:
+    """Either sign: exit status 1, the sentence names both lines of the map, and the limit was never far."""
+    path = wrong_map(bench.directory, field, -1.0)
+    config = bench.config(
+        wheel={"port": bench.port, "protocol": path},
+        limits={"current_A": 0.3, "speed_rpm": 60.0},
+        command={"profile": "sine", "amplitude_A": 0.2, "period_s": 6.0, "bias_A": 0.0},
+    )
+    done = rw_ekf("run", "--config", str(config), "--duration", "25", "--json")
+    assert done.returncode == 1
+    (entry,) = document_of(done.stdout)["logs"]
+    (said,) = [text for text in entry["warnings"] if "sign" in text]
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    named = [lines[int(part.split(" ")[0]) - 1] for part in said.split(f"{path}:")[1:]]
+    assert len(named) == 2
+    assert all("scale: " in line for line in named)
+    assert abs(bench.registers.plant.speed_rad_s) < 100.0 * RAD_S_PER_RPM
+    assert bench.registers.command_A == 0.0
+    assert entry["duration_s"] < 15.0
+
+
+@pytest.mark.slow
+def test_a_scale_ten_times_off_is_a_finding(bench: Bench) -> None:
+    """The run goes to its end, and says that the gain is ten times what is expected and where to look."""
+    ran = run(
+        bench,
+        6.0,
+        wheel={"port": bench.port, "protocol": wrong_map(bench.directory, "speed", 10.0)},
+        limits={"speed_rpm": 4200.0},
+        command={"profile": "sine", "amplitude_A": 0.2, "period_s": 3.0, "bias_A": 0.0},
+    )
+    assert told(ran, "times what the built-in prior says")
+    assert told(ran, "wrong-map.yaml:")
+    assert ran.outcome.halted is None
+
+
+@pytest.mark.parametrize("jump_s", [3600.0, -50.0])
+def test_a_clock_that_jumps_begins_a_segment_and_nothing_else(bench: Bench, jump_s: float) -> None:
+    """The duration is the host's, delays are as before, no reading is rejected, and the jump is said."""
+
+    def jump() -> None:
+        bench.registers._uptime_zero_s -= jump_s
+
+    ran = run(bench, 2.5, (1.0, jump))
+    assert ran.outcome.timing.ticks <= 28
+    assert 1.5 < ran.outcome.statistics.duration_s < 2.8
+    assert times_of(ran, "clock_jumped") == 1
+    assert told(ran, "clock jumped")
+    assert list(np.unique(ran.log.segment)) == [0, 1]
+    assert ran.log.command_delay_s.max() < 0.1
+    assert ran.outcome.statistics.rejected == 0
+
+
+def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(bench: Bench) -> None:
+    """Zeros taken at once and confirmed a second later: the interval is unknown, a new segment, nothing rejected."""
+    taken = {"profile": "steps", "amplitude_A": 0.4, "period_s": 60.0, "bias_A": 0.0}
+    deaf = *fault(bench, 1.0, 2.2, link_faults.silent), *fault(bench, 2.2, 2.6, only(CYCLE, link_faults.silent))
+    ran = run(bench, 3.8, *deaf, command=taken)
+    assert ran.outcome.statistics.rejected == 0
+    assert ran.log.segment.max() == 1
+    last = np.flatnonzero(np.isnan(ran.log.speed_rad_s))[-1]
+    assert ran.log.segment[last] == 0
+    assert ran.log.segment[last + 1] == 1
+
+
+@pytest.mark.parametrize(("bit", "event"), [(1, "wheel_fault"), (4, "wheel_over_temperature")])
+def test_a_flag_of_the_status_register_is_said_and_holds_zero(bench: Bench, bit: int, event: str) -> None:
+    """Fault or over-temperature: zero as long as the flag is up, an event and a finding, then the profile goes on."""
+    ran = run(bench, 3.6, *fault(bench, 0.8, 2.2, flags(bit)))
+    assert times_of(ran, event) == 1
+    assert times_of(ran, f"{event}_over") == 1
+    assert told(ran, "status register")
+    up = ran.log.channels["status"] == bit
+    assert up.any()
+    assert np.all(ran.log.current_A[up] == 0.0)
+    assert np.any(ran.log.current_A[np.flatnonzero(up)[-1] + 1 :] != 0.0)
+
+
+def test_a_wheel_that_restarts_is_set_up_anew(bench: Bench) -> None:
+    """The restart is said, and the first write after it is zero: the way up begins there."""
+    at: list[int] = []
+
+    def restart() -> None:
+        at.append(len(bench.recorder.writes_A()))
+        bench.registers.restart()
+
+    ran = run(bench, 2.2, (1.1, restart), command=STEADY)
+    assert times_of(ran, "wheel_restarted") == 1
+    assert 0.0 in bench.recorder.writes_A()[at[0] : at[0] + 2]
+    assert any(abs(value) > 0.01 for value in bench.recorder.writes_A()[at[0] + 2 : -1])
+
+
+def test_another_wheel_after_a_replug_is_not_driven(bench: Bench) -> None:
+    """Its serial number is another: zero, the run ends with a sentence, and not one current reached that wheel."""
+    before: list[int] = []
+
+    def swap() -> None:
+        before.append(len(bench.recorder.requests))
+        bench.registers._serial_number = 77
+        bench.plug()
+
+    ran = run(bench, 6.0, (0.8, bench.unplug), (1.3, swap))
+    assert ran.outcome.halted is not None
+    assert "77" in ran.outcome.halted
+    assert told(ran, "another wheel answers")
+    assert ran.outcome.statistics.duration_s < 2.0
+    since = bench.recorder.requests[before[0] :]
+    assert all(frame.data == b"\0\0" for _, frame in since if frame.id == CURRENT_COMMAND)
+
+
+def test_the_same_wheel_after_a_replug_is_driven_on(bench: Bench) -> None:
+    """Who answers is asked again, and it is the one that was there before."""
+    ran = run(bench, 3.2, (0.8, bench.unplug), (1.3, bench.plug))
+    assert ran.outcome.halted is None
+    assert not told(ran, "another wheel")
+    assert np.any(ran.log.current_A[-5:] != 0.0)

@@ -1,0 +1,187 @@
+"""The daemon on a line that fails: what is missing is missing, zero is written in silence, and the run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.line.framing import Frame
+from drivers.sim import link_faults
+from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.live.bench import CURRENT_COMMAND, CYCLE, Bench, served_wheel
+from tests.live.daemon import Event, Ran, run
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """A wheel on a pty."""
+    with served_wheel(tmp_path) as made:
+        yield made
+
+
+def fault(bench: Bench, from_s: float, to_s: float, what: Manipulator) -> tuple[Event, Event]:
+    """Two events: the fault comes, the fault goes."""
+
+    def set_to(manipulator: Manipulator) -> None:
+        bench.recorder.fault = manipulator
+
+    return (from_s, lambda: set_to(what)), (to_s, lambda: set_to(link_faults.healthy))
+
+
+def only(register_id: int, what: Manipulator) -> Manipulator:
+    """The fault on one register's replies only."""
+
+    def manipulate(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+        return (what if request.id == register_id else link_faults.healthy)(server, request, content)
+
+    return manipulate
+
+
+def errors_rpm(ran: Ran, bench: Bench) -> float:
+    """How far the filter's last speed is from the truth [rpm]."""
+    return abs(float(ran.outcome.belief.mean[0]) - bench.registers.plant.speed_rad_s) / RAD_S_PER_RPM
+
+
+def test_dropped_replies_are_missing_samples_and_the_run_recovers(bench: Bench) -> None:
+    """Replies lost for less than the silence: rows without a speed on the same grid of time, no zero, then all well."""
+    ran = run(bench, 2.0, *fault(bench, 0.7, 1.3, link_faults.silent), limits={"silence_s": 1.0})
+    assert 4 <= ran.outcome.statistics.missing <= 8
+    assert ran.outcome.statistics.samples == pytest.approx(21, abs=2)
+    assert ran.outcome.link.timeouts >= 4
+    assert ran.outcome.zero_confirmed
+    assert not ran.outcome.lost
+    log = ran.log
+    assert int(np.isnan(log.speed_rad_s).sum()) == ran.outcome.statistics.missing
+    assert float(np.median(np.diff(log.time_s))) == pytest.approx(0.1, abs=0.03)
+    assert log.segment.max() <= 1  # a fault that falls between a read and its write leaves the current unknown
+    assert ran.outcome.statistics.rejected <= 2
+    assert "silence" not in ran.notes.events
+    gap = np.flatnonzero(np.isnan(log.speed_rad_s))
+    assert np.unique(log.current_A[gap[0] - 1 : gap[-1] + 1]).size == 1  # held, as the wheel held it
+
+
+def test_in_silence_zero_is_written_again_and_again_and_then_the_run_goes_on(bench: Bench) -> None:
+    """Beyond silence_s the wheel is sent zero at every tick though it never answers; then the profile resumes."""
+    ran = run(bench, 2.6, *fault(bench, 0.6, 1.6, link_faults.silent))
+    writes = bench.recorder.writes_A()
+    run_of_zeros = longest_run_of_zeros(writes)
+    assert run_of_zeros >= 4
+    after = writes[len(writes) - writes[::-1].index(0.0, 1) :] if 0.0 in writes[:-1] else writes
+    assert any(abs(value) > 0.01 for value in after[:-1])
+    assert ran.notes.events.count("silence") == 1
+    assert ran.notes.events.count("telemetry_back") == 1
+    assert not ran.outcome.lost
+    assert bench.registers.command_A == 0.0
+    assert errors_rpm(ran, bench) < 5.0
+
+
+@pytest.mark.slow
+def test_after_silence_the_speed_starts_afresh_where_the_current_is_not_known(bench: Bench) -> None:
+    """The wheel took a zero that it could not confirm, at a time nobody knows: a new segment, no wrong prediction."""
+    ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, link_faults.silent))
+    assert list(np.unique(ran.log.segment)) == [0, 1]
+    assert ran.outcome.statistics.reseeded == 1
+    assert ran.outcome.statistics.rejected == 0
+
+
+@pytest.mark.slow
+def test_a_zero_confirmed_in_silence_is_in_the_log_from_when_it_acted(bench: Bench) -> None:
+    """Only the readings are lost: the zero is confirmed, logged as a row without a speed, and nothing is re-seeded."""
+    silent = only(CYCLE, link_faults.silent)
+    ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, silent))
+    log = ran.log
+    assert log.segment.max() == 0
+    assert ran.outcome.statistics.rejected == 0
+    gap = np.flatnonzero(np.isnan(log.speed_rad_s))
+    assert log.current_A[gap[-1]] == 0.0
+    assert np.any(log.current_A[: gap[0]] != 0.0)
+    assert np.any(log.current_A[gap[-1] + 1 :] != 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "counter"), [("corrupt", "damaged"), ("late", "stale"), ("wrong_seq", "stale"), ("cut", "timeouts")]
+)
+def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, name: str, counter: str) -> None:
+    """Every third reply is bad: it is counted and dropped, and nothing wrong reaches the filter or the wheel."""
+    bad = {
+        "corrupt": link_faults.corrupt(),
+        "late": link_faults.late(0.06),
+        "wrong_seq": link_faults.wrong_seq(),
+        "cut": link_faults.cut(5),
+    }[name]
+    ran = run(bench, 2.0, *fault(bench, 0.4, 1.4, link_faults.every(3, bad)))
+    assert getattr(ran.outcome.link, counter) >= 3
+    assert ran.outcome.statistics.rejected == 0
+    assert ran.outcome.zero_confirmed
+    assert not ran.outcome.lost
+    assert bench.registers.command_A == 0.0
+    assert errors_rpm(ran, bench) < 5.0
+
+
+@pytest.mark.slow
+def test_a_write_that_is_taken_but_never_confirmed_does_not_mislead_the_filter(bench: Bench) -> None:
+    """The wheel obeys and its confirmations are lost: telemetry contradicts the log, so the speed starts afresh."""
+    lost = only(CURRENT_COMMAND, link_faults.silent)
+    steps = {"profile": "steps", "amplitude_A": 0.3, "period_s": 1.0, "bias_A": 0.0}
+    ran = run(bench, 2.4, *fault(bench, 0.9, 1.4, lost), command=steps)
+    assert ran.outcome.statistics.rejected == 0
+    assert ran.log.segment.max() >= 1
+    assert ran.outcome.zero_confirmed
+
+
+def test_a_wheel_that_restarts_begins_a_new_segment_with_the_parameters_kept(bench: Bench) -> None:
+    """Uptime starts again: the log's segment changes, time restarts in it, the speed is re-seeded, k goes on."""
+    ran = run(bench, 2.2, (1.1, bench.registers.restart))
+    log = ran.log
+    first = int(np.argmax(log.segment > 0))
+    assert log.time_s[first] < 1.0 < log.time_s[first - 1]
+    assert ran.outcome.statistics.reseeded >= 1
+    assert ran.outcome.statistics.rejected == 0
+    estimates = np.genfromtxt(ran.outcome.files.estimates, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    gains, stds = estimates["motor_gain"], estimates["std_motor_gain"]
+    assert gains[first] == pytest.approx(gains[first - 1], rel=1e-9)
+    assert stds[first] == pytest.approx(stds[first - 1], rel=1e-3)
+    assert ran.outcome.zero_confirmed
+
+
+def test_a_hot_wheel_is_given_no_current_until_it_has_cooled(bench: Bench) -> None:
+    """Above limits.temperature_degC only zero is written; below it again, the profile goes on."""
+
+    def set_heat(heat: float) -> None:
+        plant = bench.registers.plant
+        plant.parameters = plant.parameters._replace(ambient_degC=heat)
+        plant.state = plant.state._replace(temperature_degC=heat)
+
+    ran = run(bench, 2.2, (0.7, lambda: set_heat(80.0)), (1.4, lambda: set_heat(20.0)))
+    assert longest_run_of_zeros(bench.recorder.writes_A()) >= 5
+    log = ran.log
+    hot = log.channels["temperature_degC"] > 60.0
+    assert hot.sum() >= 5
+    assert np.all(log.current_A[hot] == 0.0)
+    assert np.any(log.current_A[np.flatnonzero(hot)[-1] + 1 :] != 0.0)
+    assert ("command_changed", "over_temperature") in [(e, c.get("reason")) for e, c in ran.notes.said]
+
+
+@pytest.mark.slow
+def test_a_wheel_too_fast_is_only_braked(bench: Bench) -> None:
+    """Above limits.speed_rpm no current in the direction of turning is ever written, all of it is zero or brakes."""
+    ran = run(bench, 2.0, limits={"speed_rpm": 100.0}, command={"period_s": 1.0, "amplitude_A": 0.3, "bias_A": 0.0})
+    log = ran.log
+    fast = log.speed_rad_s > 100.0 * RAD_S_PER_RPM
+    assert fast.sum() > 10
+    assert np.all(log.current_A[fast] <= 0.0)
+    assert np.any(log.current_A[fast] < 0.0)
+
+
+def longest_run_of_zeros(currents: list[float]) -> int:
+    """Length of the longest row of zeros."""
+    longest = present = 0
+    for current in currents:
+        present = present + 1 if current == 0.0 else 0
+        longest = max(longest, present)
+    return longest

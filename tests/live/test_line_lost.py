@@ -1,0 +1,140 @@
+"""The line vanishes: the daemon reconnects with zero first, or ends and says so."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.sim import link_faults
+from rw_ekf.errors import DriverError
+from tests.live.bench import Bench, driven, open_descriptors, served_wheel, wait_for
+from tests.live.daemon import Notes, run
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """A wheel on a pty."""
+    with served_wheel(tmp_path) as made:
+        yield made
+
+
+def test_a_line_that_comes_back_is_taken_up_again_with_zero_first(bench: Bench) -> None:
+    """Unplugged for 0.8 s: one reconnect, the first write is zero, then the profile; the wheel ends at zero."""
+    back: list[int] = []
+
+    def plug() -> None:
+        back.append(len(bench.recorder.writes_A()))
+        bench.plug()
+
+    ran = run(bench, 3.2, (0.8, bench.unplug), (1.6, plug))
+    assert ran.outcome.link.reconnects == 1
+    assert not ran.outcome.lost
+    assert ran.outcome.zero_confirmed
+    writes = bench.recorder.writes_A()[back[0] :]
+    assert writes[0] == 0.0
+    assert any(abs(value) > 0.01 for value in writes[1:-1])
+    assert bench.registers.command_A == 0.0
+    assert ran.notes.events.count("link_lost") == 1
+    assert ran.notes.events.count("link_back") == 1
+    assert ran.outcome.statistics.rejected == 0
+    assert np.unique(ran.log.segment).size == 2
+
+
+@pytest.mark.slow
+def test_zero_goes_out_after_a_reconnect_even_where_no_answer_comes_back(bench: Bench) -> None:
+    """Plugged in again with its answers lost, the wheel that still turned under current is at zero within a second."""
+    held: list[float] = []
+
+    def plug_deaf() -> None:
+        held.append(bench.registers.command_A)
+        bench.recorder.fault = link_faults.silent
+        bench.plug()
+        wait_for(lambda: bench.registers.command_A == 0.0, 1.5)
+        held.append(bench.registers.command_A)
+
+    ran = run(bench, 3.4, (0.8, bench.unplug), (1.2, plug_deaf))
+    assert held[0] != 0.0
+    assert held[1] == 0.0
+    assert ran.outcome.lost
+
+
+@pytest.mark.slow
+def test_a_line_lost_to_the_end_is_said_and_the_log_stays(bench: Bench) -> None:
+    """Unplugged and never back: the run ends after its duration, lost, zero not confirmed, the log whole."""
+    ran = run(bench, 1.6, (0.8, bench.unplug))
+    assert ran.outcome.lost
+    assert not ran.outcome.zero_confirmed
+    assert "zero_not_confirmed" in ran.notes.events
+    assert len(ran.log) >= 5
+
+
+@pytest.mark.slow
+def test_a_wheel_silent_to_the_end_counts_as_lost(bench: Bench) -> None:
+    """The port is there, the wheel says nothing any more: lost, and its duration ends the run all the same."""
+
+    def fall_silent() -> None:
+        bench.recorder.fault = link_faults.silent
+
+    began = time.monotonic()
+    ran = run(bench, 1.6, (0.8, fall_silent))
+    assert ran.outcome.lost
+    assert not ran.outcome.zero_confirmed
+    assert bench.registers.command_A == 0.0
+    assert time.monotonic() - began < 60.0  # against a hang alone
+
+
+def test_a_wheel_lost_and_back_only_at_the_end_is_still_given_zero(bench: Bench) -> None:
+    """The line returns while the daemon is on its way out: zero is written over a new line and confirmed."""
+    held: list[float] = []
+
+    class Returning(Notes):
+        def info(self, event: str, **context: object) -> None:
+            super().info(event, **context)
+            if event == "link_lost":
+                held.append(bench.registers.command_A)
+                threading.Timer(0.35, bench.plug).start()
+
+        warning = error = info
+
+    ran = run(bench, 0.8, (0.5, bench.unplug), notes=Returning())
+    assert held
+    assert held[0] != 0.0
+    assert ran.outcome.zero_confirmed
+    assert bench.registers.command_A == 0.0
+
+
+def test_an_exception_inside_the_loop_leaves_the_wheel_at_zero(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever breaks after the wheel was driven, zero reaches it before the exception is seen."""
+    from rw_ekf.sinks.sinks import StatisticsSink
+
+    was_driven: list[bool] = []
+
+    def burst(*arguments: object) -> None:
+        if driven(bench)():
+            was_driven.append(True)
+            raise ZeroDivisionError("injected")
+
+    monkeypatch.setattr(StatisticsSink, "write", burst)
+    with pytest.raises(ZeroDivisionError, match="injected"):
+        run(bench, 5.0)
+    assert was_driven == [True]
+    assert bench.registers.command_A == 0.0
+
+
+def test_a_port_that_cannot_be_opened_leaves_nothing_open(bench: Bench) -> None:
+    """Twenty failed starts: an error each, no descriptor more than before, and then a run still works."""
+    bench.unplug()
+    with pytest.raises(DriverError, match="there is no port"):
+        run(bench, 1.0)
+    before = open_descriptors()
+    for _ in range(20):
+        with pytest.raises(DriverError, match="there is no port"):
+            run(bench, 1.0)
+    assert open_descriptors() == before
+    bench.plug()
+    assert run(bench, 0.3).outcome.zero_confirmed

@@ -1,0 +1,157 @@
+"""What a person sees while a run lasts: a line that fits any terminal, and elsewhere a log line now and then."""
+
+from __future__ import annotations
+
+import io
+import os
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rw_ekf import console
+from rw_ekf.control.commanders import request_of
+from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.settings.schema import CommandSection
+from rw_ekf.sinks.status_line import LEGEND, StatusLine, concise, elapsed_text, status_text
+from tests.live.daemon import Notes
+
+MEAN = (-123.456789, 15.2049123, 0.00322111, 0.5863123, 0.6037)
+STD = (0.05, 0.0213, 0.000041, 0.00213, 0.0213)
+
+
+def shown(line: StatusLine, time_s: float, current_A: float = -0.14000000000000001) -> None:
+    """One sample at a time of the wheel's clock."""
+    result = StepResult(time_s, Outcome.UPDATED, MEAN, STD)
+    line.write(WheelSample(time_s, MEAN[0]), IssuedCommand(current_A), result)
+
+
+class Screen(io.StringIO):
+    """A terminal as standard error."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        super().__init__()
+        self.columns = 80
+        monkeypatch.setattr("sys.stderr", self)
+        monkeypatch.setattr("os.get_terminal_size", lambda descriptor: os.terminal_size((self.columns, 24)))
+
+    def isatty(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return 2
+
+    def take(self) -> str:
+        """What has been written since."""
+        text = self.getvalue()
+        self.seek(0)
+        self.truncate()
+        return text
+
+
+@pytest.mark.parametrize("columns", [20, 40, 60, 80, 100, 120, 200])
+def test_the_line_is_never_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    """At every width, and after a change of it, each refresh stays in its row; legend and units are said once."""
+    screen = Screen(monkeypatch)
+    screen.columns = columns
+    alarms = ["one", "two"]
+    line = StatusLine(Notes(), 600.0, lambda time_s: "coast-downs", lambda: alarms, every_s=0.0)
+    shown(line, 1000.0)
+    legend, _, first = screen.take().rpartition("\n\r")
+    refreshes = [first]
+    assert " ".join(legend.split()) == LEGEND
+    shown(line, 1012.3)
+    screen.columns = 50
+    shown(line, 1012.4)
+    refreshes += screen.take().split("\r")[1:]
+    line.close()
+    assert screen.take() == "\n"
+    texts = [text.removesuffix("\x1b[K") for text in refreshes]
+    assert len(texts) == 3
+    assert [len(text) < width for text, width in zip(texts, (columns, columns, 50), strict=True)] == [True] * 3
+    assert texts[0].startswith("0/600 s")
+    assert texts[1].startswith("12/600 s")
+    if columns >= 80:
+        for word in ("tracking", "-1178.9 rpm", "-140.0 mA", "2 alarms", "coast-downs"):
+            assert word in texts[1]
+    if columns >= 120:
+        assert texts[1].endswith("k 15.20(2)  c 0.586(2)  b 0.00322(4)  s 0.60(2)")
+
+
+def test_log_lines_go_above_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is logged meanwhile stands in a row of its own, and the changing line comes back below it."""
+    screen = Screen(monkeypatch)
+    line = StatusLine(Notes(), None, every_s=0.0)
+    shown(line, 5.0)
+    screen.take()
+    console.STATUS.say("said")
+    assert screen.take().startswith("\r\x1b[Ksaid\n0 s  tracking")
+
+
+def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
+    """No terminal: an event of the log with elapsed and total time, phase, state, speed, current, estimates, alarms."""
+    notes = Notes()
+    line = StatusLine(notes, 30.0, lambda time_s: "creep", log_every_s=0.0)
+    shown(line, 7.0)
+    shown(line, 7.1)
+    assert notes.events == ["running", "running"]
+    told = notes.said[-1][1]
+    assert told["elapsed_s"] == 0.1
+    assert told["of_s"] == 30.0
+    assert told["current_mA"] == -140.0
+    assert told["motor_gain"] == "15.20(2) rad/s^2/A"
+    assert (told["phase"], told["state"], told["alarms"]) == ("creep", "tracking", 0)
+    silent = Notes()
+    shown(StatusLine(silent, None), 7.0)
+    assert silent.events == []
+
+
+def test_a_wheel_whose_clock_leaps_has_not_run_longer() -> None:
+    """A leap of an hour, a step back and another segment count as no time."""
+    notes = Notes()
+    line = StatusLine(notes, None, log_every_s=0.0)
+    for time_s in (10.0, 10.5, 3610.5, 3611.0, 11.0, 11.5):
+        shown(line, time_s)
+    assert notes.said[-1][1]["elapsed_s"] == 1.5
+
+
+@given(st.lists(st.text(st.characters(codec="ascii", exclude_characters="\n\r"), max_size=30)), st.integers(1, 150))
+def test_no_text_is_wider_than_asked_for(fields: list[str], width: int) -> None:
+    """Whatever the fields, the line fits."""
+    assert len(status_text(fields, width)) <= width
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (15.2049, 0.0213, "15.20(2)"), (0.58631, 0.00096, "0.586(1)"), (15.2, 4.4, "15(4)"),
+        (1523.0, 99.0, "1500(100)"), (-0.5, 0.05, "-0.50(5)"), (3.0, 0.0, "3"), (3.0, float("nan"), "3"),
+        (3.22e-3, 4.1e-5, "0.00322(4)"), (0.6, 9.6, "0(10)"),
+    ],
+)  # fmt: skip
+def test_values_have_the_digits_that_sigma_allows(value: float, std: float, text: str) -> None:
+    """The value ends at the place of sigma's first digit."""
+    assert concise(value, std) == text
+
+
+def test_elapsed_time() -> None:
+    """With and without an end."""
+    assert (elapsed_text(12.4, 600.0), elapsed_text(12.4, None)) == ("12/600 s", "12 s")
+
+
+def test_the_phases_of_a_profile() -> None:
+    """Identification says what it is at; every other profile says its name."""
+    _, duration_s, phase = request_of(CommandSection(profile="identification"))
+    assert duration_s == 600.0
+    assert [phase(t) for t in (0.0, 63.9, 64.1, 300.0, 599.9, 700.0)] == [
+        "reversals", "reversals", "creep", "coast-downs", "creep", "creep",
+    ]  # fmt: skip
+    assert request_of(CommandSection(profile="sine"))[2](5.0) == "sine"
+
+
+def test_numbers_of_log_lines_have_six_digits(capsys: pytest.CaptureFixture[str]) -> None:
+    """Seventeen digits of a current are nobody's business; times keep a tenth of a second."""
+    console.logger("json").warning("slewed", current_A=0.30000000000000004, since_s=1234567.891, n=3)
+    told = capsys.readouterr().err
+    assert '"current_A": 0.3,' in told
+    assert '"since_s": 1234567.9,' in told

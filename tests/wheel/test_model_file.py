@@ -1,0 +1,179 @@
+"""Effects in a model file: what is written comes back to the last bit, what is wrong is told with its place."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.errors import ConfigError
+from rw_ekf.model.effect import NO_SHAPE, Shape
+from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.starting_point import belief_of_model, carried_over
+from rw_ekf.wheel.model_file import WheelModel, read_model
+from rw_ekf.wheel.table import Column, EffectSet, columns_of
+
+SHAPES: dict[str, Shape] = {
+    "torque_ripple": (6.0, 0.1, 0.0),
+    "external_torque": (1.0 / 7.0, -0.3, 12.0),
+    "drag_spike": (123.4, 60.0, 0.0),
+    "coulomb_drift": (300.0, 12.0, 0.0),
+    "stribeck_shape": (1.0, 0.0, 0.0),
+    "presliding_hysteresis": (0.3, 0.0, 0.0),
+}
+
+
+def effect(name: str, value: float = 0.03, std: float = 0.001, shape: Shape | None = None) -> Column:
+    """A column as a diagnosis leaves it."""
+    return columns_of(name, value, std, SHAPES.get(name, NO_SHAPE) if shape is None else shape)
+
+
+def pair(name: str, sine: float, cosine: float) -> tuple[Column, Column]:
+    """Both quadratures of a periodic effect."""
+    first, phase, _ = SHAPES[name]
+    return effect(name, sine), effect(name, cosine, shape=(first, phase + 0.5 * math.pi, 0.0))
+
+
+def model_with(*columns: Column) -> WheelModel:
+    """A model with a full covariance, each number of it another."""
+    effects = EffectSet(columns)
+    size = 4 + len(effects.state_columns)
+    root = np.random.default_rng(size).normal(size=(size, size))
+    covariance = tuple(tuple(float(v) for v in row) for row in 1.0e-4 * root @ root.T + 1.0e-3 * np.eye(size))
+    return WheelModel(
+        CK13_STATISTICAL, covariance, 1.0 / 3.0, "tustin", 0.1, 0.01, 1.5e-3, {"method": "diagnose"}, effects
+    )
+
+
+def read_text(tmp_path: Path, text: str) -> WheelModel:
+    """What a file of this text holds."""
+    path = tmp_path / "model.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_model(path)
+
+
+@pytest.mark.parametrize("name", list(CATALOGUE))
+def test_every_effect_comes_back_as_it_was(tmp_path: Path, name: str) -> None:
+    """Coefficient, sigma, constants and covariance survive the file to the last bit; a reading effect is no state."""
+    model = model_with(effect(name, 1.0 / 3.0, 1.0 / 7.0))
+    assert read_text(tmp_path, model.to_text()) == model
+    assert len(model.covariance) == (4 if name == "speed_quantisation" else 5)
+
+
+def test_several_effects_keep_their_order(tmp_path: Path) -> None:
+    """Two lines of a ripple, a lag and a grid: the covariance's rows stay with the effects they belong to."""
+    other = effect("torque_ripple", shape=(12.0, 0.0, 0.0))
+    model = model_with(
+        *pair("torque_ripple", 0.1, 0.2), effect("speed_quantisation"), effect("actuator_lag"), other
+    )  # fmt: skip
+    read = read_text(tmp_path, model.to_text())
+    assert read == model
+    assert read.effects.state_names == ("torque_ripple", "torque_ripple_2", "actuator_lag", "torque_ripple_3")
+
+
+def test_a_file_without_effects_has_none(tmp_path: Path) -> None:
+    """Files of earlier versions have no such key."""
+    text = model_with().to_text()
+    for written in (text, re.sub(r"effects:.*\n", "", text)):
+        assert read_text(tmp_path, written).effects == EffectSet()
+
+
+RIPPLE = model_with(effect("torque_ripple")).to_text()
+SPIKE = model_with(effect("drag_spike")).to_text()
+STRIBECK = model_with(effect("stribeck_shape", 0.6)).to_text()
+ENTRY = re.compile(r"effects:\n(.|\n)*")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (RIPPLE.replace("effect: torque_ripple", "effect: torque_riple"), "the catalogue has"),
+        (RIPPLE.replace("effect: torque_ripple", "effect: [torque_ripple]"), "the catalogue has"),
+        (RIPPLE.replace("- effect: torque_ripple", "- colour: red\n  effect: torque_ripple"), "colour"),
+        (ENTRY.sub("effects: [3]\n", RIPPLE), "the catalogue has"),
+        (ENTRY.sub("effects: {torque_ripple: 1}\n", RIPPLE), "list"),
+        (ENTRY.sub("effects: torque_ripple\n", RIPPLE), "list"),
+        (ENTRY.sub("effects: 0\n", RIPPLE), "list"),
+        (RIPPLE.replace("value: 0.03, std", "value: much, std"), "finite number"),
+        (RIPPLE.replace("value: 0.03, std", "value: 1.0e+9, std"), "allows"),
+        (RIPPLE.replace("std: 0.001, unit: rad/s^2}\n  con", "unit: rad/s^2}\n  con"), "std is missing"),
+        (RIPPLE.replace("std: 0.001, unit", "std: -0.001, unit"), "std"),
+        (RIPPLE.replace("std: 0.001, unit: rad/s^2", "std: 0.001, unit: N m"), "unit"),
+        (RIPPLE.replace("order: 6.0, ", ""), "order is missing"),
+        (RIPPLE.replace("order: 6.0", "order: six"), "finite number"),
+        (RIPPLE.replace("order: 6.0", "order: -6.0"), "allows"),
+        (RIPPLE.replace("order: 6.0", "order: 6.0, ordre: 7.0"), "ordre"),
+        (SPIKE.replace("decay_s: 60.0", "decay_s: 0.0"), "allows"),
+        (STRIBECK.replace("law: 1.0", "law: 7.0"), "allows"),
+        (STRIBECK.replace("law: 1.0", "law: 0.5"), "law"),
+        (RIPPLE.replace("covariance:\n", "covariance:\n- [1.0, 0.0, 0.0, 0.0, 0.0]\n"), "5 rows of 5"),
+        (model_with(effect("friction_lag"), effect("presliding_hysteresis")).to_text(), "presliding_hysteresis"),
+        (model_with(effect("transport_delay"), effect("transport_delay")).to_text(), "transport_delay"),
+        (model_with(effect("stribeck_shape"), effect("stribeck_shape", 0.5)).to_text(), "stribeck_shape"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(tmp_path: Path, text: str, words: str) -> None:
+    """Every wrong entry is a ConfigError with file:line:column, on a line of the file, that says what is wrong."""
+    assert text != RIPPLE
+    with pytest.raises(ConfigError) as caught:
+        read_text(tmp_path, text)
+    finding = next(line for line in str(caught.value).splitlines() if words in line)
+    place = re.match(rf"{re.escape(str(tmp_path / 'model.yaml'))}:(\d+):(\d+): ", finding)
+    assert place is not None, finding
+    assert 1 < int(place[1]) <= text.count("\n")
+
+
+def test_a_belief_has_its_hidden_states_last() -> None:
+    """Coefficients with their covariance behind the parameters; hidden states are left to the first reading."""
+    model = model_with(effect("actuator_lag", 0.05), effect("offset_torque", 0.02))
+    belief = belief_of_model(model)
+    assert belief.mean.tolist() == [0.0, *CK13_STATISTICAL, 0.05, 0.02, 0.0]
+    assert np.array_equal(belief.covariance[1:7, 1:7], np.array(model.covariance))
+    assert np.all(belief.covariance[7] == 0.0)
+
+
+def test_what_belongs_to_a_record_is_not_carried_over(tmp_path: Path) -> None:
+    """A spike and a drift are left behind, with their rows of the covariance, and both are mentioned."""
+    model = model_with(effect("drag_spike"), effect("offset_torque", 0.02), effect("coulomb_drift"))
+    kept, notes = carried_over(model)
+    assert kept.effects.ids == ("offset_torque",)
+    places = [0, 1, 2, 3, 5]
+    assert np.array_equal(np.array(kept.covariance), np.array(model.covariance)[np.ix_(places, places)])
+    assert len(notes) == 2
+    assert "drag_spike" in notes[0]
+    assert "coulomb_drift" in notes[1]
+    assert read_text(tmp_path, kept.to_text()) == kept
+
+
+def test_a_phase_is_not_carried_over(tmp_path: Path) -> None:
+    """Amplitude is known, phase is not: both quadratures begin at zero, each as uncertain as the amplitude is large."""
+    grid = effect("speed_quantisation")
+    model = model_with(effect("offset_torque", 0.02), *pair("external_torque", 0.03, -0.04), grid)
+    kept, notes = carried_over(model)
+    assert notes == []
+    assert kept.effects.ids == model.effects.ids
+    assert kept.effects.values.tolist() == [0.02, 0.0, 0.0]
+    covariance = np.array(kept.covariance)
+    assert np.allclose(covariance[5:, 5:], 0.05**2 * np.eye(2), rtol=1e-12)
+    assert np.all(covariance[:5, 5:] == 0.0)
+    assert np.array_equal(covariance[:5, :5], np.array(model.covariance)[:5, :5])
+    assert [column.std for column in kept.effects.columns[1:3]] == pytest.approx([0.05, 0.05])
+    assert read_text(tmp_path, kept.to_text()) == kept
+
+
+def test_a_run_that_learnt_nothing_leaves_the_amplitude_open(tmp_path: Path) -> None:
+    """Carried over twice with nothing read in between, a periodic torque can still be learnt."""
+    once, _ = carried_over(model_with(*pair("torque_ripple", 0.03, -0.04)))
+    twice, _ = carried_over(once)
+    assert np.all(np.diag(np.array(twice.covariance))[4:] > 1.0e-4)
+    assert read_text(tmp_path, twice.to_text()) == twice
+
+
+def test_nothing_to_leave_behind_leaves_all() -> None:
+    """A model without such effects is carried over as it is."""
+    model = model_with(effect("quadratic_drag", 1.0e-6), effect("actuator_lag"))
+    assert carried_over(model) == (model, [])

@@ -1,0 +1,36 @@
+"""The first run's models put to the second run as they are: nothing of the second run enters them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.diagnosis.judge.metrics import judge_model
+from rw_ekf.diagnosis.prepare.base_fit import model_of_setup
+from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.logs.reader import read_log
+from rw_ekf.wheel.model_file import read_model
+
+
+def frozen_figures(log: str, model_file: Path) -> dict[str, Any]:
+    """METRICS of the contract, section 6, over the whole log, cut into the blocks that a diagnosis makes.
+
+    Parameters and effects are those of the model file, neither fitted nor filtered further; a block's free run starts
+    from its first filtered speed.
+    """
+    model = read_model(model_file)
+    prepared = prepare(source_of([read_log(log)]), None, model, "blocks")
+    judged = judge_model(
+        prepared.whole,
+        model_of_setup(prepared.setup, model.parameters),
+        prepared.base.noise,
+        np.ones(prepared.split.block.size, dtype=np.bool_),
+        prepared.split.block,
+        prepared.base.omit,
+        prepared.seen,
+        None,
+    )
+    return judged.figures

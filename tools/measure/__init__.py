@@ -1,0 +1,1 @@
+"""Measurements: the estimator, the daemon, the watch, the time to start."""

@@ -1,0 +1,107 @@
+"""Measure the daemon: a simulated wheel on a pty, 10 Hz, ten minutes; lateness, processor share, memory.
+
+python -m tools.measure.daemon [--minutes 10]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+COMMAND = [sys.executable, "-m", "rw_ekf"]
+CONFIGURATION = """\
+wheel: {{port: {link}}}
+limits: {{current_A: 0.6}}
+command: {{profile: random-sines, amplitude_A: 0.15, period_s: 25}}
+output: {{directory: {directory}}}
+"""
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+
+
+def main() -> int:
+    """Run and print the figures beside their marks."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    minutes = parser.parse_args().minutes
+    with tempfile.TemporaryDirectory(prefix="rw-ekf-measure-") as name:
+        directory = Path(name)
+        link = directory / "wheel"
+        config = directory / "wheel.yaml"
+        config.write_text(CONFIGURATION.format(link=link, directory=directory / "runs"))
+        wheel = subprocess.Popen([*COMMAND, "simulate", "--link", str(link)], stdout=subprocess.PIPE, text=True)
+        try:
+            assert wheel.stdout is not None
+            wheel.stdout.readline()
+            document, usage = _run(config, 60.0 * minutes)
+        finally:
+            wheel.send_signal(signal.SIGTERM)
+            wheel.wait(timeout=10)
+    _print(document, usage)
+    return 0
+
+
+def _run(config: Path, seconds: float) -> tuple[dict[str, Any], list[tuple[float, float, int]]]:
+    """Run the daemon; its document, and (time [s], processor time [s], resident memory [KiB]) every few seconds."""
+    process = subprocess.Popen(
+        [*COMMAND, "run", "--config", str(config), "--duration", str(seconds), "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    usage: list[tuple[float, float, int]] = []
+    began = time.monotonic()
+    with tqdm(total=round(seconds), unit="s", disable=None) as bar:
+        while process.poll() is None:
+            at = time.monotonic() - began
+            if at < seconds - 1.0:  # what it does after the last sample is not the loop
+                usage.append((at, _processor_s(process.pid), _resident_kib(process.pid)))
+            bar.update(round(at) - bar.n)
+            time.sleep(2.0)
+    assert process.stdout is not None
+    document: dict[str, Any] = json.loads(process.stdout.read())
+    return document, usage
+
+
+def _processor_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+
+
+def _resident_kib(pid: int) -> int:
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1])
+    return 0
+
+
+def _print(document: dict[str, Any], usage: list[tuple[float, float, int]]) -> None:
+    settled = [row for row in usage if row[0] > 5.0]
+    first, last = settled[0], settled[-1]
+    share = 100.0 * (last[1] - first[1]) / (last[0] - first[0])
+    third = max(len(settled) // 3, 1)
+    early = max(row[2] for row in settled[:third])
+    late = max(row[2] for row in settled[-third:])
+    loop = document["loop"]
+    print(f"ticks                {loop['ticks']}")
+    print(f"overruns             {loop['overruns']}    (mark: 0)")
+    print(
+        f"late                 p50 {loop['late_ms_p50']:.2f}, p99 {loop['late_ms_p99']:.2f}, "
+        f"max {loop['late_ms_max']:.2f} ms    (mark: p99 < 5 ms)"
+    )
+    print(f"processor            {share:.2f} % of one core    (mark: < 3 %)")
+    print(f"resident memory      {early} KiB in the first third, {late} KiB in the last    (mark: flat)")
+    print(f"link                 {document['link']}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

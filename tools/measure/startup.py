@@ -1,0 +1,89 @@
+"""Measure how soon a command answers: processor time beside a bare interpreter and beside `import numpy`, as ratios.
+
+    python -m tools.measure.startup [--runs 15]
+
+Times of a machine say little about another one, or about the same when it is busy: the commands take turns, each figure
+is a median over the turns, and what counts is the ratio to the bare interpreter of the same turn. The tests assert what
+is imported, not how long it takes (tests/commands/test_help_and_imports.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+_PROGRAM = (sys.executable, "-m", "rw_ekf")
+_SERVED_S = 20.0
+
+
+def main() -> int:
+    """Print a line for every command."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=15, help="turns; default 15")
+    runs: int = parser.parse_args().runs
+    with _wheel() as (process, config):
+        commands: dict[str, Sequence[str]] = {
+            "bare interpreter": (sys.executable, "-c", "pass"),
+            "import numpy": (sys.executable, "-c", "import numpy"),
+            "rw-ekf --help": (*_PROGRAM, "--help"),
+            "rw-ekf run --help": (*_PROGRAM, "run", "--help"),
+            "rw-ekf check-config": (*_PROGRAM, "check-config", str(config)),
+            "rw-ekf stop": (*_PROGRAM, "stop", "--config", str(config)),
+            "import of run": (sys.executable, "-c", "import rw_ekf.live.daemon"),
+        }
+        spent: dict[str, list[float]] = {name: [] for name in commands}
+        for _ in range(runs):
+            for name, command in commands.items():
+                spent[name].append(_processor_s(command))
+        print(f"{'':<22}{'processor time':>16}{'times bare':>12}   median of {runs}")
+        for name, times in spent.items():
+            ratio = statistics.median(a / b for a, b in zip(times, spent["bare interpreter"], strict=True))
+            print(f"{name:<22}{1e3 * statistics.median(times):>13.0f} ms{ratio:>12.1f}")
+        before, began = _processor_of(process.pid), time.monotonic()
+        time.sleep(_SERVED_S)
+        share = (_processor_of(process.pid) - before) / (time.monotonic() - began)
+        print(f"a simulated wheel that nobody asks takes {100 * share:.1f} % of a core")
+    return 0
+
+
+def _processor_s(command: Sequence[str]) -> float:
+    """Processor time of a command, its children included [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def _processor_of(pid: int) -> float:
+    """Processor time of a running process [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def _wheel() -> Iterator[tuple[subprocess.Popen[str], Path]]:
+    """A simulated wheel behind a pty and a configuration for it."""
+    with tempfile.TemporaryDirectory(prefix="rw-ekf-measure-") as name:
+        link, config = Path(name) / "wheel", Path(name) / "wheel.yaml"
+        config.write_text(f"wheel: {{port: {link}}}\nlimits: {{current_A: 0.6}}\n", encoding="utf-8")
+        process = subprocess.Popen([*_PROGRAM, "simulate", "--link", str(link)], stdout=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            process.stdout.readline()
+            yield process, config
+        finally:
+            process.terminate()
+            process.communicate(timeout=10)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
