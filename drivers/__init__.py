@@ -6,5 +6,5 @@
                          -> plant_batch                                             the same plant, compiled
     replay_wheel                                                                    a record, as if it were a wheel
 
-Imports nothing of rw_ekf but its records, units and errors.
+Imports nothing of rw_ekf but its records, units, errors and names of arrays.
 """

@@ -12,9 +12,7 @@ from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from rw_ekf.arrays import Float64Array
     from rw_ekf.filter.belief import Belief
     from rw_ekf.starting_point import FilterSetup
     from rw_ekf.wheel.table import Column, EffectSet
@@ -86,7 +84,7 @@ def inertia_text(inertia_kg_m2: float, inertia_from: str) -> str:
     return f"inertia {inertia_kg_m2:.4g} kg m^2, {whose}"
 
 
-def torques_text(values: Sequence[float], stds: NDArray[np.float64], inertia_kg_m2: float, inertia_from: str) -> str:
+def torques_text(values: Sequence[float], stds: Float64Array, inertia_kg_m2: float, inertia_from: str) -> str:
     """The two dry frictions as torques, and the inertia that stands behind every torque.
 
     values, stds (4,): the parameters, per unit inertia; inertia_from: "configuration", "model" or "assumed".

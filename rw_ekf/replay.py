@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import BadInputError, FilterError, LogError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
@@ -232,7 +232,7 @@ def rows_of_log(log: WheelLog) -> Iterator[tuple[WheelSample, IssuedCommand]]:
         yield sample, IssuedCommand(float(log.current_A[i]), float(log.command_delay_s[i]))
 
 
-def _value(values: NDArray[np.float64] | None, i: int) -> float | None:
+def _value(values: Float64Array | None, i: int) -> float | None:
     return None if values is None or np.isnan(values[i]) else float(values[i])
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rw_ekf import __version__
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import (
     DEFAULT_PRIOR,
     SECONDS_PER_HOUR,
@@ -57,7 +57,7 @@ class FilterSetup:
         return (*STATE_NAMES, *self.effects.state_names)
 
     @property
-    def effect_drift(self) -> NDArray[np.float64]:
+    def effect_drift(self) -> Float64Array:
         """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander."""
         per_second = self.noise.parameter_drift**2 / SECONDS_PER_HOUR
         return np.array([max(abs(c.value), c.std) ** 2 * per_second for c in self.effects.state_columns])

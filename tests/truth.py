@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
@@ -22,8 +22,6 @@ from rw_ekf.identify.simulation import simulate, stretches
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-
-Float64Array = NDArray[np.float64]
 
 OMEGA_S = 4.0 * RAD_S_PER_RPM
 FINE_STEP_S = 2.0e-4

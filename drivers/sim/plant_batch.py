@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 from numba.extending import register_jitable
+from numpy.typing import ArrayLike
 
 from drivers.sim import plant, plant_parameters, plant_terms
 from drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
+from rw_ekf.arrays import Float64Array
 
-Array = npt.NDArray[np.float64]
 Run = Callable[..., PlantState]
 
 for _function in (
@@ -50,27 +50,27 @@ advance = plant.advance
 class PlantRun:
     """One simulated run; every array has shape (n,), row i is at sample_times_s[i], before current_A[i] takes force."""
 
-    time_s: Array
-    current_command_A: Array  # as given
+    time_s: Float64Array
+    current_command_A: Float64Array  # as given
     command_delay_s: float  # from a sample's time until its command acts, as a driver would report it
-    measured_speed_rad_s: Array
-    speed_rad_s: Array  # true
-    temperature_degC: Array
-    angle_rad: Array
-    current_A: Array  # true winding current
+    measured_speed_rad_s: Float64Array
+    speed_rad_s: Float64Array  # true
+    temperature_degC: Float64Array
+    angle_rad: Float64Array
+    current_A: Float64Array  # true winding current
     parameters: PlantParameters
 
 
 def plain_run(
     p: PlantParameters,
     state: PlantState,
-    current_A: Array,
-    times_s: Array,
+    current_A: Float64Array,
+    times_s: Float64Array,
     delay_s: float,
-    kicks_rad_s: Array,
-    wanders_rad_s2: Array,
+    kicks_rad_s: Float64Array,
+    wanders_rad_s2: Float64Array,
     fine_step_s: float,
-    truth: Array,
+    truth: Float64Array,
 ) -> PlantState:
     """Advance from sample to sample and return the last state.
 
@@ -109,13 +109,13 @@ def _compiled(source_digest: str) -> Run:
     def run(
         p: PlantParameters,
         state: PlantState,
-        current_A: Array,
-        times_s: Array,
+        current_A: Float64Array,
+        times_s: Float64Array,
         delay_s: float,
-        kicks_rad_s: Array,
-        wanders_rad_s2: Array,
+        kicks_rad_s: Float64Array,
+        wanders_rad_s2: Float64Array,
         fine_step_s: float,
-        truth: Array,
+        truth: Float64Array,
     ) -> PlantState:
         _ = source_digest
         return plain_run(p, state, current_A, times_s, delay_s, kicks_rad_s, wanders_rad_s2, fine_step_s, truth)
@@ -136,8 +136,8 @@ compiled_run = _compiled(_digest(plant, plant_terms, plant_parameters))
 
 def simulate_run(
     parameters: PlantParameters,
-    current_A: npt.ArrayLike,
-    sample_times_s: npt.ArrayLike,
+    current_A: ArrayLike,
+    sample_times_s: ArrayLike,
     noise: PlantNoise | None = None,
     *,
     seed: int = 0,

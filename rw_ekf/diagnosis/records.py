@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+from rw_ekf.arrays import BoolArray, Float64Array
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.wheel.model_file import WheelModel
-
-Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,7 +33,7 @@ class Diagnosis:
 
     log: WheelLog
     document: dict[str, Any]  # rw_ekf.diagnosis/1, section 6 of the contract
-    heldout: NDArray[np.bool_]  # (n,) samples that played no role in finding the effect
+    heldout: BoolArray  # (n,) samples that played no role in finding the effect
     before: ModelTrace | None  # None: the base model itself could not be judged
     after: ModelTrace | None  # None: nothing was added
     temperature_degC: Float64Array | None  # (n,) as the search used it

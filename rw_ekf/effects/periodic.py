@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, ClassVar
 from rw_ekf.model.effect import RecordFacts, Shape, StaticEffect
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from rw_ekf.arrays import Float64Array
 
-    Covariance = Sequence[Sequence[float]] | NDArray[np.float64]  # 2 x 2, of sine and cosine
+    Covariance = Sequence[Sequence[float]] | Float64Array  # 2 x 2, of sine and cosine
 
 
 def amplitude_and_phase(

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-
-Float64Array = NDArray[np.float64]
 
 SECONDS_PER_HOUR = 3600.0
 # Without any process noise the speed's variance shrinks for ever, and after some 10^5 samples rounding makes it

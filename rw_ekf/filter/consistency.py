@@ -11,9 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from rw_ekf.arrays import BoolArray, Float64Array
 
 FALSE_ALARM = 1.0e-3  # of the verdict as a whole, over whiteness and mean
 # Of the joint test for what the commonest effects would add: short records with much torque noise reach 1e-5 by chance.
@@ -77,7 +76,7 @@ class Consistency:
         )
 
 
-def judge(innovation_rad_s: Float64Array, variance: Float64Array, used: NDArray[np.bool_]) -> Consistency:
+def judge(innovation_rad_s: Float64Array, variance: Float64Array, used: BoolArray) -> Consistency:
     """Test standardised innovations; arrays (n,), `used` marks the accepted ones, others in between are skipped."""
     z = innovation_rad_s[used] / np.sqrt(variance[used])
     z = z[np.isfinite(z)]

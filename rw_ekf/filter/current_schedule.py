@@ -11,22 +11,23 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rw_ekf.arrays import Float64Array, Int64Array
 
 
 class Pieces(NamedTuple):
     """Pieces of constant current; those between samples i and i + 1 are start[i] <= j < start[i + 1]."""
 
-    start: NDArray[np.int64]  # (n,) for n samples
-    duration_s: NDArray[np.float64]  # (m,)
-    current_A: NDArray[np.float64]  # (m,)
+    start: Int64Array  # (n,) for n samples
+    duration_s: Float64Array  # (m,)
+    current_A: Float64Array  # (m,)
 
 
 def pieces_of_log(
-    time_s: NDArray[np.float64],
-    current_A: NDArray[np.float64],
-    delay_s: NDArray[np.float64],
-    segment: NDArray[np.int64],
+    time_s: Float64Array,
+    current_A: Float64Array,
+    delay_s: Float64Array,
+    segment: Int64Array,
 ) -> Pieces:
     """Pieces for a log of n samples (all arrays (n,)); delay_s >= 0.
 
@@ -47,8 +48,8 @@ def pieces_of_log(
         duration[:-1] = np.where(same[:-1], np.diff(time_s), 0.0)
         return Pieces(np.arange(n, dtype=np.int64), np.maximum(duration, 0.0), np.asarray(current_A, dtype=np.float64))
     start = np.zeros(n, np.int64)
-    durations: list[NDArray[np.float64]] = []
-    currents: list[NDArray[np.float64]] = []
+    durations: list[Float64Array] = []
+    currents: list[Float64Array] = []
     count = 0
     for a, b in pairwise(edges):
         run = _pieces_of_segment(time_s[a:b], current_A[a:b], delay_s[a:b])
@@ -59,9 +60,7 @@ def pieces_of_log(
     return Pieces(start, np.concatenate(durations), np.concatenate(currents))
 
 
-def _pieces_of_segment(
-    time_s: NDArray[np.float64], current_A: NDArray[np.float64], delay_s: NDArray[np.float64]
-) -> Pieces:
+def _pieces_of_segment(time_s: Float64Array, current_A: Float64Array, delay_s: Float64Array) -> Pieces:
     n = time_s.size
     # A later command that acts earlier overrides: switching times never run backwards.
     switch = np.minimum.accumulate((time_s + delay_s)[::-1])[::-1]
@@ -73,11 +72,11 @@ def _pieces_of_segment(
     return Pieces(np.minimum(start, edges.size - 1) if n else start, np.diff(edges), current)
 
 
-def begins_of_pieces(time_s: NDArray[np.float64], pieces: Pieces) -> NDArray[np.float64]:
+def begins_of_pieces(time_s: Float64Array, pieces: Pieces) -> Float64Array:
     """Time at which each piece begins [s], (m,), for the log (time_s (n,)) they were made of."""
     elapsed = np.concatenate(([0.0], np.cumsum(pieces.duration_s)))[:-1]
     owner = np.searchsorted(pieces.start, np.arange(pieces.duration_s.size), side="right") - 1
-    begin: NDArray[np.float64] = time_s[owner]
+    begin: Float64Array = time_s[owner]
     return begin + elapsed - elapsed[np.minimum(pieces.start[owner], max(elapsed.size - 1, 0))]
 
 

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.surroundings import Surroundings
@@ -20,8 +20,6 @@ from rw_ekf.model.state import STATE_SIZE, StateIndex
 from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, seed_hidden
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import transition
-
-Float64Array = NDArray[np.float64]
 
 
 class WheelEkf(ExtendedKalmanFilter):

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
@@ -36,10 +36,10 @@ class Estimator:
     def __init__(
         self,
         constants: FilterConstants,
-        mean: NDArray[np.float64],
-        covariance: NDArray[np.float64],
+        mean: Float64Array,
+        covariance: Float64Array,
         effects: EffectSet = NO_EFFECTS,
-        drift: NDArray[np.float64] | None = None,
+        drift: Float64Array | None = None,
     ) -> None:
         """Start from a belief: mean (n,), covariance (n, n); n is 5 without effects, and grows with each.
 
@@ -56,12 +56,12 @@ class Estimator:
         self._gate_memory = [0.0] * decisions.MEMORY_SIZE
 
     @property
-    def mean(self) -> NDArray[np.float64]:
+    def mean(self) -> Float64Array:
         """Present state, (n,), a copy."""
         return np.array(self.ekf.x)
 
     @property
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Float64Array:
         """Present covariance, (n, n), a copy."""
         return np.array(self.ekf.P)
 

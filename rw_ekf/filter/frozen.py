@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.model.state import STATE_SIZE, FrictionParameters
-
-Float64Array = NDArray[np.float64]
 
 
 def frozen(parameters: FrictionParameters, whole: Float64Array | None = None) -> tuple[Float64Array, Float64Array]:

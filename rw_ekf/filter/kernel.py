@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter.compiled import compile_cached, make_jitable
 from rw_ekf.filter.constants import FilterConstants
@@ -40,8 +41,6 @@ from rw_ekf.wheel import transition as _transition
 from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
 from rw_ekf.wheel.table import NO_EFFECTS, EffectTable
 from rw_ekf.wheel.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
-
-Float64Array = NDArray[np.float64]
 
 make_jitable(
     [
@@ -165,8 +164,8 @@ def _filter_pass(
     table: EffectTable | None,
     time_s: Float64Array,
     speed_rad_s: Float64Array,
-    segment: NDArray[np.int64],
-    piece_start: NDArray[np.int64],
+    segment: Int64Array,
+    piece_start: Int64Array,
     piece_duration_s: Float64Array,
     piece_current_A: Float64Array,
     piece_begin_s: Float64Array,

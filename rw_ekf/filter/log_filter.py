@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.current_schedule import Pieces, begins_of_pieces, pieces_of_log
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
 from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
-
-Float64Array = NDArray[np.float64]
 
 _PERIOD_SAMPLES = 100_000
 
@@ -25,7 +24,7 @@ class FilterInput:
 
     time_s: Float64Array
     speed_rad_s: Float64Array
-    segment: NDArray[np.int64]
+    segment: Int64Array
     pieces: Pieces
     temperature_degC: Float64Array | None = None  # NaN where it was not read
     angle_rad: Float64Array | None = None
@@ -37,7 +36,7 @@ class FilterInput:
         speed_rad_s: Float64Array,
         current_A: Float64Array,
         command_delay_s: Float64Array | None = None,
-        segment: NDArray[np.int64] | None = None,
+        segment: Int64Array | None = None,
         temperature_degC: Float64Array | None = None,
         angle_rad: Float64Array | None = None,
     ) -> FilterInput:

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import FrictionParameters
-
-Float64Array = NDArray[np.float64]
 
 _COAST_SECONDS = 5.0
 _FAST_IN_STRIBECK_SPEEDS = 6.0
@@ -82,7 +80,7 @@ def deterministic(
     )
 
 
-def _stretches(data: FilterInput, wanted: NDArray[np.bool_], least_s: float) -> list[tuple[int, int]]:
+def _stretches(data: FilterInput, wanted: BoolArray, least_s: float) -> list[tuple[int, int]]:
     """Runs of samples first..last (inclusive) with `wanted`, one direction of rotation, one segment, long enough."""
     sign = np.sign(np.nan_to_num(data.speed_rad_s))
     key = np.where(wanted, sign, 0.0)

@@ -16,14 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput, filter_log
 from rw_ekf.identify.simulation import Stretch, simulate, stretches
 from rw_ekf.model.state import FrictionParameters
-
-Float64Array = NDArray[np.float64]
 
 _MAX_ITERATIONS = 60
 _STEP_TOLERANCE = 1.0e-3  # in standard deviations of the estimate
@@ -85,7 +84,7 @@ class _Problem:
         data: FilterInput,
         constants: FilterConstants,
         prior: Belief,
-        used: NDArray[np.bool_],
+        used: BoolArray,
         advance: Callable[[], object],
     ) -> None:
         self.advance = advance
@@ -229,7 +228,7 @@ def _best_of(problem: _Problem, starts: list[FrictionParameters]) -> tuple[_Poin
     return min(solved, key=lambda item: item[0].loss)
 
 
-def _inside_stretches(data: FilterInput, constants: FilterConstants, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _inside_stretches(data: FilterInput, constants: FilterConstants, used: BoolArray) -> BoolArray:
     inside = np.zeros(used.size, dtype=bool)
     for run in stretches(data, constants.max_gap_s):
         inside[run.first : run.last] = True

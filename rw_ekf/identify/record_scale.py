@@ -8,14 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, prior_around
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-
-Float64Array = NDArray[np.float64]
 
 _MAX_ROWS = 200_000
 _STRIBECK_SHARE_OF_TOP_SPEED = 0.02
@@ -85,7 +83,7 @@ def busiest(data: FilterInput, count: int) -> FilterInput:
     return data.window(at, at + count)
 
 
-def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: NDArray[np.int64]) -> float | None:
+def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: Int64Array) -> float | None:
     """Standard deviation of one reading from third differences, robust (median); None where nothing varies.
 
     A third difference of independent readings has variance 20 sigma^2; a smooth motion contributes next to nothing.
@@ -158,7 +156,7 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
     return FrictionParameters(k, b, c, 1.03 * c)
 
 
-def _turning(y: Float64Array, noise: float, least: float) -> NDArray[np.bool_]:
+def _turning(y: Float64Array, noise: float, least: float) -> BoolArray:
     """Where the wheel turns beyond doubt, (n,): a running mean of the readings is far from zero in its own noise."""
     wide = 9
     total = np.concatenate(([0.0], np.cumsum(np.pad(y, wide // 2, mode="edge"))))

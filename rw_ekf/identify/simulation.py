@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.filter import kernel as _kernel  # registers the equations with numba
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.log_filter import FilterInput
@@ -18,8 +18,6 @@ from rw_ekf.model import friction as _friction
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel import transition as _transition
 from rw_ekf.wheel.transition import interval
-
-Float64Array = NDArray[np.float64]
 
 
 def _simulate_stretch(
@@ -32,7 +30,7 @@ def _simulate_stretch(
     law: int,
     first: int,
     last: int,
-    piece_start: NDArray[np.int64],
+    piece_start: Int64Array,
     piece_duration_s: Float64Array,
     piece_current_A: Float64Array,
     speeds: Float64Array,

@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.likelihood.frame import Frame, Noise, Prior, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference
 from rw_ekf.likelihood.model import Model
@@ -19,8 +19,6 @@ from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
 from rw_ekf.wheel.table import ABSENT
-
-Float64Array = NDArray[np.float64]
 
 LEAST_RATIO = (
     1.0e-7  # of q dt to R: over a record of 10^5 samples the speed then wanders by a tenth of a reading's noise
@@ -103,7 +101,7 @@ class Fit:
     model: Model
     likelihood: Likelihood
     frame: Frame
-    omit: NDArray[np.bool_]
+    omit: BoolArray
 
     @property
     def noise(self) -> Noise:
@@ -151,7 +149,7 @@ def fit_model(
     prior: Prior | None,
     reference: Reference,
     noise: Noise,
-    omit: NDArray[np.bool_],
+    omit: BoolArray,
     *,
     turns: int = _FIT_TURNS,
 ) -> Fit:
@@ -170,7 +168,7 @@ def fit_model(
 
 
 def _settle(
-    record: Record, model: Model, reference: Reference, noise: Noise, omit: NDArray[np.bool_]
+    record: Record, model: Model, reference: Reference, noise: Noise, omit: BoolArray
 ) -> tuple[Reference, Noise]:
     """A reference smoothed a few times under a model with a memory, as it stands."""
     for _ in range(_SETTLING_TURNS):
@@ -186,7 +184,7 @@ def _gauss_newton(
     prior: Prior | None,
     reference: Reference,
     noise: Noise,
-    omit: NDArray[np.bool_],
+    omit: BoolArray,
     turns: int,
 ) -> Fit:
     """The reference is smoothed anew in every turn; a step that loses likelihood is shortened."""

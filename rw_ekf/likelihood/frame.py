@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
 from rw_ekf.model.effect import FrictionMemoryEffect, StaticEffect
 from rw_ekf.wheel.table import ABSENT
-
-Float64Array = NDArray[np.float64]
 
 _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may still be off by
 
@@ -99,7 +98,7 @@ def linearise(
     model: Model,
     reference: Reference,
     noise: Noise,
-    omit: NDArray[np.bool_],
+    omit: BoolArray,
     *,
     with_columns: bool = True,
 ) -> Frame:

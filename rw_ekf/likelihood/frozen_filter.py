@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
@@ -15,8 +15,6 @@ from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, state_vector
 from rw_ekf.wheel.table import ABSENT
-
-Float64Array = NDArray[np.float64]
 
 _OPEN_GATE = 1.0e30
 _STUCK_SHARE = 0.01  # of R: what a wheel believed at rest may still be off by
@@ -41,7 +39,7 @@ def run_frozen(
     return filter_log(data, steered, mean, covariance, model.effects, keep_states=True, keep_history=keep_history)
 
 
-def filtered_reference(record: Record, model: Model, noise: Noise, omit: NDArray[np.bool_]) -> Reference:
+def filtered_reference(record: Record, model: Model, noise: Noise, omit: BoolArray) -> Reference:
     """Speed and friction of a model with a memory as its own filter follows them through the part that is looked at.
 
     A reference smoothed under a model without the memory takes the wheel to rest where it was not, and a fit that

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
@@ -26,8 +26,6 @@ from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.table import Column
-
-Float64Array = NDArray[np.float64]
 
 _PARAMETERS = 4
 _WARMTH_degC = 20.0  # of a record without a temperature; nothing that is fitted here reads it

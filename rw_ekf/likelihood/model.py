@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.model.effect import NO_SHAPE, Candidate, Effect, ReadingEffect, Shape
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
 
-Float64Array = NDArray[np.float64]
 _BASE = 4
 
 

@@ -15,12 +15,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.likelihood.fitting import LEAST_RATIO, MOST_RATIO, Likelihood, at_ratio
 from rw_ekf.likelihood.frame import Frame, Noise, Prior
-
-Float64Array = NDArray[np.float64]
 
 _STEP = 0.4  # of log ratio between two points of the grid
 _DROP = 9.0  # log-likelihood below the top where the grid ends

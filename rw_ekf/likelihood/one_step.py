@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.kernel import COMPILED_MODULES
@@ -22,8 +22,6 @@ from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.wheel.pieces import effect_interval, row_size
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
-
-Float64Array = NDArray[np.float64]
 
 _SPREAD = math.sqrt(3.0)
 
@@ -35,13 +33,13 @@ def _one_step_pass(
     law: int,
     near_zero_speed: float,
     time_s: Float64Array,
-    follows: NDArray[np.bool_],
-    first_piece: NDArray[np.int64],
+    follows: BoolArray,
+    first_piece: Int64Array,
     reference: Float64Array,
     spread: Float64Array,
     memory: Float64Array,
     memory_spread: Float64Array,
-    piece_start: NDArray[np.int64],
+    piece_start: Int64Array,
     begins: Float64Array,
     durations: Float64Array,
     currents: Float64Array,
@@ -137,25 +135,25 @@ class Record:
     """A log made ready: conditions filled in, intervals marked. Arrays (n,)."""
 
     data: FilterInput
-    follows: NDArray[np.bool_]  # sample i is reached from i - 1 by one interval, within the part that is looked at
+    follows: BoolArray  # sample i is reached from i - 1 by one interval, within the part that is looked at
     temperature_degC: Float64Array
     angle_rad: Float64Array
     begins_s: Float64Array  # of the pieces
-    first_piece: NDArray[np.int64]
+    first_piece: Int64Array
     constants: FilterConstants  # of the filter that runs over it
-    log_of: NDArray[np.int64]  # which of the logs in one diagnosis a sample belongs to, rising from 0
+    log_of: Int64Array  # which of the logs in one diagnosis a sample belongs to, rising from 0
     work: Work = field(default_factory=unlimited)  # what the diagnosis has cost so far: one count for all its records
 
     @classmethod
     def of(
         cls,
         data: FilterInput,
-        part: NDArray[np.bool_],
+        part: BoolArray,
         constants: FilterConstants,
         temperature: Float64Array,
         angle: Float64Array,
         work: Work | None = None,
-        log_of: NDArray[np.int64] | None = None,
+        log_of: Int64Array | None = None,
     ) -> Record:
         """Mark what belongs to `part` (n,); temperature [degC] and angle [rad] (n,) without gaps.
 

@@ -10,8 +10,8 @@ import contextlib
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
@@ -20,8 +20,6 @@ from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import COULOMB_BAND, GAIN_BAND, RecordScale, busiest, default_scale
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
-
-Float64Array = NDArray[np.float64]
 
 _SAMPLES = 8_000  # enough for torque noise to a tenth of itself
 _FEWEST = 100

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.filter.smoother import smooth_log
@@ -13,8 +13,6 @@ from rw_ekf.likelihood.frame import Noise, Prior
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
-
-Float64Array = NDArray[np.float64]
 
 _OUTLIER_STDS = 6.0
 _OUTLIER_SHARE = 0.01
@@ -30,7 +28,7 @@ def read_reference(data: FilterInput, noise_rad_s: float) -> Reference:
 
 
 def smoothed_by_filter(
-    data: FilterInput, part: NDArray[np.bool_], model: Model, constants: FilterConstants, noise_rad_s: float
+    data: FilterInput, part: BoolArray, model: Model, constants: FilterConstants, noise_rad_s: float
 ) -> Reference:
     """The speed smoothed by the filter itself, its parameters frozen: near rest only a model tells stick from slip.
 
@@ -55,7 +53,7 @@ def robust_fit(record: Record, model: Model, prior: Prior, noise_rad_s: float, s
     return fit
 
 
-def outliers(fit: Fit) -> NDArray[np.bool_]:
+def outliers(fit: Fit) -> BoolArray:
     """Readings beyond six standard deviations of what the model predicts, (n,)."""
     none = np.zeros((fit.frame.chain.reading.size, 0))
     r, _, _ = fit.frame.whitened(fit.noise.ratio, fit.noise.variance, none)

@@ -12,16 +12,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.wheel.table import Column, EffectSet
-
-Float64Array = NDArray[np.float64]
 
 _INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
 _RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a column explains is no process noise any more

@@ -18,17 +18,15 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.compiled import compile_cached
-
-Float64Array = NDArray[np.float64]
 
 
 class Chain(NamedTuple):
     """The linear model along the reference, but for its columns and noises; arrays over samples."""
 
-    follows: NDArray[np.bool_]  # (n,)
+    follows: BoolArray  # (n,)
     step_s: Float64Array  # (n,)
     noisy_s: Float64Array  # (n,) of the step, in which process noise moves the speed: none at rest
     slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.logs.wheel_log import WheelLog
 
 _UNLIKE_NOISE = 2.0  # factor between the noises of two logs that is worth a word
@@ -19,7 +19,7 @@ class Joined:
     """One log made of several, and which of them each sample (n,) came from."""
 
     log: WheelLog
-    log_of: NDArray[np.int64]
+    log_of: Int64Array
     parts: tuple[dict[str, Any], ...]  # of each log: its name, samples, rate, and where it begins in the joint time
     notes: tuple[str, ...] = ()
 
@@ -68,13 +68,13 @@ def _part(log: WheelLog, begin_s: float) -> dict[str, Any]:
     return {"log": log.name, "samples": len(log), "rate_hz": log.rate_hz, "begins_s": begin_s}
 
 
-def _running(log: WheelLog) -> NDArray[np.float64]:
+def _running(log: WheelLog) -> Float64Array:
     """Time since the log's first sample [s], (n,), steps into a new segment as long as a sample at most."""
     step = np.diff(log.time_s, prepend=log.time_s[:1])
     period = 1.0 / log.rate_hz if np.isfinite(log.rate_hz) else 1.0
     jumps = np.diff(log.segment, prepend=log.segment[:1]) != 0
     step[jumps & ((step < 0.0) | (step > period))] = period
-    running: NDArray[np.float64] = np.cumsum(step)
+    running: Float64Array = np.cumsum(step)
     return running
 
 

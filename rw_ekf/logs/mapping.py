@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import segment_ids
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS, FloatArray
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.units import rad_s_from_rpm
 
 
@@ -19,9 +20,9 @@ from rw_ekf.units import rad_s_from_rpm
 class MappedColumns:
     """Log columns by name (n,), as read: no row dropped yet, gaps NaN."""
 
-    values: dict[str, FloatArray]
+    values: dict[str, Float64Array]
     constant: frozenset[str]  # those of `values` that the map gives as a constant
-    position: tuple[FloatArray, Source, str] | None  # what the speed is the derivative of, and the speed's name
+    position: tuple[Float64Array, Source, str] | None  # what the speed is the derivative of, and the speed's name
     in_rpm: bool = False  # the speed was given in rpm
     other: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
@@ -66,7 +67,7 @@ def _find(table: RawTable, source: Source) -> int:
     return index
 
 
-def _finite(table: RawTable, index: int) -> FloatArray:
+def _finite(table: RawTable, index: int) -> Float64Array:
     """Numbers of a column; infinity is an error, a gap is NaN."""
     values = table.floats(index)
     infinite = np.isinf(values)
@@ -80,7 +81,7 @@ def _finite(table: RawTable, index: int) -> FloatArray:
     return values
 
 
-def _scaled(table: RawTable, source: Source, values: FloatArray) -> FloatArray:
+def _scaled(table: RawTable, source: Source, values: Float64Array) -> Float64Array:
     """Apply scale and offset; without them the values stay bit for bit what they were."""
     if source.scale == 1.0 and source.offset == 0.0:
         return values

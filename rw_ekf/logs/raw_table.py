@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
-from rw_ekf.logs.wheel_log import FloatArray
 
 MAX_NAMES_SHOWN = 30
 
@@ -37,7 +37,7 @@ class RawTable:
             )
         return positions[0] if positions else None
 
-    def floats(self, index: int) -> FloatArray:
+    def floats(self, index: int) -> Float64Array:
         """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric."""
         column = self.columns[index]
         if isinstance(column, np.ndarray):

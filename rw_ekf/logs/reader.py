@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.csv_table import read_csv_table
@@ -26,7 +27,7 @@ from rw_ekf.logs.row_rules import (
     rows_in_order,
     segment_ids,
 )
-from rw_ekf.logs.wheel_log import CHANNELS, READABLE_COLUMNS, Drive, FloatArray, IntArray, WheelLog
+from rw_ekf.logs.wheel_log import CHANNELS, READABLE_COLUMNS, Drive, WheelLog
 from rw_ekf.units import rad_s_from_rpm
 
 MAX_SKIPPED_SHARE = 0.01
@@ -116,14 +117,14 @@ def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> Whe
     )
 
 
-def _all_present(table: RawTable, values: FloatArray, name: str, why: str) -> None:
+def _all_present(table: RawTable, values: Float64Array, name: str, why: str) -> None:
     gaps = np.isnan(values)
     if gaps.any():
         place = table.place(int(np.argmax(gaps)))
         raise LogError(f"{table.path}: {place}, column '{name}': is empty or nan, {why}: mend or remove the row")
 
 
-def _segments(table: RawTable, mapped: MappedColumns) -> IntArray:
+def _segments(table: RawTable, mapped: MappedColumns) -> Int64Array:
     values = mapped.values.get("segment")
     if values is None:
         return np.zeros(table.rows, dtype=np.int64)
@@ -146,8 +147,8 @@ def _skipped_message(table: RawTable, keep: Any, skipped: int) -> str:
 
 
 def _drive(
-    table: RawTable, values: dict[str, FloatArray], mapped: MappedColumns, segment: IntArray, warnings: list[str]
-) -> tuple[Drive, FloatArray]:
+    table: RawTable, values: dict[str, Float64Array], mapped: MappedColumns, segment: Int64Array, warnings: list[str]
+) -> tuple[Drive, Float64Array]:
     """Choose the current that drives the model, and hold it over its gaps."""
     candidates = [name for name in _CURRENTS if name in values]
     filled = [name for name in candidates if not np.isnan(values[name]).all()]
@@ -171,7 +172,7 @@ def _drive(
     return ("current_command_A" if name == "current_command_A" else "current_A"), np.array(current_A)
 
 
-def _check_delay(table: RawTable, delay_s: FloatArray, rows: Any) -> None:
+def _check_delay(table: RawTable, delay_s: Float64Array, rows: Any) -> None:
     negative = delay_s < 0.0
     if negative.any():
         index = int(np.argmax(negative))
@@ -182,7 +183,7 @@ def _check_delay(table: RawTable, delay_s: FloatArray, rows: Any) -> None:
         )
 
 
-def _note_thin_log(table: RawTable, speed_rad_s: FloatArray, warnings: list[str]) -> None:
+def _note_thin_log(table: RawTable, speed_rad_s: Float64Array, warnings: list[str]) -> None:
     if len(speed_rad_s) == 1:
         warnings.append(f"{table.path}: holds only one sample")
     if np.isnan(speed_rad_s).all():

@@ -5,19 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.logs.wheel_log import FloatArray, IntArray
-
-BoolArray = NDArray[np.bool_]
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 
 
-def segment_ids(values: FloatArray) -> IntArray:
+def segment_ids(values: Float64Array) -> Int64Array:
     """Number the segments (n,): from 0, one more wherever `values` (n,) differs from the row before."""
     ids = np.zeros(len(values), dtype=np.int64)
     np.cumsum(values[1:] != values[:-1], out=ids[1:])
     return ids
 
 
-def rows_in_order(time_s: FloatArray, segment: IntArray) -> BoolArray:
+def rows_in_order(time_s: Float64Array, segment: Int64Array) -> BoolArray:
     """Rows to keep (n,): those later than every row before them in their segment."""
     keep = np.ones(len(time_s), dtype=np.bool_)
     suspect = (time_s[1:] <= time_s[:-1]) & (segment[1:] == segment[:-1])
@@ -30,7 +28,7 @@ def rows_in_order(time_s: FloatArray, segment: IntArray) -> BoolArray:
     return keep
 
 
-def held_current(current_A: FloatArray, segment: IntArray) -> tuple[FloatArray, int]:
+def held_current(current_A: Float64Array, segment: Int64Array) -> tuple[Float64Array, int]:
     """Hold the last current over gaps (n,); before the first one of a segment it is 0. Also how many those were."""
     gaps = np.isnan(current_A)
     if not gaps.any():
@@ -41,13 +39,13 @@ def held_current(current_A: FloatArray, segment: IntArray) -> tuple[FloatArray, 
     return np.where(leading, 0.0, current_A[np.maximum(last, 0)]), int(leading.sum())
 
 
-def decimated_rows(segment: IntArray, every: int) -> NDArray[np.intp]:
+def decimated_rows(segment: Int64Array, every: int) -> NDArray[np.intp]:
     """Indices of every `every`-th row of each segment, its first row included."""
     row_in_segment = np.arange(len(segment)) - np.searchsorted(segment, segment)
     return np.flatnonzero(row_in_segment % every == 0)
 
 
-def block_means(values: FloatArray, starts: NDArray[np.intp]) -> FloatArray:
+def block_means(values: Float64Array, starts: NDArray[np.intp]) -> Float64Array:
     """Mean over each block of rows that begins at `starts` and ends before the next one; gaps are left out of it."""
     present = ~np.isnan(values)
     sums = np.add.reduceat(np.where(present, values, 0.0), starts)
@@ -57,7 +55,7 @@ def block_means(values: FloatArray, starts: NDArray[np.intp]) -> FloatArray:
     return means
 
 
-def backward_difference(values: FloatArray, time_s: FloatArray, segment: IntArray) -> FloatArray:
+def backward_difference(values: Float64Array, time_s: Float64Array, segment: Int64Array) -> Float64Array:
     """Difference to the row before over the time between them (n,); NaN in the first row of a segment."""
     result = np.full(len(values), np.nan)
     inside = np.diff(segment) == 0

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.logs.wheel_log import FloatArray, WheelLog
-
-BoolArray = NDArray[np.bool_]
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.logs.wheel_log import WheelLog
 
 _GAP = 1.5  # periods: a longer step has lost a row
 _OFF_GRID = 0.2  # of a period, by which a step may miss a whole number of them
@@ -92,7 +91,7 @@ def sampling_of(log: WheelLog) -> Sampling:
     )
 
 
-def _grid(step_s: FloatArray) -> float | None:
+def _grid(step_s: Float64Array) -> float | None:
     """Period of the grid that rows stand on, some of them lost; None where steps are of any length."""
     if step_s.size < _LEAST_STEPS:
         return None
@@ -107,7 +106,7 @@ def _grid(step_s: FloatArray) -> float | None:
     return period if float(np.mean(whole)) >= _ON_GRID else None
 
 
-def held_readings(speed: FloatArray, segment: NDArray[np.int64]) -> tuple[BoolArray, float | None]:
+def held_readings(speed: Float64Array, segment: Int64Array) -> tuple[BoolArray, float | None]:
     """Readings (n,) that a sensor or a register only repeats, and the rows from one new reading to the next.
 
     A coarse grid repeats readings too, but then they change by one step of the grid; a slow sensor's change by many, at
@@ -183,8 +182,8 @@ def _with_rows(log: WheelLog, filled: NDArray[np.int_], cut: BoolArray) -> Wheel
     share = place / (np.append(filled, 0)[owner] + 1.0)
     new = place > 0
 
-    def between(values: FloatArray) -> FloatArray:
-        ends: FloatArray = np.where(new, values[owner] + share * (values[following] - values[owner]), values[owner])
+    def between(values: Float64Array) -> Float64Array:
+        ends: Float64Array = np.where(new, values[owner] + share * (values[following] - values[owner]), values[owner])
         return ends
 
     segment = log.segment + np.concatenate(([0], np.cumsum(cut)))

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from rw_ekf.arrays import Float64Array, Int64Array
+
 Drive = Literal["current_command_A", "current_A", "constant"]
 
 # Order of the columns in every log this project writes; a reader takes them in any order.
@@ -43,13 +42,13 @@ class WheelLog:
     """A read log of n rows. All arrays are C-contiguous and of length n; NaN is a value that is missing."""
 
     name: str  # path it was read from
-    time_s: FloatArray  # (n,) of the speed reading [s]; finite, strictly increasing within a segment
-    speed_rad_s: FloatArray  # (n,) [rad/s]; NaN: missing
-    current_A: FloatArray  # (n,) the current that drives the model from time_s to the next row [A]; finite
+    time_s: Float64Array  # (n,) of the speed reading [s]; finite, strictly increasing within a segment
+    speed_rad_s: Float64Array  # (n,) [rad/s]; NaN: missing
+    current_A: Float64Array  # (n,) the current that drives the model from time_s to the next row [A]; finite
     drive: Drive  # where current_A came from
-    command_delay_s: FloatArray  # (n,) from time_s until current_A takes force [s]; until then the previous holds
-    segment: IntArray  # (n,) from 0, one more wherever the log's segment column changes
-    channels: dict[str, FloatArray] = field(default_factory=dict)  # those of CHANNELS the log has, as it has them
+    command_delay_s: Float64Array  # (n,) from time_s until current_A takes force [s]; until then the previous holds
+    segment: Int64Array  # (n,) from 0, one more wherever the log's segment column changes
+    channels: dict[str, Float64Array] = field(default_factory=dict)  # those of CHANNELS the log has, as it has them
     other: dict[str, Any] = field(default_factory=dict)  # unknown columns, carried along: name -> pyarrow.Array (n,)
     rows_read: int = 0  # data rows of the file, before any was skipped or decimated
     skipped_rows: int = 0  # repeated or backward in time

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from rw_ekf.arrays import Float64Array
     from rw_ekf.filter.log_filter import FilterRun
     from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 
@@ -213,10 +214,10 @@ class ArraySink:
         self._row = 0
         self._advance = advance
         self.outcome: NDArray[np.int8] = np.zeros(n, np.int8)
-        self.innovation: NDArray[np.float64] = np.full(n, np.nan)
-        self.variance: NDArray[np.float64] = np.full(n, np.nan)
-        self.states: NDArray[np.float64] = np.zeros((n, size))
-        self.stds: NDArray[np.float64] = np.zeros((n, size))
+        self.innovation: Float64Array = np.full(n, np.nan)
+        self.variance: Float64Array = np.full(n, np.nan)
+        self.states: Float64Array = np.zeros((n, size))
+        self.stds: Float64Array = np.zeros((n, size))
 
     def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
         """Take the next row."""
@@ -234,7 +235,7 @@ class ArraySink:
     def close(self) -> None:
         """Nothing to finish."""
 
-    def as_run(self, mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> FilterRun:
+    def as_run(self, mean: Float64Array, covariance: Float64Array) -> FilterRun:
         """Return the run, given the estimator's final belief."""
         from rw_ekf.filter.log_filter import FilterRun
 

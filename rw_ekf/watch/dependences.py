@@ -10,11 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.watch.evidence import Evidence
-
-Float64Array = NDArray[np.float64]
 
 
 class Dependence(NamedTuple):

@@ -8,11 +8,9 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.watch.dependences import DEPENDENCES, MODEL_TERMS
-
-Float64Array = NDArray[np.float64]
 
 LAGS = 8
 _CLIP = 4.0  # standard deviations that one reading may speak with

@@ -23,8 +23,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.records import IssuedCommand, WheelSample
 
 PIECE_S = 0.5
@@ -154,7 +154,7 @@ class SignWatch:
 
     def _take(self, change_rad_s: float) -> None:
         """One piece into the regression (eq. 1)."""
-        h: NDArray[np.float64] = np.array([self._charge, -self._turned, -self._dry, self._T])
+        h: Float64Array = np.array([self._charge, -self._turned, -self._dry, self._T])
         c = self._coulomb
         variance = 2.0 * self._step**2 + (_ERROR_SHARE * c * self._T) ** 2
         if self._slowest < self._slow:

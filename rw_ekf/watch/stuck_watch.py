@@ -27,9 +27,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rw_ekf.arrays import Float64Array
 from rw_ekf.model.friction import acceleration, stribeck
 from rw_ekf.model.state import STATE_SIZE, StateIndex
 
@@ -43,7 +41,7 @@ _EFFECTS_SHARE = 0.5  # of the torque of a model's effects that may be wrong whe
 _EFFECTS_OVER_S = 1.0
 _ALIVE_AFTER = 2.0  # a reading that moves again must have been plausible for so many times the silence
 
-Belief = tuple[NDArray[np.float64], NDArray[np.float64]]  # mean and covariance over the state, copies
+Belief = tuple[Float64Array, Float64Array]  # mean and covariance over the state, copies
 
 
 class Judged(NamedTuple):

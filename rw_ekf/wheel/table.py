@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect import (
     NO_SHAPE,
@@ -27,7 +27,6 @@ from rw_ekf.model.effect import (
 )
 from rw_ekf.model.state import STATE_SIZE
 
-Float64Array = NDArray[np.float64]
 ABSENT = -1
 
 
@@ -36,8 +35,8 @@ class EffectTable(NamedTuple):
 
     size: int  # of the state
     hidden: int  # number of hidden states, the last of the state
-    static_at: NDArray[np.int64]  # (m,)
-    static_code: NDArray[np.int64]  # (m,)
+    static_at: Int64Array  # (m,)
+    static_code: Int64Array  # (m,)
     static_shape: Float64Array  # (m, 3)
     delay_at: int
     lag_at: int

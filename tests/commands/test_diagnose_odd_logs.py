@@ -12,10 +12,10 @@ import pytest
 
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.arrays import Float64Array
 from rw_ekf.cli import main
 from tests.commands.documents import diagnosis_document
 from tests.commands.logs import plant_columns, write_columns
-from tests.truth import Float64Array
 
 Columns = dict[str, Float64Array]
 TEN_HZ_S: Float64Array = 0.1 * np.arange(3000, dtype=np.float64)

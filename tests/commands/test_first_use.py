@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from rw_ekf import compile_ahead
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.compiled import interpreted
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.replay import judge_log, judge_now
 from rw_ekf.starting_point import setup_of_record
 from tests.commands.logs import write_log
-from tests.diagnosis.simulated import Float64Array, simulated
+from tests.diagnosis.simulated import simulated
 from tests.live.bench import ROOT, program, rw_ekf, served_wheel
 
 OF_EVERY_VERB = """

@@ -12,20 +12,18 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from drivers.sim.plant_batch import PlantRun, simulate_run
 from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import WheelModel
-
-Float64Array = NDArray[np.float64]
 
 INERTIA_KG_M2 = 1.5e-3
 BLOCK_S = 60.0
@@ -125,7 +123,7 @@ def _smooth(speed: Float64Array) -> Float64Array:
     return slope
 
 
-def _regressed(run: PlantRun, fit: NDArray[np.bool_]) -> PlantParameters:
+def _regressed(run: PlantRun, fit: BoolArray) -> PlantParameters:
     """k, b and c of the four-parameter model from the fit part, away from rest."""
     speed = run.measured_speed_rad_s
     changes = np.flatnonzero(np.diff(run.current_command_A) != 0.0)
@@ -138,7 +136,7 @@ def _regressed(run: PlantRun, fit: NDArray[np.bool_]) -> PlantParameters:
     return PlantParameters(motor_gain=k, viscous=b, coulomb=c, static=c + 0.0174)
 
 
-def _trace(run: PlantRun, p: PlantParameters, heldout: NDArray[np.bool_], seed: int) -> ModelTrace:
+def _trace(run: PlantRun, p: PlantParameters, heldout: BoolArray, seed: int) -> ModelTrace:
     """The model's free run by blocks, and the residual: the plant's acceleration less the model's, plus noise."""
     time_s, measured = run.time_s, run.measured_speed_rad_s
     free = np.empty_like(measured)
@@ -177,7 +175,7 @@ def _rms(values: Float64Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def _metrics(trace: ModelTrace, run: PlantRun, heldout: NDArray[np.bool_]) -> dict[str, float | None]:
+def _metrics(trace: ModelTrace, run: PlantRun, heldout: BoolArray) -> dict[str, float | None]:
     one = _rms(trace.one_step_error_rad_s[heldout]) / RAD_S_PER_RPM
     free = _rms((run.measured_speed_rad_s - trace.free_run_rad_s)[heldout]) / RAD_S_PER_RPM
     return {

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.sim.plant_batch import PlantRun, simulate_run
 from drivers.sim.plant_effect_text import parse_effects
@@ -21,8 +20,6 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.truth import OMEGA_S
-
-Float64Array = NDArray[np.float64]
 
 RATE_HZ = 10.0
 MAX_GAP_S = 2.0

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import chi2, kstest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.prepare.conditions import facts_of
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -21,8 +21,6 @@ from rw_ekf.model.effect import NO_SHAPE, Shape
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.table import Column
 from tests.diagnosis.simulated import PRIOR, TRUTH, fitted, record_of, simulated
-
-Float64Array = NDArray[np.float64]
 
 QUIET = Noise(RAD_S_PER_RPM**2, 1.0e-4)
 

@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.prepare.quantisation import Lattice, _log_cell, find_lattice, grid_of
 from rw_ekf.units import RAD_S_PER_RPM
-
-Float64Array = NDArray[np.float64]
 
 NOISE = RAD_S_PER_RPM
 TRACKED = 0.3 * NOISE  # of the predictions

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.prepare.split import Split, reversals, running_time, split_record
-
-Float64Array = NDArray[np.float64]
 
 
 def turning(duration_s: float, period_s: float, rate_hz: float = 10.0) -> tuple[Float64Array, Float64Array]:

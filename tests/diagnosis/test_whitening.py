@@ -6,11 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.likelihood.whitening import Chain, adjoint, smooth, whiten
-
-Float64Array = NDArray[np.float64]
 
 R, Q = 0.8, 0.3
 SEEDS = range(4)

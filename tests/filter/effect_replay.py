@@ -6,10 +6,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
@@ -23,8 +23,6 @@ from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.table import Column, EffectSet
 from tests.filter.replay import Columns
 from tests.truth import OMEGA_S, constants_for
-
-Float64Array = NDArray[np.float64]
 
 WHEEL = RecordFacts(
     first_s=0.0, last_s=90.0, period_s=0.1, top_speed_rad_s=60.0, top_current_A=0.15, friction=CK13_STATISTICAL,

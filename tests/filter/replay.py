@@ -6,15 +6,13 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
-
-Float64Array = NDArray[np.float64]
 
 OUTCOMES = tuple(Outcome)  # in the order of the codes of rw_ekf.filter.decisions
 
@@ -27,7 +25,7 @@ class Columns:
     speed_rad_s: Float64Array
     current_A: Float64Array
     delay_s: Float64Array = field(default_factory=lambda: np.zeros(0))
-    segment: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    segment: Int64Array = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def complete(self) -> Columns:
         """The same with zeros for a delay and a segment not given."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.cli import main
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import chi_square_1_quantile
@@ -16,7 +17,7 @@ from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.commands.logs import write_log
 from tests.filter.replay import OUTCOMES, Columns, compiled, online
-from tests.truth import Float64Array, Run, constants_for, prior_drawn_around, run_of
+from tests.truth import Run, constants_for, prior_drawn_around, run_of
 
 TRUTH = np.array(CK13_STATISTICAL)
 GATE = chi_square_1_quantile(0.9999)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.consistency import FALSE_ALARM, chi_square_tail, judge
-from tests.truth import Float64Array
 
 
 def verdict(z: Float64Array) -> bool | None:

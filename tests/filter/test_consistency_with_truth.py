@@ -11,11 +11,11 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import truncnorm
 
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.log_filter import FilterInput, filter_log
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
@@ -31,8 +31,6 @@ from tests.truth import (
     prior_drawn_around,
     run_of,
 )
-
-Float64Array = NDArray[np.float64]
 
 RUNS = 24
 

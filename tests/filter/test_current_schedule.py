@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.current_schedule import CurrentSchedule, Pieces, pieces_of_log
 
-Float64Array = NDArray[np.float64]
 Row = tuple[float, float, float]  # time since the row before [s], current [A], delay [s]
 
 rows = st.lists(

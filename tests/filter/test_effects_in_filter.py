@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantNoise
+from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR
@@ -28,7 +28,6 @@ from tests.filter.effect_replay import believed, both, in_use, rough_log
 from tests.filter.replay import OUTCOMES
 from tests.truth import OMEGA_S, constants_for, prior_drawn_around
 
-Float64Array = NDArray[np.float64]
 Injected = tuple[str, str, EffectSet, Float64Array]
 
 SEEDS = range(6)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from tests.filter.replay import Columns, compiled
 from tests.truth import constants_for
-
-Float64Array = NDArray[np.float64]
 
 B = 0.02
 

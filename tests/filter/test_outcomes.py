@@ -8,13 +8,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, filter_log
 from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
-from tests.truth import Float64Array, constants_for
+from tests.truth import constants_for
 
 SPEED = 50.0
 

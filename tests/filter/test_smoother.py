@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.log_filter import FilterRun, filter_log
@@ -14,8 +14,6 @@ from rw_ekf.units import RAD_S_PER_RPM
 from tests.filter.replay import compiled
 from tests.filter.test_golden import rough_log
 from tests.truth import constants_for, prior_drawn_around, run_of
-
-Float64Array = NDArray[np.float64]
 
 
 def rauch_tung_striebel(run: FilterRun, speed_variance: float) -> tuple[Float64Array, Float64Array]:

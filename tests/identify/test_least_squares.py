@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.least_squares import LeastSquaresResult, least_squares
 from rw_ekf.model.state import CK13_DETERMINISTIC, CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import Float64Array, constants_for, cramer_rao_std, fine_trajectory, prior_drawn_around, run_of
+from tests.truth import constants_for, cramer_rao_std, fine_trajectory, prior_drawn_around, run_of
 
 TRUTH = np.array(CK13_STATISTICAL)
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.record_scale import measure, speed_noise_of
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import PUBLISHED, Float64Array, Run, fine_trajectory, run_of
+from tests.truth import PUBLISHED, Run, fine_trajectory, run_of
 
 
 @pytest.mark.parametrize("noise_rpm", [1.0, 5.0])

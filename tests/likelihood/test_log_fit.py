@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.log_filter import FilterInput, filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
 from rw_ekf.starting_point import setup_of_record
 from tests.likelihood.wandering import wandering_run
-from tests.truth import Float64Array, constants_for, cramer_rao_std, run_of
+from tests.truth import constants_for, cramer_rao_std, run_of
 
 SEEDS = range(12)
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import Float64Array, fine_trajectory, run_of
+from tests.truth import fine_trajectory, run_of
 
 
 def drawn_wheel(seed: int) -> FrictionParameters:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.joined import joined
 from rw_ekf.logs.sampling import mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
-
-Float64Array = NDArray[np.float64]
 
 
 def log_of(time_s: Float64Array, speed: Float64Array, current: Float64Array | None = None, name: str = "a") -> WheelLog:

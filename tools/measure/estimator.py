@@ -25,11 +25,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants
 from rw_ekf.filter.constants import FilterConstants
@@ -44,8 +44,6 @@ from rw_ekf.model.friction import GAUSS
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
-
-Float64Array = NDArray[np.float64]
 
 PROFILES = ("P1", "P2", "S1", "S2", "S3", "S4", "S5")
 TRUTH = np.array(CK13_STATISTICAL)

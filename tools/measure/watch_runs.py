@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.sim.plant_batch import PlantRun, simulate_run
 from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters
+from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, NoiseModel, filter_constants
@@ -28,7 +28,6 @@ from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
 
-Float64Array = NDArray[np.float64]
 Step = tuple[WheelSample, IssuedCommand, StepResult]
 
 RATE_HZ = 10.0

@@ -14,13 +14,14 @@ from scipy.signal import lfilter
 
 from drivers.sim.plant_batch import PlantRun, simulate_run
 from drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters
+from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.logs.writer import SampleWriter
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from tools.proof.cases import Case
 from tools.proof.mujoco import foreign_run
-from tools.proof.sizes import RATE_HZ, Float64Array, commands
+from tools.proof.sizes import RATE_HZ, commands
 
 # Noncentrality of one degree of freedom that is found with 90 % power at 1 % false alarm: (2.576 + 1.282)^2.
 SEEN_CHI_SQUARE = 14.9

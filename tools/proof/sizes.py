@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.units import RAD_S_PER_RPM
-
-Float64Array = NDArray[np.float64]
 
 SHARES = (0.05, 0.10, 0.03)  # of Coulomb friction: the three sizes, the middle one first
 RATE_HZ = 10.0

@@ -6,15 +6,13 @@ import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet, EffectTable
-
-Float64Array = NDArray[np.float64]
 
 
 def _run_ahead(
@@ -22,16 +20,16 @@ def _run_ahead(
     omega_s: float,
     law: int,
     time_s: Float64Array,
-    first_piece: NDArray[np.int64],
-    piece_start: NDArray[np.int64],
+    first_piece: Int64Array,
+    piece_start: Int64Array,
     begins: Float64Array,
     durations: Float64Array,
     currents: Float64Array,
     temperature: Float64Array,
     angle: Float64Array,
     states: Float64Array,
-    first: NDArray[np.int64],
-    last: NDArray[np.int64],
+    first: Int64Array,
+    last: Int64Array,
     ends: Float64Array,
     path: Float64Array,
 ) -> None:
@@ -72,8 +70,8 @@ def simulate_ahead(
     omega_s: float,
     law: int,
     states: Float64Array,
-    first: NDArray[np.int64],
-    last: NDArray[np.int64],
+    first: Int64Array,
+    last: Int64Array,
     *,
     keep_path: bool = False,
 ) -> tuple[Float64Array, Float64Array]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.diagnosis.judge.ahead import simulate_ahead
 from rw_ekf.diagnosis.records import ModelTrace
 from rw_ekf.likelihood.fitting import Fit, likelihood, smoothed_reference
@@ -18,8 +19,6 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import ABSENT
-
-Float64Array = NDArray[np.float64]
 
 _STARTS = 400  # of a horizon: more would add nothing but time
 _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
@@ -40,9 +39,9 @@ def judge_model(
     whole: Record,
     model: Model,
     noise: Noise,
-    heldout: NDArray[np.bool_],
-    block: NDArray[np.int64],
-    omit: NDArray[np.bool_],
+    heldout: BoolArray,
+    block: Int64Array,
+    omit: BoolArray,
     reference: Reference,
     inertia_kg_m2: float | None,
 ) -> Judged:
@@ -67,7 +66,7 @@ def judge_model(
     return Judged(figures, trace, predicted)
 
 
-def _free_run(whole: Record, model: Model, states: Float64Array, block: NDArray[np.int64]) -> Float64Array:
+def _free_run(whole: Record, model: Model, states: Float64Array, block: Int64Array) -> Float64Array:
     """Each stretch of the split simulated from its first filtered speed, (n,)."""
     n = block.size
     continues = whole.follows & (np.diff(block, prepend=block[:1]) == 0)
@@ -93,9 +92,7 @@ def _settling(states: Float64Array, whole: Record, first: NDArray[np.intp]) -> N
 _SETTLE_SAMPLES = 20
 
 
-def _horizon(
-    whole: Record, model: Model, states: Float64Array, heldout: NDArray[np.bool_], seconds: float
-) -> Float64Array:
+def _horizon(whole: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float) -> Float64Array:
     """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
     period = whole.data.period_s
     steps = max(1, round(seconds / period))
@@ -118,7 +115,7 @@ def _horizon(
 
 
 def _observed_acceleration(
-    whole: Record, model: Model, noise: Noise, omit: NDArray[np.bool_], reference: Reference
+    whole: Record, model: Model, noise: Noise, omit: BoolArray, reference: Reference
 ) -> Float64Array:
     """What the smoothed speed asks for beyond the model [rad/s^2], (n,), by an observer the same for every model."""
     observer = Noise(noise.variance, max(noise.ratio, _OBSERVER_RATIO))

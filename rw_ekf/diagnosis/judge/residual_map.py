@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.evidence import INFLATION
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.filter.consistency import chi_square_tail
@@ -19,8 +19,6 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.structure import slopes_by_torque
 from rw_ekf.model.effect import RecordFacts
-
-Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.consistency import chi_square_tail, judge
-
-Float64Array = NDArray[np.float64]
 
 FALSE_ALARM = 1.0e-3  # of each test
 _MOST = 200_000

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.model import Model
@@ -15,12 +15,10 @@ from rw_ekf.model.state import FrictionParameters
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.table import EffectSet
 
-Float64Array = NDArray[np.float64]
-
 _LEAST_SQUARES_SAMPLES = 20_000
 
 
-def part_of(data: FilterInput, current_A: Float64Array, delay_s: Float64Array, part: NDArray[np.bool_]) -> FilterInput:
+def part_of(data: FilterInput, current_A: Float64Array, delay_s: Float64Array, part: BoolArray) -> FilterInput:
     """The samples of a part alone, a segment for each of its blocks."""
     jumps = np.flatnonzero(part)
     block = np.cumsum(np.diff(jumps, prepend=jumps[:1]) > 1)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.diagnosis.prepare.split import reversals
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.model import Model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
-
-Float64Array = NDArray[np.float64]
 
 _LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
 _TURN_PER_SAMPLE = 2.0  # rad: an angle is integrated where the wheel is slow enough for some of the record
@@ -43,7 +41,7 @@ def facts_of(
     model: Model,
     speed_noise_rad_s: float,
     temperature_degC: Float64Array,
-    part: NDArray[np.bool_],
+    part: BoolArray,
     channels: frozenset[str],
 ) -> RecordFacts:
     """Facts of the part (n,) that is searched; channels: those that are logged."""

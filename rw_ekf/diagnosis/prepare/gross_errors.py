@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 
 _NOISES = 15.0  # of the readings beside their neighbours' median
 _CHANGES = 4.0  # of the change from sample to sample that nine in ten stay below
@@ -14,7 +13,7 @@ _MOST_SHARE = 0.1  # more than so many are no errors but the record itself
 _NOISE_OF_MEDIAN = 1.0 / 0.6745
 
 
-def gross_errors(speed_rad_s: Float64Array, segment: NDArray[np.int64]) -> NDArray[np.bool_]:
+def gross_errors(speed_rad_s: Float64Array, segment: Int64Array) -> BoolArray:
     """Readings (n,) far from the median of the five around them, within a segment; NaN is none.
 
     A median of five follows a ramp and a corner exactly, and two wrong readings in a row leave it where it was. Far

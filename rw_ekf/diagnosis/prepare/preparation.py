@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.diagnosis.prepare.base_fit import model_of_setup, part_of, start_parameters
 from rw_ekf.diagnosis.prepare.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.prepare.gross_errors import gross_errors
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
 
-Float64Array = NDArray[np.float64]
 
 # Of the top speed. A record cleaner than the first shows the steps of any integration near rest as structure, and is
 # looked at with noise of the second added: 0.06 rpm of 2000.
@@ -63,7 +62,7 @@ class Prepared:
     seen: Reference  # the whole record's speed, smoothed under the base model
     angle_is_logged: bool
     temperature_is_logged: bool
-    kept: NDArray[np.bool_]  # (samples of the log,) those looked at; all arrays above are of these alone
+    kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
 
     @property

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from rw_ekf.arrays import BoolArray, Float64Array
 
 QUANTISATION = "speed_quantisation"
 
@@ -61,7 +60,7 @@ def find_lattice(
     predicted_rad_s: Float64Array,
     predicted_std_rad_s: Float64Array,
     reading_variance: float,
-    heldout: NDArray[np.bool_],
+    heldout: BoolArray,
     least_grid_rad_s: float,
 ) -> Lattice | None:
     """Compare, given predictions (n,) with standard deviations (n,), rounding of little noise with that of all of it.

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rw_ekf.arrays import Int64Array
 from rw_ekf.logs.joined import joined
 from rw_ekf.logs.sampling import mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
@@ -19,7 +17,7 @@ class Source:
     """The log as it is looked at, and what must be said of it first."""
 
     log: WheelLog
-    log_of: NDArray[np.int64]  # (n,) which of the logs a sample belongs to
+    log_of: Int64Array  # (n,) which of the logs a sample belongs to
     parts: tuple[dict[str, Any], ...]  # of each log: its name, samples, rate, where it begins in the joint time
     samples: int  # rows that were read
     rate_hz: float

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+
 Kind = Literal["blocks", "halves"]
 
 _LEAST_BLOCK_S = 40.0
@@ -24,13 +24,13 @@ class Split:
     """Stretches of time in turn; every sample belongs to one, `part` tells which."""
 
     kind: Kind
-    fit: NDArray[np.bool_]  # (n,)
-    heldout: NDArray[np.bool_]  # (n,)
-    block: NDArray[np.int64]  # (n,)
+    fit: BoolArray  # (n,)
+    heldout: BoolArray  # (n,)
+    block: Int64Array  # (n,)
     time_s: Float64Array  # (n,) of the log
 
     @property
-    def looked_at(self) -> NDArray[np.bool_]:
+    def looked_at(self) -> BoolArray:
         """Samples that the diagnosis looks at, (n,)."""
         return self.fit | self.heldout
 
@@ -43,7 +43,7 @@ class Split:
         """The `split` object of the diagnosis document, in the log's own time."""
         return {"kind": self.kind, "fit_s": self._spans(self.fit), "heldout_s": self._spans(self.heldout)}
 
-    def _spans(self, mask: NDArray[np.bool_]) -> list[list[float]]:
+    def _spans(self, mask: BoolArray) -> list[list[float]]:
         spans = []
         for block in np.unique(self.block[mask]):
             inside = self.time_s[mask & (self.block == block)]
@@ -51,7 +51,7 @@ class Split:
         return spans
 
 
-def running_time(time_s: Float64Array, segment: NDArray[np.int64]) -> Float64Array:
+def running_time(time_s: Float64Array, segment: Int64Array) -> Float64Array:
     """Time since the start with the jumps between segments taken out [s], (n,)."""
     step = np.diff(time_s, prepend=time_s[:1])
     step[np.diff(segment, prepend=segment[:1]) != 0] = 0.0
@@ -59,7 +59,7 @@ def running_time(time_s: Float64Array, segment: NDArray[np.int64]) -> Float64Arr
 
 
 def split_record(
-    time_s: Float64Array, segment: NDArray[np.int64], speed_rad_s: Float64Array, kind: Kind, noise_rad_s: float
+    time_s: Float64Array, segment: Int64Array, speed_rad_s: Float64Array, kind: Kind, noise_rad_s: float
 ) -> Split:
     """Cut a record: every other block held out, or its second half.
 
@@ -100,12 +100,12 @@ def split_record(
     return Split(kind, fit, heldout, block, time_s)
 
 
-def _blocks(elapsed: Float64Array, duration: float, count: int) -> NDArray[np.int64]:
+def _blocks(elapsed: Float64Array, duration: float, count: int) -> Int64Array:
     edges = np.linspace(0.0, duration, count + 1)
     return np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1).astype(np.int64)
 
 
-def _both_ways_alike(fit: NDArray[np.bool_], speed_rad_s: Float64Array, noise_rad_s: float) -> bool:
+def _both_ways_alike(fit: BoolArray, speed_rad_s: Float64Array, noise_rad_s: float) -> bool:
     """Whether each direction in which the record turns is in both parts."""
     for turning in (speed_rad_s > 5.0 * noise_rad_s, speed_rad_s < -5.0 * noise_rad_s):
         if turning.any() and not ((turning & fit).any() and (turning & ~fit).any()):

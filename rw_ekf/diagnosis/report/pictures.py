@@ -33,8 +33,7 @@ from rw_ekf.diagnosis.report.words import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from rw_ekf.arrays import BoolArray, Float64Array
     from rw_ekf.diagnosis.records import Diagnosis
     from rw_ekf.logs.wheel_log import WheelLog
 
@@ -96,18 +95,18 @@ def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
     return png(figure)
 
 
-def _draw_current(axis: Any, time: NDArray[np.float64], log: WheelLog, units: Units) -> None:
+def _draw_current(axis: Any, time: Float64Array, log: WheelLog, units: Units) -> None:
     axis.plot(*thinned_line(time, log.current_A / units.current_scale), color=GREY, lw=1.0, drawstyle="steps-post")
     axis.set_ylabel(f"{'current' if units.wheel else 'drive'} [{units.current}]", fontsize=9.5)
 
 
-def _segment_starts(log: WheelLog) -> NDArray[np.bool_]:
+def _segment_starts(log: WheelLog) -> BoolArray:
     starts = np.zeros(len(log), dtype=bool)
     starts[1:] = np.diff(log.segment) != 0
     return starts
 
 
-def _stretch_starts(log: WheelLog, heldout: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _stretch_starts(log: WheelLog, heldout: BoolArray) -> BoolArray:
     """Where a free run begins anew: it jumps back to the measured speed there."""
     starts = _segment_starts(log)
     starts[1:] |= np.diff(heldout.astype(np.int8)) != 0

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.diagnosis.report.canvas import (
     AFTER,
     GREY,
@@ -33,7 +33,6 @@ from rw_ekf.units import RAD_S_PER_RPM
 if TYPE_CHECKING:
     from rw_ekf.diagnosis.records import Diagnosis
 
-Float64Array = NDArray[np.float64]
 
 _MOST_BINS, _FEWEST_BINS = 28, 10
 _INDEPENDENT_IN_BIN = 30.0
@@ -64,7 +63,7 @@ class Dependence:
     title: str
     label: str
     x: Float64Array  # (n,)
-    mask: NDArray[np.bool_]  # (n,) samples it is judged on
+    mask: BoolArray  # (n,) samples it is judged on
     low: float
     high: float
     finest: bool = False  # with as many bins as may be: waves within a turn
@@ -183,7 +182,7 @@ def dependences(diagnosis: Diagnosis, units: Units) -> list[Dependence]:
     return [panel for panel in panels if panel.high > panel.low]
 
 
-def _dependence(title: str, label: str, x: Float64Array, mask: NDArray[np.bool_]) -> Dependence:
+def _dependence(title: str, label: str, x: Float64Array, mask: BoolArray) -> Dependence:
     """A range that single stray readings do not widen."""
     known = x[mask & np.isfinite(x)]
     low, high = (
@@ -224,9 +223,7 @@ def _scatter(values: Float64Array) -> float:
     return float(np.percentile(np.abs(known), 95.0)) if known.size else 0.0
 
 
-def _draw(
-    axis: Any, panel: Dependence, one: Series, found: BinnedMeans, sign: Float64Array, shown: NDArray[np.int64]
-) -> Any:
+def _draw(axis: Any, panel: Dependence, one: Series, found: BinnedMeans, sign: Float64Array, shown: Int64Array) -> Any:
     """Faint points, and the means over them."""
     index = shown[panel.mask[shown]]
     points = (one.values * sign if panel.along_motion else one.values)[index]

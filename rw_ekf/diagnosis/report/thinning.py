@@ -7,12 +7,12 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
 
-Float64Array = NDArray[np.float64]
 
 _LINE_BINS = 1500  # about the pixels of a picture's width: two points each
 _CORRELATION_SAMPLES = 2**17
@@ -66,12 +66,12 @@ def thinned_line(x: Float64Array, y: Float64Array, bins: int = _LINE_BINS) -> tu
     return x[index], y[index]
 
 
-def broken(y: Float64Array, starts: NDArray[np.bool_]) -> Float64Array:
+def broken(y: Float64Array, starts: BoolArray) -> Float64Array:
     """The line with a gap at every start of a new stretch."""
     return np.where(starts, np.nan, y)
 
 
-def running_means(y: Float64Array, starts: NDArray[np.bool_], window: int) -> Float64Array:
+def running_means(y: Float64Array, starts: BoolArray, window: int) -> Float64Array:
     """Centred mean of what is there over `window` samples, or a tenth of a stretch; none reaches over its ends."""
     from scipy.ndimage import uniform_filter1d
 
@@ -90,13 +90,13 @@ def running_means(y: Float64Array, starts: NDArray[np.bool_], window: int) -> Fl
     return means
 
 
-def spans(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def spans(mask: BoolArray) -> list[tuple[int, int]]:
     """First and last index of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def point_indices(mask: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
+def point_indices(mask: BoolArray, most: int) -> Int64Array:
     """At most `most` indices where mask holds, evenly spread."""
     index = np.flatnonzero(mask)
     if index.size <= most:
@@ -123,7 +123,7 @@ class BinnedMeans:
 
 
 def binned_means(
-    x: Float64Array, y: Float64Array, mask: NDArray[np.bool_], edges: Float64Array, correlation: float
+    x: Float64Array, y: Float64Array, mask: BoolArray, edges: Float64Array, correlation: float
 ) -> BinnedMeans:
     """Means of y over the bins given by (m + 1,) edges, neighbours joined until there is enough for a mean.
 
@@ -133,7 +133,7 @@ def binned_means(
     x, y = x[usable], y[usable]
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
     sums = np.array([np.bincount(index, values, edges.size - 1) for values in (np.ones_like(x), x, y, y * y)])
-    joined: list[NDArray[np.float64]] = []
+    joined: list[Float64Array] = []
     gathered = np.zeros(4)
     for column in sums.T:
         gathered = gathered + column

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.frame import Frame
 from rw_ekf.likelihood.model import columns_of_candidate
@@ -21,8 +21,6 @@ from rw_ekf.likelihood.one_step import predict
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect, StribeckEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.wheel.table import Column, EffectSet
-
-Float64Array = NDArray[np.float64]
 
 _CHUNK = 128
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.residual_map import hats
 from rw_ekf.diagnosis.search.evidence import p_value
 from rw_ekf.diagnosis.search.scorer import Scorer
@@ -22,7 +22,6 @@ from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.structure import slopes_by_torque
 from rw_ekf.model.effect import Effect, RecordFacts
 
-Float64Array = NDArray[np.float64]
 Quantity = Literal["speed", "time", "temperature"]
 
 _KNOTS = 12  # of a smooth function, as in the map of the residual

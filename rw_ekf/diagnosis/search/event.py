@@ -10,14 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import BoolArray
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Reference
-
-Float64Array = NDArray[np.float64]
 
 _STRIDE_S = 5.0
 _DECAYS = 3.0  # how long an event is, in its own time constants
@@ -49,7 +47,7 @@ def event_gain(whole: Fit, name: str, prior: Prior, seen: Reference) -> EventGai
     return EventGain(100.0 * (1.0 - with_it / without), 2.0 * count * math.log(without / with_it))
 
 
-def _error(whole: Fit, model: Model, prior: Prior, seen: Reference, left_out: NDArray[np.bool_]) -> float:
+def _error(whole: Fit, model: Model, prior: Prior, seen: Reference, left_out: BoolArray) -> float:
     """Root mean square of readings less the speed smoothed without them [rad/s]."""
     fit = fit_model(whole.frame.record, model, prior, seen, whole.noise, whole.omit | left_out, turns=4)
     error = (whole.frame.record.data.speed_rad_s - fit.reference.speed)[left_out & ~whole.omit]

@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, analytic, hypotheses
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import LEAST_RATIO
@@ -20,8 +20,6 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
 from rw_ekf.model.effect import Candidate, Effect, ReadingEffect, RecordFacts, StaticEffect, StribeckEffect
-
-Float64Array = NDArray[np.float64]
 
 _RATIOS_BELOW = 6
 _SCREENED = 24

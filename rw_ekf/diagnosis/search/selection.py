@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rw_ekf.diagnosis.search.candidates import Score, hypotheses
 from rw_ekf.diagnosis.search.confounding import Quantity, may_confound, quantity_of, says_more, scorer_beside
@@ -26,8 +25,6 @@ from rw_ekf.likelihood.model import Model, columns_of_candidate
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import smoothed_by_filter
 from rw_ekf.model.effect import Candidate, Effect, ReadingEffect, RecordFacts
-
-Float64Array = NDArray[np.float64]
 
 _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 _TRIED = 3  # strongest candidates that are fitted in full in each turn
