@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import sys
 from collections.abc import Sequence
 
@@ -51,9 +50,6 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit status: 0 done, 1 failed in the work, 2 wrong usage or bad input."""
-    # Threads of a linear-algebra library make 5 x 5 matrices several times slower (docs/decisions/0005).
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     open_missing_streams()
     args = build_parser().parse_args(arguments)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -62,6 +63,25 @@ def test_a_duration_must_be_a_positive_number(text: str, capsys: pytest.CaptureF
         main(["run", "--config", "x.yaml", "--duration", text])
     assert left.value.code == 2
     assert "--duration" in capsys.readouterr().err
+
+
+def threads_for_linear_algebra(environment: dict[str, str]) -> str:
+    """What a process sees that imports the library and then numpy: the variables, and its threads after a product."""
+    probe = (
+        "import os, rw_ekf, numpy; a = numpy.ones((500, 500)); a @ a; "
+        "print(*(os.environ[f'{name}_NUM_THREADS'] for name in ('OPENBLAS', 'OMP', 'MKL')), "
+        "len(os.listdir('/proc/self/task')) if os.path.isdir('/proc/self/task') else 1)"
+    )
+    unset = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    return subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, cwd=ROOT, check=True, env=unset | environment
+    ).stdout.strip()
+
+
+def test_who_imports_the_library_has_one_thread_for_linear_algebra() -> None:
+    """Importing rw_ekf before numpy leaves one thread (decision 0005); what was set outside stays."""
+    assert threads_for_linear_algebra({}) == "1 1 1 1"
+    assert threads_for_linear_algebra({"MKL_NUM_THREADS": "3"}) == "1 1 3 1"
 
 
 def test_help_and_check_config_import_nothing_heavy(tmp_path: Path) -> None:

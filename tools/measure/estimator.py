@@ -10,10 +10,6 @@ errors over the Cramer-Rao bound of the same run. Exit status 1 if a mark is mis
 
 from __future__ import annotations
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads on 5 x 5 matrices only cost time
-
 import argparse
 import math
 import platform

@@ -8,10 +8,6 @@ Everything is simulated by the plant, which shares no propagation with the filte
 
 from __future__ import annotations
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import argparse
 import time
 from collections import Counter

@@ -12,18 +12,12 @@ depends on its name and --seed alone. Exit status 1 if a mark is missed.
 
 from __future__ import annotations
 
-import os
-import sys
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers share two cores
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
 import argparse
 import importlib
 import json
 import multiprocessing
 import platform
+import sys
 import tempfile
 import time
 import traceback
@@ -31,6 +25,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
