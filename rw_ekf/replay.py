@@ -204,7 +204,7 @@ def judge_now(data: FilterInput, setup: FilterSetup, belief: Belief) -> tuple[Co
     seconds on a desktop computer.
     """
     from rw_ekf import compile_ahead
-    from rw_ekf.filter.compiled import interpreted
+    from rw_ekf.wheel.compiled import interpreted
 
     needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.columns else compile_ahead.FIT
     if not compile_ahead.cold(needed):

@@ -17,7 +17,7 @@ def make_ready(kernels: Sequence[str]) -> None:
     if not missing:
         return
     from rw_ekf.console import progress
-    from rw_ekf.filter.compiled import child_environment
+    from rw_ekf.wheel.compiled import child_environment
 
     kept = (
         "this time only: no folder for a cache can be written, set NUMBA_CACHE_DIR" if child_environment() else "once"

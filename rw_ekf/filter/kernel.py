@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.filter import constants as _constants
 from rw_ekf.filter import decisions as _decisions
-from rw_ekf.filter.compiled import compile_cached, make_jitable
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.decisions import (
     BACKWARD,
@@ -32,66 +32,16 @@ from rw_ekf.filter.decisions import (
     timing,
     within_reach,
 )
-from rw_ekf.model import flow as _propagation
-from rw_ekf.model import friction as _friction
-from rw_ekf.wheel import dispatch as _dispatch
-from rw_ekf.wheel import effect_transition as _effect_transition
-from rw_ekf.wheel import pieces as _effect_propagation
-from rw_ekf.wheel import transition as _transition
+from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
+from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.table import NO_EFFECTS, EffectTable
-from rw_ekf.wheel.transition import _rests_for_sure, divided_difference, factor_covariance, interval, transition
+from rw_ekf.wheel.transition import transition
 
-make_jitable(
-    [
-        _friction.far_limit,
-        _friction.stribeck,
-        _friction.stribeck_slope,
-        _propagation._phi_1,
-        _propagation._phi_1_slope,
-        _propagation._far_time,
-        _propagation._step,
-        _propagation._exp_small,
-        _propagation._time_to_stop,
-        _propagation.slip,
-        _propagation.flow,
-        factor_covariance,
-        _rests_for_sure,
-        divided_difference,
-        interval,
-        transition,
-        timing,
-        forget,
-        elapse,
-        most_acceleration,
-        within_reach,
-        gating,
-        *_dispatch.JITABLE,
-        _dispatch.contribution,
-        _dispatch.contribution_slope,
-        _dispatch.lagged,
-        _dispatch.memory_flow,
-        _effect_propagation._gather,
-        _effect_propagation._chain,
-        _effect_propagation._memory_moved,
-        _effect_propagation._chain_memory,
-        _effect_propagation.row_size,
-        _effect_propagation.effect_interval,
-        _effect_transition.turn_root,
-        _effect_transition.solve_slopes,
-        _effect_transition._differences,
-        effect_transition,
-        predict_covariance_full,
-        drop_settled,
-        seed_hidden,
-    ]
-)
+make_jitable([timing, forget, elapse, most_acceleration, within_reach, gating])
 
-# Everything that is compiled into a pass: its cache is stale when one of them changes.
-COMPILED_MODULES = [
-    _friction, _propagation, _transition, _decisions, _dispatch, _effect_propagation, _effect_transition,
-    *_dispatch.MODULES, sys.modules[__name__],
-]  # fmt: skip
+# Everything that is compiled into the pass: its cache is stale when one of them changes.
+_MODULES = [*EQUATIONS, _constants, _decisions, sys.modules[__name__]]
 
 
 def _seed_speed(x: Float64Array, P: Float64Array, speed: float, variance: float) -> None:
@@ -323,8 +273,8 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-filter_pass = compile_cached(_filter_pass, COMPILED_MODULES, lambda: _example(with_effects=False))
+filter_pass = compile_cached(_filter_pass, _MODULES, lambda: _example(with_effects=False))
 # A kernel of its own, because without effects a third of it has to be compiled.
 filter_pass_with_effects = compile_cached(
-    _filter_pass, COMPILED_MODULES, lambda: _example(with_effects=True), name="_filter_pass_with_effects"
+    _filter_pass, _MODULES, lambda: _example(with_effects=True), name="_filter_pass_with_effects"
 )

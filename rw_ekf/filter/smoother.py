@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter import compiled
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.log_filter import FilterRun
+from rw_ekf.wheel import compiled
 
 
 def _smooth_pass(

@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.filter import kernel as _kernel  # registers the equations with numba
-from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.log_filter import FilterInput
-from rw_ekf.model import flow as _propagation
-from rw_ekf.model import friction as _friction
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.wheel import transition as _transition
+from rw_ekf.wheel.compiled import compile_cached
+from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.transition import interval
 
 
@@ -63,9 +60,7 @@ def _example() -> tuple[Any, ...]:
     return (*[1.0] * 6, 0, 0, 0, numbers, series, series, series, np.zeros((0, 5)))
 
 
-simulate_stretch = compile_cached(
-    _simulate_stretch, [_friction, _propagation, _transition, _kernel, sys.modules[__name__]], _example
-)
+simulate_stretch = compile_cached(_simulate_stretch, [*EQUATIONS, sys.modules[__name__]], _example)
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
-from rw_ekf.filter.compiled import compile_cached
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.state import STATE_SIZE
+from rw_ekf.wheel.compiled import compile_cached
+from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.pieces import effect_interval, row_size
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
@@ -127,7 +127,7 @@ def _example() -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-one_step_pass = compile_cached(_one_step_pass, [*COMPILED_MODULES, sys.modules[__name__]], _example)
+one_step_pass = compile_cached(_one_step_pass, [*EQUATIONS, sys.modules[__name__]], _example)
 
 
 @dataclass(frozen=True)

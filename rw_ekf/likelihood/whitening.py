@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.filter.compiled import compile_cached
+from rw_ekf.wheel.compiled import compile_cached
 
 
 class Chain(NamedTuple):

@@ -13,10 +13,10 @@ import pytest
 
 from rw_ekf import compile_ahead
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.compiled import interpreted
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.replay import judge_log, judge_now
 from rw_ekf.starting_point import setup_of_record
+from rw_ekf.wheel.compiled import interpreted
 from tests.commands.logs import write_log
 from tests.diagnosis.simulated import simulated
 from tests.live.bench import ROOT, program, rw_ekf, served_wheel
@@ -24,7 +24,7 @@ from tests.live.bench import ROOT, program, rw_ekf, served_wheel
 OF_EVERY_VERB = """
 import gc, sys
 from rw_ekf.cli import main
-from rw_ekf.filter.compiled import Kernel
+from rw_ekf.wheel.compiled import Kernel
 log, out = sys.argv[1:]
 for arguments in (["replay", "--smooth", "--out", out, log], ["fit", "--noise", log], ["diagnose", log]):
     assert main(arguments) == 0, arguments

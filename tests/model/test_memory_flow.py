@@ -18,7 +18,6 @@ from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.effects.friction_lag import FrictionLag
 from rw_ekf.effects.presliding_hysteresis import PreslidingHysteresis
-from rw_ekf.filter.compiled import make_jitable
 from rw_ekf.model import flow as propagation
 from rw_ekf.model import friction as model_friction
 from rw_ekf.model import memory_flow
@@ -27,6 +26,7 @@ from rw_ekf.model.friction import GAUSS, LAW_CODES
 from rw_ekf.model.memory_flow import BRISTLE, LAG, Wheel, bristle_flow, lag_flow
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.compiled import make_jitable
 from tests.counting import lines_of
 
 K, B, C, S = CK13_STATISTICAL

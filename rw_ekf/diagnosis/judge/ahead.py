@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.filter.compiled import compile_cached
-from rw_ekf.filter.kernel import COMPILED_MODULES
 from rw_ekf.likelihood.one_step import Record
+from rw_ekf.wheel.compiled import compile_cached
+from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet, EffectTable
 
@@ -61,7 +61,7 @@ def _example() -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-run_ahead = compile_cached(_run_ahead, [*COMPILED_MODULES, sys.modules[__name__]], _example)
+run_ahead = compile_cached(_run_ahead, [*EQUATIONS, sys.modules[__name__]], _example)
 
 
 def simulate_ahead(

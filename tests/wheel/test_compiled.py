@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from rw_ekf.filter.compiled import compile_cached, make_jitable, source_digest
+from rw_ekf.wheel.compiled import compile_cached, make_jitable, source_digest
 
 
 @pytest.fixture

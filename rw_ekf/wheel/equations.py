@@ -1,0 +1,53 @@
+"""The equations of the wheel registered with numba: whoever compiles a pass over a log imports this first."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+from rw_ekf.model import flow, friction
+from rw_ekf.wheel import dispatch, effect_transition, pieces, table, transition
+from rw_ekf.wheel.compiled import make_jitable
+
+make_jitable(
+    [
+        friction.far_limit,
+        friction.stribeck,
+        friction.stribeck_slope,
+        flow._phi_1,
+        flow._phi_1_slope,
+        flow._far_time,
+        flow._step,
+        flow._exp_small,
+        flow._time_to_stop,
+        flow.slip,
+        flow.flow,
+        transition.factor_covariance,
+        transition._rests_for_sure,
+        transition.divided_difference,
+        transition.interval,
+        transition.transition,
+        *dispatch.JITABLE,
+        dispatch.contribution,
+        dispatch.contribution_slope,
+        dispatch.lagged,
+        dispatch.memory_flow,
+        pieces._gather,
+        pieces._chain,
+        pieces._memory_moved,
+        pieces._chain_memory,
+        pieces.row_size,
+        pieces.effect_interval,
+        effect_transition.turn_root,
+        effect_transition.solve_slopes,
+        effect_transition._differences,
+        effect_transition.effect_transition,
+        effect_transition.predict_covariance_full,
+        effect_transition.drop_settled,
+        effect_transition.seed_hidden,
+    ]
+)
+
+# Everything that is compiled into a pass with them: its cache is stale when one of them changes.
+EQUATIONS: list[ModuleType] = [
+    friction, flow, transition, dispatch, pieces, effect_transition, table, *dispatch.MODULES,
+]  # fmt: skip
