@@ -6,9 +6,10 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Iterable
+from typing import Any
 
 import rw_ekf.effects
-from rw_ekf.model.effect import Effect, StaticEffect
+from rw_ekf.model.effect import Effect, ReadingEffect, StribeckEffect, WanderingEffect
 
 # Order of the contract's table, section 7; what is not here comes behind, by alphabet.
 CONTRACT_IDS = (
@@ -49,8 +50,16 @@ def _collect(module_names: Iterable[str]) -> dict[str, type[Effect]]:
 CATALOGUE: dict[str, type[Effect]] = _collect(
     module.name for module in pkgutil.iter_modules(rw_ekf.effects.__path__) if module.name not in MACHINERY
 )
-# The number by which the compiled propagation knows a static effect.
-STATIC_CODES: dict[str, int] = {
-    effect_id: code
-    for code, effect_id in enumerate(name for name, effect in CATALOGUE.items() if issubclass(effect, StaticEffect))
-}
+
+
+def of_kind(kind: Any) -> list[type[Any]]:
+    """The effects that derive from a class, in the order of the catalogue."""
+    return [effect for effect in CATALOGUE.values() if issubclass(effect, kind)]
+
+
+# What stands for torque as such, for a Stribeck curve that is fitted, for a reading on a grid, for dry friction that
+# wanders in no particular shape: the rest of the package asks for these, and knows no effect by name.
+TORQUE = CATALOGUE["offset_torque"]
+(STRIBECK,) = of_kind(StribeckEffect)
+(GRID,) = of_kind(ReadingEffect)
+(WANDERING,) = of_kind(WanderingEffect)

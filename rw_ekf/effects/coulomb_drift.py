@@ -6,10 +6,10 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moves, of_coulomb
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, WanderingEffect
 
 
-class CoulombDrift(StaticEffect):
+class CoulombDrift(WanderingEffect):
     """f = sgn(omega) a tau [1 - exp(-(t - start)/tau)], for tau = 0 a straight line a (t - start); s by as much as c.
 
     A friction that wanders in no particular shape is a broken line: one column for each piece of it, a slope `a` from
@@ -26,6 +26,7 @@ class CoulombDrift(StaticEffect):
         Coefficient("piece_s", "s", 0.0, 1.0e9, "length of a piece of a broken line; 0 where it goes on"),
     )
     excitation = "the same motion early and late, for long enough: `rw-ekf excite P1`, repeated"
+    shown_against = "time"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_temperature": "a temperature that is cycled up and down within the record",
         "drag_spike": "a record well beyond both sides of the onset",
@@ -79,6 +80,16 @@ class CoulombDrift(StaticEffect):
         if q1 <= 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, passed
         return 0.0, 0.0, 0.0, 0.0, 0.0, -q1 * math.expm1(-passed / q1)
+
+    @staticmethod
+    def piece(from_s: float, to_s: float) -> Shape:
+        """A slope from one time to another, level afterwards."""
+        return 0.0, from_s, to_s - from_s
+
+    @staticmethod
+    def may_leave(shape: Shape, facts: RecordFacts) -> tuple[str, ...]:
+        """A friction that wanders is followed only so far: whatever goes with time."""
+        return ("time", "temperature") if shape[2] > 0.0 else ()
 
     @staticmethod
     def change(value: float, shape: Shape, until_s: float) -> float:

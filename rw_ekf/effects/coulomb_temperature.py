@@ -31,6 +31,7 @@ class CoulombTemperature(StaticEffect):
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of Coulomb friction per kelvin")
     needs = ("temperature_degC",)
     excitation = "reversals, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
+    shown_against = "temperature"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_drift": "a temperature that is cycled up and down within the record",
         "viscous_temperature": "several speeds, fast and slow, at each temperature",

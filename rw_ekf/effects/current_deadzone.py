@@ -16,6 +16,7 @@ class CurrentDeadzone(StaticEffect):
     source = "contract, section 7"
     coefficient = Coefficient("width_A", "A", 0.0, 1.0e6, "largest current without torque")
     excitation = "currents of both signs at several levels, and coast-downs: `rw-ekf excite identification`"
+    shown_against = "current"
     confounded: ClassVar[dict[str, str]] = {"motor_saturation": "strong currents beside weak ones"}
     linear = False  # below its width the effect takes the whole current
 

@@ -21,10 +21,11 @@ class DragSpike(StaticEffect):
     source = "[L17 IV]"
     coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", 0.0, 1.0e6, "dry friction added at the onset")
     constants = (
-        Coefficient("onset_s", "s", -1.0e12, 1.0e12, "time of the log at which it begins"),
+        Coefficient("onset_s", "s", -1.0e12, 1.0e12, "time of the log at which it begins", step=0.5, reach=5.0),
         Coefficient("decay_s", "s", 1.0e-3, 1.0e9, "time in which it falls to 37 %"),
     )
     excitation = "nothing but its own time: the record must go on, turning, before and after"
+    shown_against = "time"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_drift": "a record well beyond both sides of the onset",
         "coulomb_temperature": "a temperature that is cycled up and down within the record",
@@ -54,6 +55,17 @@ class DragSpike(StaticEffect):
             count = math.ceil(facts.duration_s / step) - 1
             found += [Candidate(1.0, (facts.first_s + step * (i + 1), decay, 0.0)) for i in range(count)]
         return found
+
+    @classmethod
+    def places(cls, facts: RecordFacts) -> float:
+        """Onsets a decay apart are independent; four decays or so are."""
+        apart = [min(facts.duration_s / max(decay, 2.0), 300.0) for _, (_, decay, _) in cls.candidates(facts)]
+        return 4.0 * max(sum(apart) / max(len(apart), 1), 1.0)
+
+    @staticmethod
+    def lasts(shape: Shape) -> tuple[float, float]:
+        """Onset and decay."""
+        return shape[0], shape[1]
 
     @staticmethod
     def shape_is_possible(shape: Shape, facts: RecordFacts) -> bool:

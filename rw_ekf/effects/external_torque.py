@@ -27,11 +27,12 @@ class ExternalTorque(PeriodicEffect):
     source = "contract, section 7"
     coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "amplitude of the sine")
     constants = (
-        Coefficient("frequency_Hz", "Hz", 0.0, 1.0e6, "periods per second"),
+        Coefficient("frequency_Hz", "Hz", 0.0, 1.0e6, "periods per second", step_share=1.0e-4, reach_share=0.02),
         Coefficient("phase_rad", "rad", -2.0 * math.pi, 2.0 * math.pi, "phase at the reference"),
         Coefficient("reference_s", "s", -1.0e12, 1.0e12, "time of the log at which the phase counts"),
     )
     excitation = "several periods, at several speeds: `rw-ekf excite P2`"
+    shown_against = "time"
     confounded: ClassVar[dict[str, str]] = {
         "torque_ripple": "several steady speeds: a ripple's frequency follows the speed"
     }

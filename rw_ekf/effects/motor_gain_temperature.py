@@ -33,6 +33,7 @@ class MotorGainTemperature(StaticEffect):
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of motor gain per kelvin")
     needs = ("temperature_degC",)
     excitation = "strong currents, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
+    shown_against = "temperature"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_temperature": "coast-downs without current, cold and warm",
         "viscous_temperature": "coast-downs without current, cold and warm",

@@ -16,6 +16,7 @@ class MotorSaturation(StaticEffect):
     source = "contract, section 7"
     coefficient = Coefficient("slope_1_A", "1/A", 0.0, 1.0e6, "relative loss of motor gain per ampere")
     excitation = "short strong currents beside weak ones: `rw-ekf excite identification`"
+    shown_against = "current"
     confounded: ClassVar[dict[str, str]] = {
         "quadratic_drag": "a coast-down from high speed without current",
         "current_deadzone": "strong currents beside weak ones",

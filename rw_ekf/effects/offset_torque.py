@@ -16,6 +16,7 @@ class OffsetTorque(StaticEffect):
     source = "contract, section 7"
     coefficient = Coefficient("torque_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "constant torque; above 0 slows forward")
     excitation = "turning both ways: `rw-ekf excite P2`"
+    shown_against = "speed"
     confounded: ClassVar[dict[str, str]] = {"viscous_asymmetry": "several speeds, fast and slow, in both directions"}
 
     @staticmethod

@@ -44,6 +44,11 @@ class PeriodicEffect(StaticEffect):
     quadrature: ClassVar[bool] = True
 
     @classmethod
+    def admits(cls, found: float) -> bool:
+        """Either sign: the phase takes it up."""
+        return True
+
+    @classmethod
     def described_pair(
         cls, sine: float, cosine: float, covariance_2x2: Covariance, shape: Shape
     ) -> dict[str, dict[str, float | str | None]]:

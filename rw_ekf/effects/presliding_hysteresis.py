@@ -55,10 +55,11 @@ class PreslidingHysteresis(FrictionMemoryEffect):
             for ratio in ratios
         ]
 
-    @staticmethod
-    def alternatives(candidate: Candidate) -> list[Candidate]:
-        """The same bristle with the other dampings: a step along the reference hardly tells them apart, a fit does."""
-        return [candidate._replace(shape=(damping, 0.0, 0.0)) for damping in _DAMPINGS if damping != candidate.shape[0]]
+    @classmethod
+    def starts(cls, candidate: Candidate, found: float) -> list[Candidate]:
+        """The other dampings too: a step along the reference hardly tells them apart, a fit does."""
+        others = [damping for damping in _DAMPINGS if damping != candidate.shape[0]]
+        return super().starts(candidate, found) + [candidate._replace(shape=(other, 0.0, 0.0)) for other in others]
 
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:

@@ -16,6 +16,7 @@ class QuadraticDrag(StaticEffect):
     source = "contract, section 7; aerodynamic drag of the rotor in its case"
     coefficient = Coefficient("coefficient_1_rad", "1/rad", -1.0e3, 1.0e3, "drag per squared speed; above 0 brakes")
     excitation = "high speed with coast-downs: `rw-ekf excite identification`"
+    shown_against = "speed"
     confounded: ClassVar[dict[str, str]] = {
         "motor_saturation": "a coast-down from high speed without current",
         "cubic_drag": "a wider range of speeds",

@@ -29,6 +29,7 @@ class TorqueRipple(PeriodicEffect):
         Coefficient("phase_rad", "rad", -2.0 * math.pi, 2.0 * math.pi, "phase at angle 0"),
     )
     excitation = "slow turning, less than half a ripple per sample, at several speeds: `rw-ekf excite identification`"
+    shown_against = "angle"
     confounded: ClassVar[dict[str, str]] = {
         "external_torque": "several steady speeds: a ripple's frequency follows the speed"
     }
@@ -49,6 +50,16 @@ class TorqueRipple(PeriodicEffect):
         share = _SLOW_SHARE_LOGGED if "angle_rad" in facts.channels else _SLOW_SHARE_INTEGRATED
         turned = top_speed(facts) * facts.period_s
         return [Candidate(1.0, (float(order), 0.0, 0.0)) for order in _ORDERS if order * turned * share < math.pi]
+
+    @classmethod
+    def places(cls, facts: RecordFacts) -> float:
+        """Every order: no two are neighbours."""
+        return float(max(len(cls.candidates(facts)), 1))
+
+    @staticmethod
+    def may_leave(shape: Shape, facts: RecordFacts) -> tuple[str, ...]:
+        """An angle that is integrated loses the phase whenever the wheel is fast or at rest."""
+        return () if "angle_rad" in facts.channels else ("time", "temperature", "angle", "low speed")
 
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:

@@ -16,6 +16,7 @@ class ViscousAsymmetry(StaticEffect):
     source = "contract, section 7"
     coefficient = Coefficient("difference_1_s", "1/s", -1.0e3, 1.0e3, "viscous friction more forward, less backward")
     excitation = "high speed in both directions: `rw-ekf excite identification`"
+    shown_against = "speed"
     confounded: ClassVar[dict[str, str]] = {"offset_torque": "several speeds, fast and slow, in both directions"}
 
     @staticmethod

@@ -32,6 +32,7 @@ class ViscousTemperature(StaticEffect):
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of viscous friction per kelvin")
     needs = ("temperature_degC",)
     excitation = "high speed, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
+    shown_against = "temperature"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_temperature": "several speeds, fast and slow, at each temperature",
         "motor_gain_temperature": "coast-downs without current, cold and warm",

@@ -12,7 +12,6 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
-from rw_ekf.model.effect import FrictionMemoryEffect, StaticEffect
 from rw_ekf.wheel.table import ABSENT
 
 _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may still be off by
@@ -155,9 +154,7 @@ def _columns(
     columns[:, :known] = rows[:, 1 : 1 + known]
     if with_memory:
         memory_columns[:, :known] = rows[:, states + 1 : states + 1 + known]
-    others = [
-        4 + i for i, c in enumerate(model.columns) if not issubclass(c.effect, StaticEffect | FrictionMemoryEffect)
-    ]
+    others = [4 + i for i, c in enumerate(model.columns) if not c.effect.analytic]
     _differences(record, model, reference, [*others, *range(known, p)], columns, memory_columns)
     return columns, memory_columns
 
@@ -198,11 +195,5 @@ def _step_sizes(model: Model) -> list[float]:
     k, _, c, s = model.parameters
     sizes = [1.0e-3 * abs(k), 1.0e-3 * c, 1.0e-3 * c, 1.0e-3 * max(s, c)]
     sizes[1] = max(1.0e-3 * abs(model.parameters.viscous), 1.0e-6)
-    sizes += [0.02 * abs(column.value) if column.value != 0.0 else 1.0e-3 * c for column in model.columns]
-    sizes += [0.02 * abs(model.columns[i].shape[j]) for i, j in model.refined]
-    for at, (i, j) in enumerate(model.refined, start=4 + len(model.columns)):
-        if model.columns[i].effect.constants[j].unit == "Hz":
-            sizes[at] = 1.0e-4 * abs(model.columns[i].shape[j])
-        elif model.columns[i].effect.constants[j].name == "onset_s":
-            sizes[at] = 0.5
-    return sizes
+    sizes += [column.effect.coefficient.step_at(column.value) or 1.0e-3 * c for column in model.columns]
+    return sizes + [model.columns[i].effect.constants[j].step_at(model.columns[i].shape[j]) for i, j in model.refined]

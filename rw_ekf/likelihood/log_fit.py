@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import STRIBECK
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput
@@ -30,7 +30,6 @@ from rw_ekf.wheel.table import Column
 _PARAMETERS = 4
 _WARMTH_degC = 20.0  # of a record without a temperature; nothing that is fitted here reads it
 _SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
-_STRIBECK = CATALOGUE["stribeck_shape"]
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def fit_log(
     known = Prior.of(prior.core.mean[1:], prior.core.covariance[1:, 1:])
     model = bare
     if stribeck_speed_std > 0.0:
-        free = Column(_STRIBECK, constants.omega_s, stribeck_speed_std, (float(constants.law), 0.0, 0.0))
+        free = Column(STRIBECK, constants.omega_s, stribeck_speed_std, (float(constants.law), 0.0, 0.0))
         model = bare.with_effect([free])
         given = (free.id, constants.omega_s, stribeck_speed_std)
         known = Prior(known.mean, known.root, (given,))

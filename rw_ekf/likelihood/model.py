@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.model.effect import NO_SHAPE, Candidate, Effect, ReadingEffect, Shape
+from rw_ekf.model.effect import NO_SHAPE, Candidate, Effect, Shape
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
 
@@ -74,8 +74,7 @@ class Model:
                 reach = 0.7 * abs(column.value)
                 out[_BASE + i] = float(np.clip(out[_BASE + i], -reach, 2.0 * reach))
         for at, (i, j) in enumerate(self.refined, start=_BASE + len(self.columns)):
-            constant, value = self.columns[i].effect.constants[j], self.columns[i].shape[j]
-            reach = {"onset_s": 5.0, "frequency_Hz": 0.02 * abs(value)}.get(constant.name, 0.5 * abs(value))
+            reach = self.columns[i].effect.constants[j].reach_at(self.columns[i].shape[j])
             out[at] = float(np.clip(out[at], -reach, reach))
         return out
 
@@ -107,8 +106,7 @@ def _with(shape: Shape, at: int, value: float) -> Shape:
 def columns_of_candidate(effect: type[Effect], candidate: Candidate) -> list[Column]:
     """The column, or the two quadratures, of one place to look; a linear effect starts from zero."""
     value = 0.0 if effect.linear else candidate.amplitude
-    in_state = not issubclass(effect, ReadingEffect)
-    first = Column(effect, value, 0.0, candidate.shape or NO_SHAPE, in_state)
+    first = Column(effect, value, 0.0, candidate.shape or NO_SHAPE, effect.in_state)
     if not effect.quadrature:
         return [first]
     return [first, replace(first, shape=_with(candidate.shape, 1, candidate.shape[1] + 0.5 * np.pi))]

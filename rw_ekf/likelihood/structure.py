@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
 from rw_ekf.likelihood.frame import Prior
@@ -40,7 +40,7 @@ class Structure:
 def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
     """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to."""
     model = fit.model
-    probe = EffectSet((Column(CATALOGUE["offset_torque"], 0.0, 0.0),))
+    probe = EffectSet((Column(TORQUE, 0.0, 0.0),))
     rows = predict(
         fit.frame.record, np.array([*model.parameters, 0.0]), probe, model.omega_s, model.law, fit.reference,
         with_rows=True, with_slopes=False,

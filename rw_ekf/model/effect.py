@@ -30,13 +30,26 @@ REFERENCE_DEGC = 20.0  # temperature effects are relative to this (contract, sec
 
 
 class Coefficient(NamedTuple):
-    """A number of an effect: its name, unit, bounds and what it means."""
+    """A number of an effect: its name, unit, bounds, what it means, and how a fit moves it where it is fitted."""
 
     name: str
     unit: str
     lower: float
     upper: float
     meaning: str
+    step_share: float = 0.02  # of its size, by which it is moved for a slope
+    reach_share: float = 0.5  # of its size, by which one step of a fit may move it
+    step: float = 0.0  # in place of the share where the zero is arbitrary, as that of a time is
+    reach: float = 0.0
+    whole: bool = False  # a code
+
+    def step_at(self, value: float) -> float:
+        """By how much it is moved for a slope."""
+        return self.step or self.step_share * abs(value)
+
+    def reach_at(self, value: float) -> float:
+        """As far as one step of a fit carries, where the slope still holds."""
+        return self.reach or self.reach_share * abs(value)
 
 
 @dataclass(frozen=True)
@@ -90,6 +103,9 @@ class Effect(ABC):
     refined: ClassVar[tuple[int, ...]] = ()  # shape constants that are fitted on from where the search found them
     of_one_record: ClassVar[bool] = False  # tied to the clock of the record it was found in
     linear: ClassVar[bool] = True  # contribution proportional to the coefficient: any start will do
+    analytic: ClassVar[bool] = True  # the flow gives its slope
+    in_state: ClassVar[bool] = True  # False: no filter can learn it sample by sample
+    shown_against: ClassVar[str] = ""  # the quantity of the report's picture that it is a function of
     # Used as two columns, sine and cosine: shape[1] is the phase [rad], 0 and pi/2. `candidates` gives the sine alone.
     quadrature: ClassVar[bool] = False
 
@@ -118,10 +134,30 @@ class Effect(ABC):
         """Places around one that was found, nearer with every turn from 0 on; of an event only."""
         return []
 
+    @classmethod
+    def starts(cls, candidate: Candidate, found: float) -> list[Candidate]:
+        """Where fits of an effect that is not linear start: at the size that a regression found, and as tried."""
+        return [candidate._replace(amplitude=found), candidate]
+
+    @classmethod
+    def places(cls, facts: RecordFacts) -> float:
+        """Number of independent places in which the effect is sought: neighbours go halves."""
+        return max(0.5 * len(cls.candidates(facts)), 1.0)
+
+    @classmethod
+    def admits(cls, found: float) -> bool:
+        """Whether the coefficient may have the sign that a regression found."""
+        return cls.coefficient.lower <= found <= cls.coefficient.upper
+
     @staticmethod
-    def alternatives(candidate: Candidate) -> list[Candidate]:
-        """Other shapes to start a fit from beside the one that scored best."""
-        return []
+    def lasts(shape: Shape) -> tuple[float, float]:
+        """When an event begins [s] and its time constant [s]; asked of what is local in time only."""
+        raise NotImplementedError
+
+    @staticmethod
+    def may_leave(shape: Shape, facts: RecordFacts) -> tuple[str, ...]:
+        """Quantities that the residual may go on depending on, by nature of the effect, although it is in the model."""
+        return ()
 
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
@@ -170,10 +206,21 @@ class StaticEffect(Effect):
         """Their derivatives by the coefficient."""
 
 
+class WanderingEffect(StaticEffect):
+    """A friction that may follow a broken line in time, one use of the effect for each piece."""
+
+    @staticmethod
+    @abstractmethod
+    def piece(from_s: float, to_s: float) -> Shape:
+        """Shape constants of a slope from one time to another, level afterwards."""
+
+
 class CurrentEffect(Effect):
     """The motor's current has a memory of its own: one hidden state [A]."""
 
     linear = False
+    analytic = False
+    shown_against = "current"
 
     @staticmethod
     @abstractmethod
@@ -187,6 +234,8 @@ class DelayEffect(Effect):
     """Commands act later than the log says, by the coefficient [s]: the pieces are read elsewhere in time."""
 
     linear = False
+    analytic = False
+    shown_against = "current"
 
 
 class FrictionMemoryEffect(Effect):
@@ -194,6 +243,7 @@ class FrictionMemoryEffect(Effect):
 
     linear = False
     flow_kind = True
+    shown_against = "low speed"
     holds: ClassVar[bool] = False  # at rest the wheel is held and its friction is what holds it
 
     @staticmethod
@@ -209,12 +259,20 @@ class StribeckEffect(Effect):
     """Another Stribeck speed [rad/s], the coefficient, or another law, its first shape constant (a law code)."""
 
     linear = False
+    analytic = False
+    shown_against = "low speed"
+
+    @classmethod
+    def admits(cls, found: float) -> bool:
+        """A regression finds how far towards the speed tried the curve should go."""
+        return found > 0.0
 
 
 class ReadingEffect(Effect):
     """The reading, not the wheel: nothing enters the drift; the filter's speed variance grows by `variance`."""
 
     linear = False
+    in_state = False
 
     @staticmethod
     @abstractmethod

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 import rw_ekf.effects
-from rw_ekf.effects.catalogue import CATALOGUE, MACHINERY
+from rw_ekf.effects.catalogue import MACHINERY, of_kind
 from rw_ekf.model import memory_flow as memory_flow_home
 from rw_ekf.model.effect import CurrentEffect, FrictionMemoryEffect, StaticEffect
 
@@ -21,10 +21,6 @@ _HOMES = ("rw_ekf.effects.", memory_flow_home.__name__)
 _STATIC_ARGUMENTS = "a, q1, q2, q3, omega, current, temperature, angle, time, duration"
 _LAG_ARGUMENTS = "a, q1, q2, q3, state, current, duration"
 _FLOW_ARGUMENTS = "omega, memory, drive, b, c, s, omega_s, law, a, q1, q2, q3, duration"
-
-
-def _of_kind(kind: Any) -> list[type[Any]]:
-    return [effect for effect in CATALOGUE.values() if issubclass(effect, kind)]
 
 
 def _choice(name: str, arguments: str, functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
@@ -52,9 +48,9 @@ def _called_by(effect: type[Any]) -> list[Callable[..., Any]]:
     ]
 
 
-STATIC_EFFECTS = _of_kind(StaticEffect)
-CURRENT_EFFECTS = _of_kind(CurrentEffect)
-MEMORY_EFFECTS = _of_kind(FrictionMemoryEffect)
+STATIC_EFFECTS = of_kind(StaticEffect)
+CURRENT_EFFECTS = of_kind(CurrentEffect)
+MEMORY_EFFECTS = of_kind(FrictionMemoryEffect)
 
 contribution = _choice("contribution", _STATIC_ARGUMENTS, [effect.contribution for effect in STATIC_EFFECTS])
 contribution_slope = _choice("contribution_slope", _STATIC_ARGUMENTS, [effect.slope for effect in STATIC_EFFECTS])

@@ -268,8 +268,8 @@ class _Checker:
         value = self.number(path)
         if not constant.lower <= value <= constant.upper:
             self.find(path, f"is {value:g}; {constant.name} allows {constant.lower:g} to {constant.upper:g}")
-        if constant.name == "law" and value != round(value):
-            self.find(path, f"is {value:g}; law is the code of a law: {LAW_CODES}")
+        if constant.whole and value != round(value):
+            self.find(path, f"is {value:g}; {constant.name} is the {constant.meaning}")
         return value
 
     def covariance(self, size: int) -> tuple[tuple[float, ...], ...]:

@@ -174,7 +174,7 @@ class EffectSet:
 def columns_of(effect_id: str, value: float, std: float, shape: Shape) -> Column:
     """A column by id. Raises KeyError for an id that the catalogue does not have."""
     effect = CATALOGUE[effect_id]
-    return Column(effect, value, std, shape, not issubclass(effect, ReadingEffect))
+    return Column(effect, value, std, shape, effect.in_state)
 
 
 NO_EFFECTS = EffectSet()

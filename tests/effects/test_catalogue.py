@@ -28,7 +28,7 @@ from drivers.sim.plant_terms import (
     spike_acceleration,
 )
 from rw_ekf.effects import catalogue
-from rw_ekf.effects.catalogue import CATALOGUE, CONTRACT_IDS, MACHINERY, STATIC_CODES
+from rw_ekf.effects.catalogue import CATALOGUE, CONTRACT_IDS, MACHINERY
 from rw_ekf.effects.measures import dry_scale
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.speed_quantisation import SpeedQuantisation
@@ -146,11 +146,6 @@ def test_every_id_of_the_contract_is_there_and_new_ones_come_behind() -> None:
     assert len(CONTRACT_IDS) == 19
     assert tuple(CATALOGUE)[:19] == CONTRACT_IDS
     assert list(CATALOGUE)[19:] == sorted(set(CATALOGUE) - set(CONTRACT_IDS))
-
-
-def test_codes_of_static_effects_are_consecutive() -> None:
-    """The compiled choice goes by 0, 1, 2, ... over the static effects, in the order of the catalogue."""
-    assert list(STATIC_CODES.items()) == [(effect.id, code) for code, effect in enumerate(STATIC)]
 
 
 def test_one_effect_one_file_one_name() -> None:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.diagnosis.prepare.quantisation import QUANTISATION, Lattice
+from rw_ekf.diagnosis.prepare.quantisation import Lattice
 from rw_ekf.diagnosis.search.look import Found
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import GRID
 from rw_ekf.wheel.table import Column, EffectSet
 
 if TYPE_CHECKING:
@@ -28,9 +28,9 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[4:known])
     variance = fit.noise.variance
     if lattice is not None:
-        grid = Column(CATALOGUE[QUANTISATION], lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), in_state=False)
+        grid = Column(GRID, lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), in_state=False)
         effects = EffectSet((*effects.columns, grid))
-        variance = max(variance - lattice.grid_rad_s**2 / 12.0, (0.02 * lattice.grid_rad_s) ** 2)
+        variance = max(variance - GRID.variance(lattice.grid_rad_s), (0.02 * lattice.grid_rad_s) ** 2)
     names = {code: name for name, code in LAW_CODES.items()}
     return WheelModel(
         fit.model.parameters,

@@ -19,12 +19,12 @@ from rw_ekf.diagnosis.judge.verdict import (
     separation,
 )
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.prepare.quantisation import QUANTISATION, Lattice, find_lattice
+from rw_ekf.diagnosis.prepare.quantisation import Lattice, find_lattice
 from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.report.candidates_document import candidate_entries
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.search.look import Found, judge
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from rw_ekf.wheel.model_file import refusal_of
 
@@ -42,7 +42,7 @@ _REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rp
 def _lattice(found: Found) -> Lattice | None:
     """The grid of the readings, if it is coarser than their noise."""
     prepared, fit = found.prepared, found.whole
-    if QUANTISATION in prepared.base.model.effects.ids:
+    if GRID.id in prepared.base.model.effects.ids:
         return None
     judged = judge(prepared, fit, None)
     innovation = judged.trace.one_step_error_rad_s
@@ -67,7 +67,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     after = judge(prepared, selection.final, inertia) if names else before
     quantised = lattice is not None and not unexplained
     verdict = _verdict(found, lattice if quantised else None, before, after)
-    chosen = [] if unexplained else [*names, *([QUANTISATION] if quantised else [])]
+    chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
     for name in names:
         trial = selection.trials[name]
         trial.decision = "added" if not unexplained else "explains only part of the residual"
@@ -159,8 +159,8 @@ def _verdict(found: Found, lattice: Lattice | None, before: Judged, after: Judge
         )
     said = [sentence(found.selection.final, name, facts) for name in names]
     if lattice is not None:
-        names = [*names, QUANTISATION]
-        said.append(CATALOGUE[QUANTISATION].sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
+        names = [*names, GRID.id]
+        said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
     groups = grouped(found.selection, names)
     seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"

@@ -9,8 +9,6 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 
-QUANTISATION = "speed_quantisation"
-
 _SAMPLES = 20_000
 _ON_LATTICE = 0.999  # share of readings that a grid must hold
 _TOLERANCE = 0.01  # of the grid: text with few digits is not exact

@@ -11,12 +11,12 @@ from rw_ekf.diagnosis.judge.verdict import (
     Verdict,
     described,
 )
-from rw_ekf.diagnosis.prepare.quantisation import QUANTISATION, Lattice
+from rw_ekf.diagnosis.prepare.quantisation import Lattice
 from rw_ekf.diagnosis.search.candidates import testable
 from rw_ekf.diagnosis.search.event import event_gain
 from rw_ekf.diagnosis.search.evidence import threshold
 from rw_ekf.diagnosis.search.look import Found, gain_over
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.wheel.table import Column
 
@@ -37,7 +37,7 @@ def candidate_entries(
         if name in selection.base.model.effects.ids:
             entry["decision"] = "in the model already"
             entry["parameters"] = _parameters(selection.final, name)
-        elif name == QUANTISATION:
+        elif name == GRID.id:
             if lattice is not None:
                 entry |= _lattice_entry(lattice)
                 entry["decision"] = "added" if name in verdict.effects else "not significant"
@@ -107,7 +107,7 @@ def _tried(columns: tuple[Column, ...], std: float) -> dict[str, Any]:
 
 
 def _lattice_entry(lattice: Lattice) -> dict[str, Any]:
-    coefficient = CATALOGUE[QUANTISATION].coefficient
+    coefficient = GRID.coefficient
     return {
         "parameters": {coefficient.name: {"value": lattice.grid_rad_s, "std": None, "unit": coefficient.unit}},
         "statistic": lattice.statistic,

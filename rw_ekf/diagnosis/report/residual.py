@@ -28,6 +28,7 @@ from rw_ekf.diagnosis.report.thinning import (
     time_axis,
 )
 from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
@@ -41,19 +42,6 @@ _STRUCTURE_WINDOW_S = 20.0
 _LOW_SPEED_RAD_S = 40.0 * RAD_S_PER_RPM  # of a wheel
 _LOW_STRIBECK_SPEEDS = 12.0
 _FEW_HELDOUT = 200  # below so many held-out samples the whole record is shown
-
-
-# Effect -> the panel of the quantity that it is a function of; what only a reading has is in none.
-SHOWN_AGAINST = {
-    **dict.fromkeys(
-        ("viscous_asymmetry", "quadratic_drag", "cubic_drag", "offset_torque", "drag_bump", "speed_averaging"), "speed"
-    ),
-    **dict.fromkeys(("stribeck_shape", "presliding_hysteresis", "friction_lag"), "low speed"),
-    **dict.fromkeys(("motor_saturation", "current_deadzone", "transport_delay", "actuator_lag"), "current"),
-    **dict.fromkeys(("viscous_temperature", "coulomb_temperature", "motor_gain_temperature"), "temperature"),
-    **dict.fromkeys(("drag_spike", "coulomb_drift", "external_torque"), "time"),
-    "torque_ripple": "angle",
-}
 
 
 @dataclass(frozen=True)
@@ -122,7 +110,7 @@ def _marked(diagnosis: Diagnosis, panels: list[Dependence], means: list[list[Bin
     verdict = diagnosis.document.get("verdict") or {}
     if verdict.get("kind") == "adequate":
         return set()
-    named = {SHOWN_AGAINST.get(str(name)) for name in verdict.get("effects") or ()}
+    named = {CATALOGUE[name].shown_against for name in verdict.get("effects") or () if name in CATALOGUE}
     if verdict.get("kind") == "effect":
         return {number for number, panel in enumerate(panels) if panel.title in named}
     return {int(np.argmax([np.nan_to_num(row[0].structure) for row in means]))}

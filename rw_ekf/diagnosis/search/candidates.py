@@ -18,8 +18,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.frame import Frame
 from rw_ekf.likelihood.model import columns_of_candidate
 from rw_ekf.likelihood.one_step import predict
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect, StribeckEffect
-from rw_ekf.model.friction import LAW_CODES
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect
 from rw_ekf.wheel.table import Column, EffectSet
 
 _CHUNK = 128
@@ -40,10 +39,7 @@ class Hypothesis:
         found = [replace(c, value=float(v) * self.unit) for c, v in zip(made, coefficients, strict=True)]
         if self.effect.linear:
             return [found]
-        if issubclass(self.effect, StribeckEffect):  # the laws are near each other: each deserves a fit
-            return [[replace(made[0], shape=(float(law), 0.0, 0.0))] for law in sorted(LAW_CODES.values())]
-        others = [columns_of_candidate(self.effect, other) for other in self.effect.alternatives(self.candidate)]
-        return [found, made, *others]
+        return [columns_of_candidate(self.effect, s) for s in self.effect.starts(self.candidate, found[0].value)]
 
 
 @dataclass(frozen=True)

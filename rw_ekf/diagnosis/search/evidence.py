@@ -23,31 +23,12 @@ MAP_P = 3.0e-4  # structure left in the residual's map
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
 
 
-def places(effect: type[Effect], facts: RecordFacts) -> float:
-    """Number of independent places in which an effect is sought."""
-    candidates = effect.candidates(facts)
-    if effect.clocked:
-        return max(0.5 * len(candidates), 1.0)
-    if effect.local_in_time:
-        return (
-            max(
-                sum(min(facts.duration_s / max(c.shape[1], 2.0), 300.0) for c in candidates) / max(len(candidates), 1),
-                1.0,
-            )
-            * 4.0
-        )
-    if effect.quadrature:
-        return float(max(len(candidates), 1))
-    return max(0.5 * len(candidates), 1.0)
-
-
 def p_value(effect: type[Effect], statistic: float, facts: RecordFacts) -> float:
     """Probability that a wheel without the effect shows as much."""
     if statistic <= 0.0:
         return 1.0
     single = chi_square_tail(statistic / INFLATION, 2 if effect.quadrature else 1)
-    searched = places(effect, facts)
-    return float(-math.expm1(searched * math.log1p(-single))) if single < 1.0 else 1.0
+    return float(-math.expm1(effect.places(facts) * math.log1p(-single))) if single < 1.0 else 1.0
 
 
 def threshold(effect: type[Effect], facts: RecordFacts, p: float = SIGNIFICANT_P) -> float:

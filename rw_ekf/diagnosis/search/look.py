@@ -22,8 +22,8 @@ from rw_ekf.diagnosis.search.evidence import (
 )
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import IMPOSSIBLE, Selection, determined, matters, possible
-from rw_ekf.diagnosis.search.wander import WANDER, wandering
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.diagnosis.search.wander import wandering
+from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 
@@ -43,7 +43,6 @@ _WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
 _REAL_GAIN = 0.05
 _LEAST_EVENT = 4.0  # of twice the log-likelihood on the seconds left out of an event: two sigma
 _GOES_WITH_TIME = ("time", "temperature")
-_RIPPLE = "torque_ripple"
 _LEAST_SIGMAS_OF_PART = 1.0  # what the whole record found, one part must know at least so well
 
 
@@ -69,17 +68,9 @@ class Found:
 
     @property
     def is_unexplained(self) -> bool:
-        """Whether structure is left that outweighs what was found.
-
-        A friction that wanders is followed only so far, and may leave whatever goes with time; so is a ripple
-        whose angle is not logged: its phase slips whenever the wheel is fast or at rest.
-        """
+        """Whether structure is left that outweighs what was found, but for what the effects leave by nature."""
         columns = self.selection.final.model.columns
-        excused: tuple[str, ...] = ()
-        if any(column.id == WANDER and column.shape[2] > 0.0 for column in columns):
-            excused += _GOES_WITH_TIME
-        if not self.prepared.angle_is_logged and any(column.id == _RIPPLE for column in columns):
-            excused += (*_GOES_WITH_TIME, "angle", "low speed")
+        excused = {name for column in columns for name in column.effect.may_leave(column.shape, self.prepared.facts)}
         return any(item.name not in excused for item in self.left) and self.share < EXPLAINED_SHARE
 
     @property
@@ -155,20 +146,20 @@ def _with_wandering_friction(found: Found) -> Found:
     A given model's own drift is not touched.
     """
     prepared, search, selection = found.prepared, found.search, found.selection
-    if WANDER in selection.base.model.effects.ids or one_and_the_same(found.whole, "time", "speed"):
+    if WANDERING.id in selection.base.model.effects.ids or one_and_the_same(found.whole, "time", "speed"):
         return found  # no smooth function of time is seen beside one of speed
     tried = wandering(prepared, search, selection.final)
     if tried is None:
         return found
-    if tried.trial.p_value >= LOCAL_P or not matters(tried.fit.model, WANDER, prepared.facts):
+    if tried.trial.p_value >= LOCAL_P or not matters(tried.fit.model, WANDERING.id, prepared.facts):
         return found
-    if not possible(tried.fit.model, WANDER, prepared.facts):
+    if not possible(tried.fit.model, WANDERING.id, prepared.facts):
         return found
-    trials = {**selection.trials, WANDER: tried.trial}
+    trials = {**selection.trials, WANDERING.id: tried.trial}
     changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
     changed.final = search.pruned(changed.final, changed)
-    _confirm(prepared, search, changed, [WANDER])
-    if WANDER not in changed.final.model.effects.ids:
+    _confirm(prepared, search, changed, [WANDERING.id])
+    if WANDERING.id not in changed.final.model.effects.ids:
         return found
     changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
     other = _mapped(prepared, search, changed)

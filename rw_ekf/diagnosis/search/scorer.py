@@ -19,7 +19,7 @@ from rw_ekf.likelihood.frame import Frame, Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
-from rw_ekf.model.effect import Candidate, Effect, ReadingEffect, RecordFacts, StaticEffect, StribeckEffect
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect
 
 _RATIOS_BELOW = 6
 _SCREENED = 24
@@ -136,7 +136,7 @@ class Scorer:
         best: dict[str, Score] = {}
         places = []
         for effect in effects:
-            if not issubclass(effect, ReadingEffect):
+            if effect.in_state:
                 found = effect.candidates(facts)
                 places += [(effect, c) for c in (self._screened(found) if effect.clocked else found)]
         for group in hypotheses(self.frame, places):
@@ -236,12 +236,7 @@ def _restriction(A: Float64Array, prior: Prior | None) -> float:
 
 def _allowed(hypothesis: Hypothesis, solution: Float64Array) -> bool:
     """Whether the coefficient's sign is one that the effect can have."""
-    limits = hypothesis.effect.coefficient
-    if hypothesis.effect.quadrature:
-        return True
-    if issubclass(hypothesis.effect, StribeckEffect):  # how far towards the tried speed
-        return bool(solution[0] > 0.0)
-    return bool(limits.lower <= solution[0] * hypothesis.unit <= limits.upper)
+    return hypothesis.effect.admits(float(solution[0]) * hypothesis.unit)
 
 
 def _ratios(ratio: float) -> list[float]:

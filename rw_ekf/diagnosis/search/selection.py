@@ -24,7 +24,7 @@ from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model, columns_of_candidate
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import smoothed_by_filter
-from rw_ekf.model.effect import Candidate, Effect, ReadingEffect, RecordFacts
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts
 
 _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 _TRIED = 3  # strongest candidates that are fitted in full in each turn
@@ -66,11 +66,7 @@ class Search:
         self.advance = advance
         self.stationary_first = True  # what goes with time waits where time goes with speed or temperature
         self.set_aside = False  # something had to wait
-        self.effects = [
-            effect
-            for effect in CATALOGUE.values()
-            if effect.untestable(facts) is None and not issubclass(effect, ReadingEffect)
-        ]
+        self.effects = [effect for effect in CATALOGUE.values() if effect.untestable(facts) is None and effect.in_state]
 
     def run(self, base: Fit) -> Selection:
         """Add effects to the base until nothing more is asked for."""

@@ -15,14 +15,12 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.evidence import INFLATION
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import Trial
-from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.coulomb_drift import CoulombDrift
+from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.wheel.table import Column
 
 _MOST_PIECES = 12
-WANDER = CoulombDrift.id
 
 
 @dataclass(frozen=True)
@@ -48,8 +46,7 @@ def pieces(prepared: Prepared) -> list[Column]:
     edges = [*(float(time[block == number][0]) for number in inner), float(time[block == numbers[-1]][-1])]
     count = min(len(edges) - 1, _MOST_PIECES)
     knots = np.interp(np.linspace(0.0, len(edges) - 1.0, count + 1), np.arange(len(edges)), edges)
-    effect = CATALOGUE[WANDER]
-    return [Column(effect, 0.0, 0.0, (0.0, float(a), float(b - a))) for a, b in pairwise(knots)]
+    return [Column(WANDERING, 0.0, 0.0, WANDERING.piece(float(a), float(b))) for a, b in pairwise(knots)]
 
 
 def wandering(prepared: Prepared, search: Search, final: Fit) -> Wander | None:
@@ -57,7 +54,7 @@ def wandering(prepared: Prepared, search: Search, final: Fit) -> Wander | None:
     columns = pieces(prepared)
     if not columns:
         return None
-    search.advance(f"fitting {WANDER}, wandering")
+    search.advance(f"fitting {WANDERING.id}, wandering")
     less = final
     for name in final.model.effects.ids:  # a spike or a drift may be but a piece of it
         if CATALOGUE[name].of_one_record and name not in prepared.base.model.effects.ids:
@@ -65,10 +62,10 @@ def wandering(prepared: Prepared, search: Search, final: Fit) -> Wander | None:
     fit = search.refitted(less, less.model.with_effect(columns))
     statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
     p = chi_square_tail(statistic / INFLATION, len(columns)) if statistic > 0.0 else 1.0
-    places = [4 + i for i, column in enumerate(fit.model.columns) if column.id == WANDER]
+    places = [4 + i for i, column in enumerate(fit.model.columns) if column.id == WANDERING.id]
     most = max(places, key=lambda i: abs(fit.model.columns[i - 4].value))
     trial = Trial(
-        CATALOGUE[WANDER], statistic, p, abs(fit.model.columns[most - 4].value), float(fit.std[most]),
-        tuple(column for column in fit.model.columns if column.id == WANDER),
+        WANDERING, statistic, p, abs(fit.model.columns[most - 4].value), float(fit.std[most]),
+        tuple(column for column in fit.model.columns if column.id == WANDERING.id),
     )  # fmt: skip
     return Wander(fit, trial)
