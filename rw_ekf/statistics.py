@@ -96,31 +96,16 @@ class RunStatistics:
         """
         tested = self.used + self.rejected
         chance = math.erfc(math.sqrt(0.5 * gate))
-        p = _binomial_tail(self.rejected, tested, chance)
+        expected = tested * chance
+        if self.rejected <= expected:  # the usual case: no more than the mean, so that p is near a half or above
+            return None
+        from scipy.special import bdtrc
+
+        p = float(bdtrc(self.rejected - 1, tested, chance))
         if p >= _FALSE_ALARM:
             return None
-        expected = tested * chance
         return (
             f"{self.rejected} of {tested} readings were rejected by the gate, where noise alone gives {expected:.2g} "
             f"(p = {max(p, 1.0e-99):.0e}): bad readings, or a model or a noise that does not fit; they taught the "
             "filter nothing. The rows marked `gate` in the output of `rw-ekf replay --out` show where."
         )
-
-
-def _binomial_tail(least: int, trials: int, chance: float) -> float:
-    """P(at least `least` of `trials`), each with probability `chance`; summed until terms vanish."""
-    if least <= 0 or chance >= 1.0:
-        return 1.0
-    if chance <= 0.0 or least > trials:
-        return 0.0
-    log_term = (
-        math.lgamma(trials + 1.0) - math.lgamma(least + 1.0) - math.lgamma(trials - least + 1.0)
-        + least * math.log(chance) + (trials - least) * math.log1p(-chance)
-    )  # fmt: skip
-    term = total = math.exp(log_term)
-    for k in range(least, trials):
-        term *= (trials - k) / (k + 1.0) * chance / (1.0 - chance)
-        total += term
-        if term < 1.0e-12 * total and k > trials * chance:
-            break
-    return min(total, 1.0)

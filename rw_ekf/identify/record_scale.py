@@ -113,12 +113,13 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
     Integrated over a window the model is linear in k, b, c and needs no differentiated speed; the window is long
     enough for the speed to change by many times its noise.
     """
-    t, y = data.time_s[:_MAX_ROWS], data.speed_rad_s[:_MAX_ROWS]
+    data = data.head(_MAX_ROWS)
+    t, y = data.time_s, data.speed_rad_s
     if t.size < 20:
         return None
     good = np.isfinite(y)
     y = np.interp(np.arange(y.size), np.flatnonzero(good), y[good]) if good.any() else y
-    current = data.mean_current_A[1 : t.size]
+    current = data.mean_current_A[1:]
     dt = np.diff(t)
     top = float(np.quantile(np.abs(y), 0.99))
     if not top > 0.0:
