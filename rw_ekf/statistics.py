@@ -63,7 +63,7 @@ class RunStatistics:
         same = np.diff(data.segment) == 0
         used = run.outcome == decisions.UPDATED
         innovation = run.innovation_rad_s[used]
-        nis = run.nis[used]
+        nis = innovation**2 / run.innovation_variance[used]
         tested = np.isfinite(run.innovation_rad_s)
         return cls(
             samples=int(data.time_s.size),

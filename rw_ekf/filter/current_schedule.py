@@ -64,12 +64,25 @@ def _pieces_of_segment(time_s: Float64Array, current_A: Float64Array, delay_s: F
     n = time_s.size
     # A later command that acts earlier overrides: switching times never run backwards.
     switch = np.minimum.accumulate((time_s + delay_s)[::-1])[::-1]
+    if np.all(switch[:-1] >= time_s[:-1]) and np.all(switch[:-1] < time_s[1:]):
+        return _pieces_of_prompt_commands(time_s, current_A, switch)
     cuts = np.concatenate((time_s, switch[(switch > time_s[0]) & (switch < time_s[-1])]))
     edges = np.unique(cuts)
     in_force = np.searchsorted(switch, edges[:-1], side="right") - 1
     current = current_A[np.maximum(in_force, 0)]
     start = np.searchsorted(edges, time_s).astype(np.int64)
     return Pieces(np.minimum(start, edges.size - 1) if n else start, np.diff(edges), current)
+
+
+def _pieces_of_prompt_commands(time_s: Float64Array, current_A: Float64Array, switch_s: Float64Array) -> Pieces:
+    """The same where each command acts before the next reading, as nearly all do: nothing need be sorted."""
+    edges = np.empty(2 * time_s.size - 1)
+    edges[::2], edges[1::2] = time_s, switch_s[:-1]
+    kept = np.ones(edges.size, dtype=bool)
+    kept[1::2] = switch_s[:-1] > time_s[:-1]
+    current = np.repeat(current_A[:-1], 2)
+    current[2::2] = np.where(kept[3::2], current_A[:-2], current_A[1:-1])
+    return Pieces((np.cumsum(kept) - 1)[::2], np.diff(edges[kept]), current[kept[:-1]])
 
 
 def begins_of_pieces(time_s: Float64Array, pieces: Pieces) -> Float64Array:
