@@ -163,7 +163,7 @@ def test_zero_never_raises_when_the_line_is_lost() -> None:
 
 
 def test_only_the_guard_and_the_replayed_record_call_command_current() -> None:
-    """In all of rw_ekf the name `command_current` is called in safety.py once, and in loop.py to ask a record."""
+    """In all of rw_ekf the name `command_current` is called in guard.py once, and in loop.py to ask a record."""
     callers = []
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -171,7 +171,7 @@ def test_only_the_guard_and_the_replayed_record_call_command_current() -> None:
             hidden = isinstance(node, ast.Constant) and node.value == "command_current"
             if named or hidden:
                 callers.append(path.relative_to(PACKAGE).as_posix())
-    assert callers == ["loop/loop.py", "loop/safety.py"]
+    assert callers == ["live/guard.py", "live/loop.py"]
 
 
 def test_a_replayed_record_cannot_reach_a_wheel() -> None:
@@ -181,4 +181,4 @@ def test_a_replayed_record_cannot_reach_a_wheel() -> None:
         for path in PACKAGE.rglob("*.py")
         if "command_of_record" in path.read_text(encoding="utf-8")
     }
-    assert users == {"loop/loop.py", "replay.py"}
+    assert users == {"live/loop.py", "replay.py"}
