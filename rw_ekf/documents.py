@@ -1,4 +1,4 @@
-"""The JSON documents of the contract, and their text for people. NaN and infinity are written as null."""
+"""The JSON documents (docs/contract.md#documents), and their text for people. NaN and infinity are written as null."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def log_entry(
     setup: FilterSetup,
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Return one element of `logs` of a replay document (contract, section 5)."""
+    """Return one element of `logs` of a replay document (docs/contract.md#replay)."""
     core = belief.core
     return {
         "log": log,

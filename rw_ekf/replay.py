@@ -265,7 +265,7 @@ def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object])
 
 
 def _columns(log: WheelLog, run: FilterRun, setup: FilterSetup, *, smooth: bool) -> dict[str, Any]:
-    """One row per sample, as the contract's `--out` wants them."""
+    """One row per sample, as docs/contract.md#logs has them."""
     columns: dict[str, Any] = {"time_s": log.time_s}
     columns |= {name: run.states[:, i] for i, name in enumerate(setup.state_names)}
     columns |= {f"std_{name}": run.stds[:, i] for i, name in enumerate(setup.state_names)}

@@ -1,4 +1,4 @@
-"""`rw-ekf export`: a log in another format, the contract's columns and units."""
+"""`rw-ekf export`: a log in another format, under the names and units of docs/contract.md#logs."""
 
 from __future__ import annotations
 

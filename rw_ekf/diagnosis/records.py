@@ -1,4 +1,4 @@
-"""What a diagnosis leaves: the document of the contract, and the arrays its pictures are drawn from."""
+"""What a diagnosis leaves: its document, and the arrays its pictures are drawn from."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Diagnosis:
     """The outcome of `diagnose` for one log."""
 
     log: WheelLog
-    document: dict[str, Any]  # rw_ekf.diagnosis/1, section 6 of the contract
+    document: dict[str, Any]  # docs/contract.md#diagnosis
     heldout: BoolArray  # (n,) samples that played no role in finding the effect
     before: ModelTrace | None  # None: the base model itself could not be judged
     after: ModelTrace | None  # None: nothing was added

@@ -17,7 +17,7 @@ SECONDS_PER_HOUR = 3600.0
 # negative. This much, in speed noises per sqrt(s), is far below what any wheel has.
 _LEAST_ACCELERATION_NOISE = 1.0e-4
 
-# Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (contract, 4).
+# Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (decision 0004).
 _RELATIVE_STD = (0.30, 1.00, 0.50)
 # Break-away friction is Coulomb friction plus an excess; the prior is on the excess, so that s follows c.
 _EXCESS_STD_IN_COULOMB = 0.5

@@ -1,7 +1,7 @@
 """Which current was in force when: commands turned into pieces of constant current between speed readings.
 
 A command takes force `command_delay_s` after the reading it was computed from; until then the previous one holds
-(contract, section 4). One rule, twice: over whole logs in numpy, and sample by sample online.
+(docs/contract.md#logs). One rule, twice: over whole logs in numpy, and sample by sample online.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The one place that may write a current to a wheel (contract, section 9).
+"""The one place that may write a current to a wheel (docs/contract.md#safety).
 
 Finite, clamped, slew-limited; above the speed limit only what brakes, above the temperature limit only zero. A request
 that is refused becomes zero or the nearest allowed current, never a kept old one. Zero is exempt from slew. What brakes

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class StateIndex(IntEnum):
-    """Positions in the state vector and its covariance; the names are those of the contract's table of symbols."""
+    """Positions in the state vector and its covariance; the names are those of docs/contract.md."""
 
     SPEED = 0  # omega [rad/s]
     MOTOR_GAIN = 1  # k = k_m/J [rad/s^2/A]

@@ -1,4 +1,4 @@
-"""Documents of the command line, checked key by key: replay and run (contract, sections 5, 10), diagnosis (6)."""
+"""Documents of the command line, checked key by key: replay, run and diagnosis (docs/contract.md)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import pytest
 
 from rw_ekf.cli import main
 from tests.commands.documents import run_document
-from tests.live.bench import program, rw_ekf, write_config
+from tests.live.bench import document_of, program, rw_ekf, write_config
 
 
 @pytest.mark.parametrize(
@@ -44,11 +43,10 @@ def test_a_run_of_twenty_seconds_on_a_wheel_ten_times_as_fast_takes_two(tmp_path
     with program("simulate", "--link", link, "--speed-factor", "10", "--seed", "3", "--json") as simulator:
         assert simulator.stdout is not None
         lines = list(iter(simulator.stdout.readline, "}\n"))
-        truth = json.loads("".join([*lines, "}"]))
+        truth = document_of("".join([*lines, "}"]))
         done = rw_ekf("run", "--config", str(write_config(tmp_path, link)), "--duration", "20", "--json")
         simulator.send_signal(signal.SIGTERM)
         assert simulator.wait(5) == 0
-    assert truth["schema"] == "rw_ekf.simulation/1"
     assert truth["truth"]["motor_gain"] == 15.205
     assert done.returncode == 0
     assert run_document(done.stdout)["logs"][0]["duration_s"] == pytest.approx(20.0, abs=1.5)

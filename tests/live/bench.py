@@ -25,6 +25,7 @@ from drivers.sim.pty_server import PtyServer
 from drivers.sim.register_server import Manipulator, RegisterServer, Reply
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheels import load_wire_map
+from tests.contract import check_document
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = (sys.executable, "-W", "ignore", "-m", "rw_ekf")
@@ -181,12 +182,13 @@ def wait_for(condition: Callable[[], bool], within_s: float = 15.0) -> None:
 
 
 def document_of(text: str) -> dict[str, Any]:
-    """The one JSON document of a text; NaN and Infinity are refused."""
+    """The one JSON document of a text, with the keys that the contract shows for it; NaN and Infinity are refused."""
 
     def refuse(name: str) -> None:
         raise AssertionError(f"{name} is no JSON")
 
     document: dict[str, Any] = json.loads(text, parse_constant=refuse)
+    check_document(document)
     return document
 
 

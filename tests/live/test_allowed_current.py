@@ -1,4 +1,4 @@
-"""The one function that decides what current may be written, over all that it may be asked (contract, section 9)."""
+"""The one function that decides what current may be written, over all it may be asked (docs/contract.md#safety)."""
 
 from __future__ import annotations
 

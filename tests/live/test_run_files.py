@@ -20,6 +20,7 @@ from rw_ekf.replay import replay_log
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.wheel.model_file import read_model
 from tests.commands.documents import replay_document
+from tests.contract import check_document
 from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for
 from tests.live.daemon import Ran, run
 from tests.live.test_line_faults import fault, only
@@ -72,7 +73,7 @@ def test_the_state_file_holds_the_last_estimate(quiet: tuple[Bench, Ran]) -> Non
     """At the end of the run the published state is that of the last sample, not one of a second ago."""
     _, ran = quiet
     document = json.loads(ran.outcome.files.state.read_text(encoding="utf-8"))
-    assert document["schema"] == "rw_ekf.state/1"
+    check_document(document)
     assert document["time_s"] == ran.log.time_s[-1]
     assert list(document["state"].values()) == list(ran.outcome.belief.mean)
 

@@ -16,7 +16,7 @@ from rw_ekf.wheel.model_file import read_model
 
 
 def frozen_figures(log: str, model_file: Path) -> dict[str, Any]:
-    """METRICS of the contract, section 6, over the whole log, cut into the blocks that a diagnosis makes.
+    """Figures of docs/contract.md#diagnosis over the whole log, cut into the blocks that a diagnosis makes.
 
     Parameters and effects are those of the model file, neither fitted nor filtered further; a block's free run starts
     from its first filtered speed.

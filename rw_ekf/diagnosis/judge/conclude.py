@@ -1,4 +1,4 @@
-"""From what was found to a verdict, and the document of the contract, section 6."""
+"""From what was found to a verdict, and the document (docs/contract.md#diagnosis)."""
 
 from __future__ import annotations
 

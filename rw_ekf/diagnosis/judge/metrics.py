@@ -1,4 +1,4 @@
-"""How well a model predicts what it was not fitted to: METRICS of the contract, section 6, parameters frozen."""
+"""How well a model predicts what it was not fitted to: figures of docs/contract.md#diagnosis, parameters frozen."""
 
 from __future__ import annotations
 

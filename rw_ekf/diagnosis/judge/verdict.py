@@ -36,7 +36,7 @@ class Verdict:
     statement: str = ""
 
     def document(self) -> dict[str, Any]:
-        """As the contract has it."""
+        """The object of the diagnosis document."""
         return {
             "kind": self.kind,
             "effects": self.effects,

@@ -1,4 +1,4 @@
-"""Which part of a record is fitted and which is held out (contract, section 6)."""
+"""Which part of a record is fitted and which is held out (docs/diagnosis.md)."""
 
 from __future__ import annotations
 
