@@ -1,6 +1,6 @@
 """rw_ekf: an online estimator for reaction wheels.
 
-bytes -> drivers -> WheelSample -> model + filter -> StepResult -> sinks. See docs/ for the mathematics.
+bytes -> drivers -> WheelSample -> model + filter -> Tick -> sinks. See docs/ for the mathematics.
 
 Whoever imports this gets one thread for linear algebra (docs/decisions/0005), and so do the processes started from
 there. It asks through the environment, which the linear algebra reads once, when numpy is loaded: import rw_ekf before

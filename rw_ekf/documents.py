@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.filter.identifiability import report, rounded
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
-    from rw_ekf.arrays import Float64Array
     from rw_ekf.filter.belief import Belief
     from rw_ekf.starting_point import FilterSetup
     from rw_ekf.wheel.table import Column, EffectSet
@@ -84,15 +83,14 @@ def inertia_text(inertia_kg_m2: float, inertia_from: str) -> str:
     return f"inertia {inertia_kg_m2:.4g} kg m^2, {whose}"
 
 
-def torques_text(values: Sequence[float], stds: Float64Array, inertia_kg_m2: float, inertia_from: str) -> str:
+def torques_text(values: FrictionParameters, stds: FrictionParameters, inertia_kg_m2: float, inertia_from: str) -> str:
     """The two dry frictions as torques, and the inertia that stands behind every torque.
 
-    values, stds (4,): the parameters, per unit inertia; inertia_from: "configuration", "model" or "assumed".
+    values, stds: the parameters, per unit inertia; inertia_from: "configuration", "model" or "assumed".
     """
     milli = 1.0e3 * inertia_kg_m2
-    shown = [
-        f"{name} {rounded(milli * values[i], milli * stds[i])} mN m" for name, i in (("Coulomb", 2), ("static", 3))
-    ]
+    dry = (("Coulomb", values.coulomb, stds.coulomb), ("static", values.static, stds.static))
+    shown = [f"{name} {rounded(milli * value, milli * std)} mN m" for name, value, std in dry]
     return f"as torques: {', '.join(shown)} ({inertia_text(inertia_kg_m2, inertia_from)})"
 
 
@@ -110,7 +108,7 @@ def entry_text(entry: Mapping[str, Any], belief: Belief, setup: FilterSetup) -> 
     ]
     if setup.inertia_kg_m2 is not None:
         core = belief.core
-        lines.append("  " + torques_text(core.parameters, core.std[1:], setup.inertia_kg_m2, setup.inertia_from))
+        lines.append("  " + torques_text(core.parameters, core.parameter_std, setup.inertia_kg_m2, setup.inertia_from))
     speed = rpm_from_rad_s(entry["state"]["speed_rad_s"])
     lines.append(
         f"  {'speed':<{width}}  {speed:.2f} +- {rpm_from_rad_s(entry['std']['speed_rad_s']):.2f} rpm at the end"

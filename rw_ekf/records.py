@@ -1,10 +1,11 @@
-"""The records that pass between the stages: bytes -> WheelSample -> StepResult -> sinks. Frozen, SI, named."""
+"""The records that pass between the stages: bytes -> WheelSample -> Estimate -> Tick -> sinks. Frozen, SI, named."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 # What a wheel may say of itself (WheelSample.conditions).
 FAULT = "fault"
@@ -108,14 +109,122 @@ class Innovation:
     reason: str | None = None
 
 
+class WheelState(NamedTuple):
+    """Speed and the four parameters per unit inertia; also of their standard deviations."""
+
+    speed_rad_s: float
+    motor_gain: float  # rad/s^2/A
+    viscous: float  # 1/s
+    coulomb: float  # rad/s^2
+    static: float  # rad/s^2
+
+
+class Believed(NamedTuple):
+    """A number and its standard deviation, in the number's unit."""
+
+    value: float
+    std: float
+
+
+class HiddenState(NamedTuple):
+    """What an effect with a memory holds; None where the model has no such effect."""
+
+    current_A: float | None = None  # in the winding, behind a lag
+    friction_rad_s2: float | None = None  # of a bristle or a friction lag, signed as the speed is
+
+
+class Conditions(NamedTuple):
+    """What the model takes from the sample besides the speed, the last known of each."""
+
+    temperature_degC: float
+    angle_rad: float
+
+
 @dataclass(frozen=True, slots=True)
-class StepResult:
+class Estimate:
     """What the filter says after a sample. `innovation` is None where there was no speed to compare with."""
 
     time_s: float
     outcome: Outcome
-    mean: tuple[float, ...]  # in the order of rw_ekf.model.state.StateIndex
-    std: tuple[float, ...]
+    state: WheelState
+    std: WheelState
     innovation: Innovation | None = None
     predicted_speed_rad_s: float = 0.0
-    notes: tuple[str, ...] = field(default=())
+    effects: Mapping[str, Believed] = field(default_factory=dict)  # coefficients, by id, numbered where one repeats
+    hidden: HiddenState | None = None
+    conditions: Conditions | None = None
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """State and coefficients, as a table's columns have them."""
+        return (*self.state, *(effect.value for effect in self.effects.values()))
+
+    @property
+    def stds(self) -> tuple[float, ...]:
+        """Their standard deviations, in the same order."""
+        return (*self.std, *(effect.std for effect in self.effects.values()))
+
+
+class LinkState(StrEnum):
+    """How the line answered at a tick."""
+
+    ANSWERED = "answered"
+    MISSED = "missed"  # no valid reply: the sample has no speed
+    SILENT = "silent"  # none for longer than limits.silence_s
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveAlarm:
+    """An alarm that is on: its name, sentence, beginning, and what else was found."""
+
+    name: str
+    text: str
+    since_utc: str
+    since_s: float
+    details: Mapping[str, float | str | None] = field(default_factory=dict)
+
+    def document(self) -> dict[str, float | str | None]:
+        """As the state file has it."""
+        return {
+            "name": self.name,
+            "text": self.text,
+            "since_utc": self.since_utc,
+            "since_s": self.since_s,
+            **self.details,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One turn of the loop. A controller gets it before a command is issued, a sink behind that.
+
+    alarms: those that are on; a controller sees them as they were after the turn before.
+    """
+
+    sample: WheelSample
+    estimate: Estimate
+    command: IssuedCommand | None = None  # that follows the sample; None: none is known
+    alarms: tuple[ActiveAlarm, ...] = ()
+    link: LinkState = LinkState.ANSWERED
+
+
+class Reading(NamedTuple):
+    """What a tick brought before anything was made of it."""
+
+    sample: WheelSample
+    link: LinkState = LinkState.ANSWERED
+
+
+Controller = Callable[[Tick], float]  # the current [A] to ask for
+
+
+class Sink(Protocol):
+    """Takes every turn of the loop."""
+
+    def write(self, tick: Tick) -> None:
+        """Take one turn."""
+        ...
+
+    def close(self) -> None:
+        """Finish. Safe to call twice."""
+        ...

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rw_ekf.records import Outcome, StepResult
+from rw_ekf.records import Estimate, Outcome
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -32,16 +32,16 @@ class RunStatistics:
     nis_inside_95: int = 0
     _last_time_s: float | None = None
 
-    def add(self, result: StepResult, *, same_segment: bool) -> None:
+    def add(self, estimate: Estimate, *, same_segment: bool) -> None:
         """Count one sample of a running loop."""
         self.samples += 1
         if same_segment and self._last_time_s is not None:
-            self.duration_s += max(result.time_s - self._last_time_s, 0.0)
-        self._last_time_s = result.time_s
-        if result.outcome in (Outcome.MISSING, Outcome.REPEATED, Outcome.BACKWARD):
+            self.duration_s += max(estimate.time_s - self._last_time_s, 0.0)
+        self._last_time_s = estimate.time_s
+        if estimate.outcome in (Outcome.MISSING, Outcome.REPEATED, Outcome.BACKWARD):
             self.missing += 1
-        self.reseeded += result.outcome is Outcome.RESEEDED
-        test = result.innovation
+        self.reseeded += estimate.outcome is Outcome.RESEEDED
+        test = estimate.innovation
         if test is None:
             return
         if not test.accepted:

@@ -117,7 +117,7 @@ def execute(args: argparse.Namespace) -> int:
     else:
         torques = None
         if setup.inertia_kg_m2 is not None:
-            torques = torques_text(belief.parameters, belief.std[1:], setup.inertia_kg_m2, setup.inertia_from)
+            torques = torques_text(belief.parameters, belief.parameter_std, setup.inertia_kg_m2, setup.inertia_from)
         _print(document, reports, noise, torques)
     return 0 if refusal is None else 1
 

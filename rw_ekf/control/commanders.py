@@ -7,16 +7,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rw_ekf.control.profiles.profile import Profile, make_profile
-from rw_ekf.records import WheelSample
+from rw_ekf.records import Controller, Tick, WheelSample
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import CommandSection
 
-Request = Callable[[WheelSample], float]
 Phase = Callable[[float], str]
 
 
-class ProfileRequest:
+class ProfileController:
     """Current of a profile at the sample's time since the first sample; goes on through restarts of the wheel."""
 
     def __init__(self, profile: Profile) -> None:
@@ -24,21 +23,22 @@ class ProfileRequest:
         self._elapsed_s = 0.0
         self._last: WheelSample | None = None
 
-    def __call__(self, sample: WheelSample) -> float:
-        """Return the current [A] to ask for after this sample."""
+    def __call__(self, tick: Tick) -> float:
+        """Return the current [A] to ask for after this tick's sample."""
+        sample = tick.sample
         if self._last is not None and sample.segment == self._last.segment:
             self._elapsed_s += max(sample.time_s - self._last.time_s, 0.0)
         self._last = sample
         return self.profile.current_A(self._elapsed_s)
 
 
-def request_of(command: CommandSection) -> tuple[Request, float | None, Phase]:
+def controller_of(command: CommandSection) -> tuple[Controller, float | None, Phase]:
     """Return what to ask for, for how long [s] (None: for ever), and what the profile is at by its time.
 
-    Profile `none` is not asked here: a run that never writes has no request.
+    Profile `none` is not asked here: a run that never writes has no controller.
     """
     profile = profile_of(command)
-    return ProfileRequest(profile), profile.duration_s, profile.phase or (lambda time_s: profile.name)
+    return ProfileController(profile), profile.duration_s, profile.phase or (lambda time_s: profile.name)
 
 
 def profile_of(command: CommandSection) -> Profile:

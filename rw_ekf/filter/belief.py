@@ -44,6 +44,11 @@ class Belief:
         return FrictionParameters(*(float(v) for v in self.mean[1:STATE_SIZE]))
 
     @property
+    def parameter_std(self) -> FrictionParameters:
+        """Their standard deviations."""
+        return FrictionParameters(*(float(v) for v in self.std[1:STATE_SIZE]))
+
+    @property
     def core(self) -> Belief:
         """Speed and the four parameters alone."""
         return Belief(self.mean[:STATE_SIZE], self.covariance[:STATE_SIZE, :STATE_SIZE])

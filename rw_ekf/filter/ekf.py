@@ -102,7 +102,7 @@ class WheelEkf(ExtendedKalmanFilter):
         noise = c.acceleration_noise * dt + self._curvature
         if self.x[StateIndex.SPEED] == 0.0:
             noise += c.stuck_variance
-        self.P[0, 0] += noise
+        self.P[StateIndex.SPEED, StateIndex.SPEED] += noise
 
     def _parameter_noise(self, dt: float) -> tuple[float, ...]:
         """Variance that each state but the speed gains in dt [s]."""
@@ -133,7 +133,8 @@ class WheelEkf(ExtendedKalmanFilter):
         """Innovation [rad/s] and its variance [rad^2/s^2] for a reading, before any update."""
         if not math.isfinite(speed_rad_s):
             raise FilterError(f"a speed of {speed_rad_s} rad/s reached the filter")
-        return float(speed_rad_s - self.x[StateIndex.SPEED]), float(self.P[0, 0] + self.constants.speed_variance)
+        variance = float(self.P[StateIndex.SPEED, StateIndex.SPEED] + self.constants.speed_variance)
+        return float(speed_rad_s - self.x[StateIndex.SPEED]), variance
 
     def update_speed(self, speed_rad_s: float) -> None:
         """Update by a reading, in Joseph's form (filterpy's `update`)."""
@@ -142,6 +143,11 @@ class WheelEkf(ExtendedKalmanFilter):
         self.P = 0.5 * (self.P + self.P.T)
 
     @property
+    def speed_rad_s(self) -> float:
+        """Believed speed."""
+        return float(self.x[StateIndex.SPEED])
+
+    @property
     def std(self) -> Float64Array:
-        """Standard deviations of the state, (5,)."""
+        """Standard deviations of the state, (n,)."""
         return np.sqrt(np.diag(self.P))

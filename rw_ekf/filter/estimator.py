@@ -1,4 +1,4 @@
-"""The online estimator: a WheelSample goes in, a StepResult comes out; commands are noted as they are issued.
+"""The online estimator: a WheelSample goes in, an Estimate comes out; commands are noted as they are issued.
 
 Time arrives with the data: no clock is read here. The decisions are those of `decisions`, shared with the compiled
 pass over logs.
@@ -16,7 +16,17 @@ from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.surroundings import Gatherer
-from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.model.state import STATE_SIZE, FrictionParameters, StateIndex
+from rw_ekf.records import (
+    Believed,
+    Estimate,
+    HiddenState,
+    Innovation,
+    IssuedCommand,
+    Outcome,
+    WheelSample,
+    WheelState,
+)
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 
 _OUTCOMES = {
@@ -54,6 +64,7 @@ class Estimator:
         self._seeded = False
         self._ever_seeded = False
         self._gate_memory = [0.0] * decisions.MEMORY_SIZE
+        self._effect_names = effects.state_names
 
     @property
     def mean(self) -> Float64Array:
@@ -64,6 +75,16 @@ class Estimator:
     def covariance(self) -> Float64Array:
         """Present covariance, (n, n), a copy."""
         return np.array(self.ekf.P)
+
+    @property
+    def parameters(self) -> FrictionParameters:
+        """Present friction parameters."""
+        return FrictionParameters(*self.ekf.x[StateIndex.MOTOR_GAIN : STATE_SIZE].tolist())
+
+    @property
+    def parameter_covariance(self) -> Float64Array:
+        """Their covariance, (4, 4), a copy."""
+        return np.array(self.ekf.P[StateIndex.MOTOR_GAIN : STATE_SIZE, StateIndex.MOTOR_GAIN : STATE_SIZE])
 
     def command_issued(self, command: IssuedCommand) -> None:
         """Note the current that goes into force after the last sample; without a call the old one holds.
@@ -77,7 +98,7 @@ class Estimator:
                 self.ekf.settle_current(command.current_A)
             self._gatherer.schedule.issue(self._last.time_s, command.current_A, command.delay_s)
 
-    def step(self, sample: WheelSample) -> StepResult:
+    def step(self, sample: WheelSample) -> Estimate:
         """Bring the belief to the sample's time and weigh its speed. Raises FilterError on a belief that broke."""
         last = self._last
         dt = sample.time_s - last.time_s if last is not None else 1.0
@@ -85,19 +106,19 @@ class Estimator:
         has_speed = sample.speed_rad_s is not None and not math.isnan(sample.speed_rad_s)
         what = decisions.timing(dt, self._seeded, new_segment, has_speed, self.constants.max_gap_s)
         if what in (decisions.REPEATED, decisions.BACKWARD):
-            return self._result(sample, what, None)
-        before = float(self.ekf.x[0])
+            return self._estimate(sample, what, None)
+        before = self.ekf.speed_rad_s
         continuous = self._predict(sample, dt, new_segment=new_segment)
         if has_speed and not self._seeded:
             what = decisions.RESEEDED if self._ever_seeded else decisions.FIRST
             self._seed(sample)
-        predicted = float(self.ekf.x[0])
+        predicted = self.ekf.speed_rad_s
         self._gatherer.note(sample, 0.5 * (before + predicted) if continuous else 0.0, dt)
         self._last = sample
         innovation = None
         if what == decisions.UPDATED:
             what, innovation = self._weigh(sample)
-        return self._result(sample, what, innovation, predicted)
+        return self._estimate(sample, what, innovation, predicted)
 
     def _predict(self, sample: WheelSample, dt: float, *, new_segment: bool) -> bool:
         """Bring the belief to the sample's time; False where the speed has to start afresh."""
@@ -142,11 +163,26 @@ class Estimator:
             reason = "gate"
         return what, Innovation(sample.time_s, residual, math.sqrt(variance), nis, c.gate, reason is None, reason)
 
-    def _result(
+    def _estimate(
         self, sample: WheelSample, what: int, innovation: Innovation | None, predicted: float = math.nan
-    ) -> StepResult:
-        self.ekf.check()
-        shown = self.ekf.table.size - self.ekf.table.hidden  # a hidden state is nobody's business
-        mean = tuple(float(v) for v in self.ekf.x[:shown])
-        std = tuple(float(v) for v in self.ekf.std[:shown])
-        return StepResult(sample.time_s, _OUTCOMES[what], mean, std, innovation, predicted)
+    ) -> Estimate:
+        ekf, names = self.ekf, self._effect_names
+        ekf.check()
+        values, stds = ekf.x.tolist(), ekf.std.tolist()
+        known = STATE_SIZE + len(names)
+        effects = zip(names, map(Believed, values[STATE_SIZE:known], stds[STATE_SIZE:known]), strict=True)
+        hidden = HiddenState(
+            None if ekf.table.lag_state_at == ABSENT else values[ekf.table.lag_state_at],
+            None if ekf.table.memory_state_at == ABSENT else values[ekf.table.memory_state_at],
+        )
+        return Estimate(
+            time_s=sample.time_s,
+            outcome=_OUTCOMES[what],
+            state=WheelState(*values[:STATE_SIZE]),
+            std=WheelState(*stds[:STATE_SIZE]),
+            innovation=innovation,
+            predicted_speed_rad_s=predicted,
+            effects=dict(effects),
+            hidden=hidden if ekf.table.hidden else None,
+            conditions=self._gatherer.conditions,
+        )

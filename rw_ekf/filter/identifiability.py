@@ -40,8 +40,8 @@ class ParameterReport:
 def report(belief: Belief, prior: Belief) -> list[ParameterReport]:
     """The four parameters, in state order, judged against the prior the run started from."""
     found = []
-    for i, name in enumerate(PARAMETER_NAMES, start=1):
-        value, std, before = float(belief.mean[i]), float(belief.std[i]), float(prior.std[i])
+    numbers = zip(PARAMETER_NAMES, belief.parameters, belief.parameter_std, prior.parameter_std, strict=True)
+    for name, value, std, before in numbers:
         learned = std <= _LEARNED * before and std <= _KNOWN * abs(value)
         found.append(ParameterReport(name, value, std, before, learned))
     return found

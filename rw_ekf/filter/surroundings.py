@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rw_ekf.filter.current_schedule import CurrentSchedule
 from rw_ekf.model.effect import REFERENCE_DEGC
-from rw_ekf.records import WheelSample
+from rw_ekf.records import Conditions, WheelSample
 
 _REMEMBERED_S = 10.0  # of past commands, for a model with a delay
 
@@ -36,6 +36,11 @@ class Gatherer:
         self._remembers = remembers
         self._temperature_degC = REFERENCE_DEGC  # effects of temperature are relative to it: none until it is read
         self._past: list[tuple[float, float, float]] = []
+
+    @property
+    def conditions(self) -> Conditions:
+        """At the last sample."""
+        return Conditions(self._temperature_degC, self.angle_rad)
 
     def restart(self) -> None:
         """Forget the currents: a new segment, whose clock says nothing about the old one's."""

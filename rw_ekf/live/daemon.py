@@ -7,33 +7,35 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf import __version__
-from rw_ekf.control.commanders import request_of
+from rw_ekf.control.commanders import controller_of
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.identifiability import rounded
+from rw_ekf.live.alarm_watch import AlarmWatch, alarm_watch_of
 from rw_ekf.live.claim import PortClaim
+from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
-from rw_ekf.live.live import LiveWheel, LoopTiming, with_following_command
-from rw_ekf.live.loop import Issue, Sink, run_loop
+from rw_ekf.live.live import LiveWheel, LoopTiming
+from rw_ekf.live.loop import run_loop
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelSample
+from rw_ekf.records import LinkCounters, Reading, Sink
 from rw_ekf.sinks.sign_sink import SignSink
 from rw_ekf.sinks.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, Unwritten
 from rw_ekf.sinks.status_line import StatusLine
-from rw_ekf.sinks.watch_sink import WatchSink, watch_sink_of
 from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.watch.sign_watch import SignWatch
-from rw_ekf.watch.stuck_watch import StuckWatch
+from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
 
 if TYPE_CHECKING:
@@ -117,16 +119,21 @@ def run_daemon(
     setup = setup_of_configuration(configuration, model)
     estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
     writes = configuration.command.profile != "none"
-    request, profile_s, phase = request_of(configuration.command) if writes else (None, None, None)
+    controller, profile_s, phase = controller_of(configuration.command) if writes else (None, None, None)
     lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
     statistics, unwritten = StatisticsSink(), Unwritten()
-    watch = watch_sink_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
+    watch = alarm_watch_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port))
         resolution, noise = wire_map.speed_step_rad_s, estimator.constants.speed_variance**0.5
         law = estimator.constants.omega_s, estimator.constants.law
         stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *law)
-        check = TelemetryCheck(logger.warning, stuck, lambda: (estimator.mean, estimator.covariance), writes=writes)
+        check = TelemetryCheck(
+            logger.warning,
+            stuck,
+            lambda: ParameterBelief(estimator.parameters, estimator.parameter_covariance),
+            writes=writes,
+        )
         live = LiveWheel(
             serial_opener(configuration, wire_map),
             SafetyLimits.of(configuration.limits),
@@ -138,7 +145,7 @@ def run_daemon(
             speed_step_rad_s=max(resolution, noise),
         )
         sign = SignSink(
-            SignWatch(tuple(setup.prior.mean[1:4]), law[0], max(resolution, noise)),
+            SignWatch(setup.prior.parameters, law[0], max(resolution, noise)),
             lambda: scale_places(configuration.wheel.protocol),
             expectation_of(configuration, model),
             halt=live.halt if writes else None,
@@ -148,19 +155,19 @@ def run_daemon(
         confirmed = False
         try:
             files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
-            status = StatusLine(logger, lasts_s, phase, None if watch is None else watch.active)
+            status = StatusLine(logger, lasts_s, phase)
             names = setup.state_names
             sinks = [
                 *_sinks(stack, files, configuration, statistics, names, watch, unwritten, logger, status),
                 sign,
             ]
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
-            samples = _with_metadata(live, live.samples(lasts_s), files, configuration, unwritten, logger)
-            if request is None:
-                samples, issue = _following(samples)
+            readings = _with_metadata(live, live.readings(lasts_s), files, configuration, unwritten, logger)
+            if controller is None:
+                readings, issue = following(readings)
             else:
-                issue = live.issue(request)
-            run_loop(samples, estimator, issue, sinks)
+                issue = partial(live.issue, controller)
+            run_loop(readings, estimator, issue, sinks, *([] if watch is None else [watch.step]))
         finally:
             confirmed = live.close()
             if not confirmed:
@@ -170,11 +177,11 @@ def run_daemon(
                     do="the wheel may still carry its last current: run `rw-ekf stop --config F`, or cut its power",
                 )
         belief = Belief(estimator.mean, estimator.covariance)
-        if live.halted is None and belief.mean[1] + _SURE * belief.std[1] < 0.0:
-            gain = rounded(float(belief.mean[1]), float(belief.std[1]))
+        gain, gain_std = belief.parameters.motor_gain, belief.parameter_std.motor_gain
+        if live.halted is None and gain + _SURE * gain_std < 0.0:
             check.found(
                 "negative_gain",
-                f"the motor gain is estimated as {gain} rad/s^2/A, and no "
+                f"the motor gain is estimated as {rounded(gain, gain_std)} rad/s^2/A, and no "
                 "wheel has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
             )
         model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
@@ -230,7 +237,7 @@ def _sinks(
     configuration: Configuration,
     statistics: StatisticsSink,
     names: tuple[str, ...],
-    watch: WatchSink | None,
+    watch: AlarmWatch | None,
     unwritten: Unwritten,
     logger: Any,
     status: StatusLine,
@@ -240,8 +247,7 @@ def _sinks(
     sinks: list[Sink] = [
         log,
         statistics,
-        *([] if watch is None else [watch]),
-        StateFileSink(files.state, about, names=names, alarms=watch.active if watch else None, unwritten=unwritten),
+        StateFileSink(files.state, about, unwritten=unwritten, watched=watch is not None),
         SyncSink([files.log, files.estimates]),
         status,
     ]
@@ -252,15 +258,15 @@ def _sinks(
 
 def _with_metadata(
     live: LiveWheel,
-    samples: Iterator[WheelSample],
+    readings: Iterator[Reading],
     files: RunFiles,
     configuration: Configuration,
     unwritten: Unwritten,
     logger: Any,
-) -> Iterator[WheelSample]:
+) -> Iterator[Reading]:
     """Write the metadata when the first sample comes: only then is its UTC known."""
     first = True
-    for sample in samples:
+    for reading in readings:
         if first:
             first = False
             about = RunMetadata(
@@ -272,19 +278,4 @@ def _with_metadata(
             )
             with _tried(metadata_path(files.log), unwritten, logger):
                 write_metadata(files.log, about)
-        yield sample
-
-
-def _following(samples: Iterator[WheelSample]) -> tuple[Iterator[WheelSample], Issue]:
-    """Samples a tick late, each with the command that telemetry reported after it."""
-    latest: list[IssuedCommand] = []
-
-    def walk() -> Iterator[WheelSample]:
-        for sample, command in with_following_command(samples):
-            latest[:] = [command]
-            yield sample
-
-    def issue(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
-        return latest[0]
-
-    return walk(), issue
+        yield reading

@@ -11,7 +11,16 @@ from rw_ekf.errors import DriverError
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
-from rw_ekf.records import IssuedCommand, LinkCounters, StepResult, WheelDriver, WheelSample
+from rw_ekf.records import (
+    Controller,
+    IssuedCommand,
+    LinkCounters,
+    LinkState,
+    Reading,
+    Tick,
+    WheelDriver,
+    WheelSample,
+)
 
 _REOPEN_EVERY_S = 0.5
 _LAST_TRY_S = 2.0
@@ -19,7 +28,6 @@ _REOPEN_SILENT_S = 5.0  # a port that stays open but says nothing is opened anew
 _RATE_AFTER_S = 10.0  # sooner, milliseconds of jitter would pass for a clock that runs at another rate
 _LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
 
-Request = Callable[[WheelSample], float]
 Note = Callable[..., None]
 
 
@@ -105,7 +113,6 @@ class LiveWheel:
         self._retry_at = 0.0
         self._reopened_s = 0.0
         self._changed_for: str | None = None
-        self._answered = False  # the tick brought a reading
         if writes:
             self.guard.zero()
 
@@ -114,8 +121,8 @@ class LiveWheel:
         """Counters of the line, over all reconnections."""
         return self.driver.link
 
-    def samples(self, duration_s: float | None = None) -> Iterator[WheelSample]:
-        """Samples, one per tick, until a stop is asked for or `duration_s` of samples have come.
+    def readings(self, duration_s: float | None = None) -> Iterator[Reading]:
+        """Readings, one per tick, until a stop is asked for or `duration_s` of samples have come.
 
         Time counts as the samples tell it, and by the host's clock where none come.
         """
@@ -125,14 +132,15 @@ class LiveWheel:
         while not self._stop.wait(deadline - time.monotonic()):
             now = time.monotonic()
             self.timing.note(now - deadline)
-            sample = self._read(now)
+            reading = self._read(now)
             if self.halted is not None:
                 return
-            if sample is not None:
+            if reading is not None:
+                sample = reading.sample
                 known = before is not None and sample.segment == before.segment
                 covered_s += max(sample.time_s - before.time_s, 0.0) if known and before else now - told_s
                 before, told_s = sample, now
-                yield sample
+                yield reading
                 if self.halted is not None:
                     return
             deadline += self._period_s
@@ -144,27 +152,23 @@ class LiveWheel:
             if duration_s is not None and covered_s + now - told_s >= duration_s - 0.5 * self._period_s:
                 return
 
-    def issue(self, request: Request) -> Callable[[WheelSample, StepResult], IssuedCommand | None]:
-        """Return what commands the wheel after each sample: the request, through the guard."""
-
-        def write(sample: WheelSample, result: StepResult) -> IssuedCommand | None:
-            self.check.estimated(result)
-            if not self._answered:
-                return self._command_of_a_missed_tick()
-            try:
-                command = self.guard.write(request(sample), sample, self.check.hold)
-            except DriverError as error:
-                self._lose(error)
-                return None
-            self._told_A = command.current_A
-            self.check.commanded(command)
-            if command.reason != self._changed_for:
-                self._changed_for = command.reason
-                if command.reason is not None:
-                    self._note("command_changed", reason=command.reason, current_A=command.current_A)
-            return command
-
-        return write
+    def issue(self, controller: Controller, tick: Tick) -> IssuedCommand | None:
+        """Command the wheel after a sample: what the controller asks for, through the guard."""
+        self.check.estimated(tick.estimate)
+        if tick.link is not LinkState.ANSWERED:
+            return self._command_of_a_missed_tick()
+        try:
+            command = self.guard.write(controller(tick), tick.sample, self.check.hold)
+        except DriverError as error:
+            self._lose(error)
+            return None
+        self._told_A = command.current_A
+        self.check.commanded(command)
+        if command.reason != self._changed_for:
+            self._changed_for = command.reason
+            if command.reason is not None:
+                self._note("command_changed", reason=command.reason, current_A=command.current_A)
+        return command
 
     def halt(self, why: str) -> None:
         """End the run for a reason that forbids to drive the wheel on: zero now, and no sample any more."""
@@ -182,7 +186,7 @@ class LiveWheel:
         self.driver.close()
         return confirmed
 
-    def _read(self, tick_s: float) -> WheelSample | None:
+    def _read(self, tick_s: float) -> Reading | None:
         if self.lost and not self._reconnect():
             return None
         try:
@@ -191,7 +195,6 @@ class LiveWheel:
             self._lose(error)
             return None
         self._repeating = sample is not None and not self._is_later(sample)
-        self._answered = sample is not None and not self._repeating
         if sample is None or self._repeating:
             return self._missed(tick_s)
         now = time.monotonic()
@@ -212,19 +215,19 @@ class LiveWheel:
             self._breaks += 1
             sample = replace(sample, segment=sample.segment + 1)
         self._last = sample
-        if self._began is None or self._began[0].segment != self._last.segment:
-            self._began = self._last, tick_s
+        if self._began is None or self._began[0].segment != sample.segment:
+            self._began = sample, tick_s
         if self.check.other_wheel is not None:
             self.halt(self.check.other_wheel)
             return None
-        return self._last
+        return Reading(sample)
 
     def _is_later(self, sample: WheelSample) -> bool:
         """Whether a reading was taken after the one before it."""
         last = self._last
         return last is None or sample.segment + self._breaks != last.segment or sample.time_s > last.time_s
 
-    def _missed(self, tick_s: float) -> WheelSample | None:
+    def _missed(self, tick_s: float) -> Reading | None:
         """Answer for a tick without a reply: a sample without a speed, at the time it would have had.
 
         In silence there is one only where the current changes: when the wheel confirms the zero.
@@ -257,7 +260,8 @@ class LiveWheel:
         if self._last is None:
             return None
         passed_s = (tick_s - self._last_tick_s) * self._clock_rate()
-        return WheelSample(self._last.time_s + passed_s, None, segment=self._last.segment)
+        sample = WheelSample(self._last.time_s + passed_s, None, segment=self._last.segment)
+        return Reading(sample, LinkState.SILENT if self.silent else LinkState.MISSED)
 
     def _clock_rate(self) -> float:
         """Seconds of the samples' time per second of the host's, once there are enough to tell."""
@@ -312,20 +316,3 @@ class LiveWheel:
                 time.sleep(0.1)
         self.guard.driver = self.driver
         return self.guard.zero(1.0)
-
-
-def with_following_command(samples: Iterator[WheelSample]) -> Iterator[tuple[WheelSample, IssuedCommand]]:
-    """Pair each sample with the command that telemetry reports at the next one, a tick later.
-
-    Beside a lab's own controller the command of an interval is known only at its end: what a reading reports as in
-    force was set after the reading before. Samples wait over ticks without a reply. The last is dropped: nothing is
-    known of what followed.
-    """
-    waiting: list[WheelSample] = []
-    for sample in samples:
-        current = sample.current_command_A if sample.current_command_A is not None else sample.current_A
-        if current is not None:
-            for before in waiting:
-                yield before, IssuedCommand(current)
-            waiting.clear()
-        waiting.append(sample)

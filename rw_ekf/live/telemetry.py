@@ -9,22 +9,21 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.records import (
     CONDITIONS_THAT_STOP,
     CURRENT_LIMITED,
     FAULT,
     OVER_TEMPERATURE,
+    Estimate,
     IssuedCommand,
     Outcome,
-    StepResult,
     WheelIdentity,
     WheelSample,
 )
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
-    from rw_ekf.watch.stuck_watch import Belief, StuckWatch
+    from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 
 Note = Callable[..., None]
 
@@ -44,11 +43,11 @@ class TelemetryCheck:
         self,
         note: Note,
         stuck: StuckWatch | None = None,
-        belief: Callable[[], Belief] | None = None,
+        belief: Callable[[], ParameterBelief] | None = None,
         *,
         writes: bool = True,
     ) -> None:
-        """stuck, belief: the test by the model, and the estimator's present state and covariance; None: no such test.
+        """stuck, belief: the test by the model, and what the estimator believes at present; None: no such test.
 
         writes: whether this run commands the wheel at all.
         """
@@ -86,14 +85,14 @@ class TelemetryCheck:
         """Note the command that follows the sample judged last."""
         self._following = command
 
-    def estimated(self, result: StepResult) -> None:
+    def estimated(self, estimate: Estimate) -> None:
         """Note what the estimator made of the sample judged last; only an augmented model says more than its belief."""
         interval, self._interval = self._interval, None
-        before, self._speed_rad_s = self._speed_rad_s, result.mean[0]
-        if self._stuck is None or len(result.mean) == STATE_SIZE or interval is None or before is None:
+        before, self._speed_rad_s = self._speed_rad_s, estimate.state.speed_rad_s
+        if self._stuck is None or not estimate.effects or interval is None or before is None:
             return
-        if result.outcome in (Outcome.UPDATED, Outcome.MISSING, Outcome.GATED):
-            self._stuck.note_prediction(before, interval[1], result.predicted_speed_rad_s, interval[0])
+        if estimate.outcome in (Outcome.UPDATED, Outcome.MISSING, Outcome.GATED):
+            self._stuck.note_prediction(before, interval[1], estimate.predicted_speed_rad_s, interval[0])
 
     def judge(self, sample: WheelSample, identity: WheelIdentity | None) -> tuple[WheelSample, bool]:
         """Return the sample as it may be used, and whether readings have just come back to life.

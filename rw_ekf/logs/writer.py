@@ -18,7 +18,7 @@ from typing import Self
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.wheel_log import LOG_COLUMNS
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
 STATE_KEYS = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -123,21 +123,22 @@ class EstimateWriter(RowWriter):
         super().__init__(path, estimate_columns(state_keys))
         self.state_keys = state_keys
 
-    def write(self, result: StepResult) -> None:
-        """Write one result. Raises ValueError if it has another number of states than the writer has columns."""
-        if len(result.mean) != len(self.state_keys) or len(result.std) != len(self.state_keys):
-            raise ValueError(f"{len(result.mean)} states for {len(self.state_keys)} columns")
-        test = result.innovation
+    def write(self, estimate: Estimate) -> None:
+        """Write one estimate. Raises ValueError if it has another number of states than the writer has columns."""
+        values, stds = estimate.values, estimate.stds
+        if len(values) != len(self.state_keys) or len(stds) != len(self.state_keys):
+            raise ValueError(f"{len(values)} states for {len(self.state_keys)} columns")
+        test = estimate.innovation
         self.write_row(
             (
-                result.time_s,
-                *result.mean,
-                *result.std,
+                estimate.time_s,
+                *values,
+                *stds,
                 None if test is None else test.innovation_rad_s,
                 None if test is None else test.std_rad_s,
                 None if test is None else test.nis,
-                result.outcome in (Outcome.UPDATED, Outcome.FIRST),
-                result.outcome.value if test is None else test.reason,
+                estimate.outcome in (Outcome.UPDATED, Outcome.FIRST),
+                estimate.outcome.value if test is None else test.reason,
             )
         )
 

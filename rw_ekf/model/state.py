@@ -5,6 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
+from rw_ekf.records import WheelState
+
 
 class StateIndex(IntEnum):
     """Positions in the state vector and its covariance; the names are those of docs/contract.md."""
@@ -16,7 +18,7 @@ class StateIndex(IntEnum):
     STATIC = 4  # T_s/J [rad/s^2]
 
 
-STATE_NAMES = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
+STATE_NAMES = WheelState._fields
 PARAMETER_NAMES = STATE_NAMES[1:]
 STATE_UNITS = {
     "speed_rad_s": "rad/s",

@@ -7,7 +7,7 @@ from typing import Any
 
 from rw_ekf.errors import ConfigError
 from rw_ekf.filter.identifiability import rounded
-from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.records import Tick
 from rw_ekf.watch.sign_watch import SignWatch
 
 WRONG_SIGN = "wrong_sign"
@@ -39,10 +39,10 @@ class SignSink:
         self._note = note
         self._said: set[str] = set()
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
-        """Take one sample with the command that followed it."""
+    def write(self, tick: Tick) -> None:
+        """Take one turn of the loop."""
         pieces = self._watch.pieces
-        self._watch.add(sample, command)
+        self._watch.add(tick)
         if self._watch.pieces == pieces:
             return
         if self._watch.is_wrong and WRONG_SIGN not in self._said:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from rw_ekf.errors import RwEkfError
 from rw_ekf.model.state import STATE_NAMES
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import Outcome, Tick
 from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
@@ -73,20 +73,21 @@ class LogSink:
         self._breaks = 0
         self._broken = False
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+    def write(self, tick: Tick) -> None:
         """Append one line to each file."""
-        if result.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
+        sample, estimate = tick.sample, tick.estimate
+        if estimate.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
             return  # a log's time only grows; the statistics count these
         breaks = self._breaks + self._broken
         try:
-            self._samples.write(replace(sample, segment=sample.segment + breaks) if breaks else sample, command)
+            self._samples.write(replace(sample, segment=sample.segment + breaks) if breaks else sample, tick.command)
             self._breaks, self._broken = breaks, False
         except OSError as error:
             self._broken = True
             self.unwritten.log_rows += 1
             self._lost(self._samples.path, error)
         try:
-            self._estimates.write(result)
+            self._estimates.write(estimate)
         except OSError as error:
             self.unwritten.estimate_rows += 1
             self._lost(self._estimates.path, error)
@@ -116,10 +117,10 @@ class StatisticsSink:
         self.statistics = RunStatistics()
         self._segment: int | None = None
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+    def write(self, tick: Tick) -> None:
         """Count one sample."""
-        self.statistics.add(result, same_segment=sample.segment == self._segment)
-        self._segment = sample.segment
+        self.statistics.add(tick.estimate, same_segment=tick.sample.segment == self._segment)
+        self._segment = tick.sample.segment
 
     def close(self) -> None:
         """Nothing to finish."""
@@ -136,18 +137,14 @@ class StateFileSink:
         path: Path,
         about: dict[str, Any],
         every_s: float = 1.0,
-        names: tuple[str, ...] = STATE_NAMES,
-        alarms: Callable[[], list[dict[str, Any]]] | None = None,
         unwritten: Unwritten | None = None,
+        *,
+        watched: bool = True,
     ) -> None:
-        """alarms: gives those that are on, as they are to be published; None: nobody watches.
-
-        unwritten: where estimates that could not be published are counted.
-        """
+        """watched: whether the document has alarms. unwritten: where what could not be published is counted."""
         self.path = path
         self._unwritten = unwritten if unwritten is not None else Unwritten()
-        self._alarms = alarms
-        self._names = names
+        self._watched = watched
         self._about = about
         self._every_s = every_s
         self._due_s = 0.0
@@ -158,19 +155,20 @@ class StateFileSink:
         self._thread = threading.Thread(target=self._serve, name="state-file", daemon=True)
         self._thread.start()
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+    def write(self, tick: Tick) -> None:
         """Hand the newest estimate over, if one is due."""
+        estimate = tick.estimate
         document = {
             **self._about,
-            "time_s": result.time_s,
-            "outcome": result.outcome.value,
-            "state": dict(zip(self._names, result.mean, strict=True)),
-            "std": dict(zip(self._names, result.std, strict=True)),
-            "current_command_A": None if command is None else command.current_A,
-            "temperature_degC": sample.temperature_degC,
+            "time_s": estimate.time_s,
+            "outcome": estimate.outcome.value,
+            "state": {**estimate.state._asdict(), **{name: c.value for name, c in estimate.effects.items()}},
+            "std": {**estimate.std._asdict(), **{name: c.std for name, c in estimate.effects.items()}},
+            "current_command_A": None if tick.command is None else tick.command.current_A,
+            "temperature_degC": tick.sample.temperature_degC,
         }
-        if self._alarms is not None:
-            document["alarms"] = [dict(alarm) for alarm in self._alarms()]
+        if self._watched:
+            document["alarms"] = [alarm.document() for alarm in tick.alarms]
         now = time.monotonic()
         with self._wake:
             self._latest = document
@@ -219,15 +217,16 @@ class ArraySink:
         self.states: Float64Array = np.zeros((n, size))
         self.stds: Float64Array = np.zeros((n, size))
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+    def write(self, tick: Tick) -> None:
         """Take the next row."""
         i = self._row
-        self.outcome[i] = self._codes[result.outcome]
-        self.states[i] = result.mean
-        self.stds[i] = result.std
-        if result.innovation is not None:
-            self.innovation[i] = result.innovation.innovation_rad_s
-            self.variance[i] = result.innovation.std_rad_s**2
+        estimate = tick.estimate
+        self.outcome[i] = self._codes[estimate.outcome]
+        self.states[i] = estimate.values
+        self.stds[i] = estimate.stds
+        if estimate.innovation is not None:
+            self.innovation[i] = estimate.innovation.innovation_rad_s
+            self.variance[i] = estimate.innovation.std_rad_s**2
         self._row = i + 1
         if self._row % 100 == 0:
             self._advance(100)
@@ -252,7 +251,7 @@ class SyncSink:
         self._thread = threading.Thread(target=self._serve, name="disk-sync", daemon=True)
         self._thread.start()
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+    def write(self, tick: Tick) -> None:
         """Nothing: the thread keeps its own time."""
 
     def close(self) -> None:

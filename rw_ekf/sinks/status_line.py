@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import textwrap
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.console import STATUS
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, StateIndex
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.records import Outcome, Tick, WheelSample
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -21,10 +21,10 @@ LEGEND = (
     "15.21(3): a sigma of 3 in the last digit"
 )
 _SYMBOLS = (  # the most telling first: a narrow terminal shows fewer
-    ("k", StateIndex.MOTOR_GAIN),
-    ("c", StateIndex.COULOMB),
-    ("b", StateIndex.VISCOUS),
-    ("s", StateIndex.STATIC),
+    ("k", "motor_gain"),
+    ("c", "coulomb"),
+    ("b", "viscous"),
+    ("s", "static"),
 )
 _STATES = {
     Outcome.FIRST: "begins",
@@ -46,7 +46,6 @@ class StatusLine:
         logger: Any,
         total_s: float | None,
         phase: Phase | None = None,
-        alarms: Callable[[], Sequence[object]] | None = None,
         *,
         every_s: float = 0.5,
         log_every_s: float = 60.0,
@@ -55,15 +54,15 @@ class StatusLine:
         self._logger = logger
         self._total_s = total_s
         self._phase = phase
-        self._alarms = alarms
         self._every_s = every_s if STATUS.is_terminal else log_every_s
         self._due_s = time.monotonic() + (0.0 if STATUS.is_terminal else log_every_s)
         self._elapsed_s = 0.0
         self._last: WheelSample | None = None
         self._explained = False
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
+    def write(self, tick: Tick) -> None:
         """Show the present estimate where it is due."""
+        sample = tick.sample
         if self._last is not None and sample.segment == self._last.segment:
             step_s = sample.time_s - self._last.time_s
             self._elapsed_s += step_s if 0.0 < step_s < _LONGEST_GAP_S else 0.0
@@ -76,38 +75,40 @@ class StatusLine:
             if not self._explained:
                 self._explained = True
                 STATUS.say("\n".join(textwrap.wrap(LEGEND, STATUS.columns() - 1, break_on_hyphens=False)))
-            STATUS.show(status_text(self._fields(command, result), STATUS.columns() - 1))
+            STATUS.show(status_text(self._fields(tick), STATUS.columns() - 1))
         else:
-            self._log(command, result)
+            self._log(tick)
 
     def close(self) -> None:
         """Leave the last line where it is, and the cursor below it."""
         STATUS.leave()
 
-    def _fields(self, command: IssuedCommand | None, result: StepResult) -> list[str]:
+    def _fields(self, tick: Tick) -> list[str]:
         """What can be shown, in the order of a line's beginning: head first, estimates last."""
-        count = 0 if self._alarms is None else len(self._alarms())
-        current = "" if command is None else f"{1e3 * command.current_A:+.1f} mA"
+        count, estimate = len(tick.alarms), tick.estimate
+        state, std = estimate.state, estimate.std
+        current = "" if tick.command is None else f"{1e3 * tick.command.current_A:+.1f} mA"
         return [
             elapsed_text(self._elapsed_s, self._total_s),
-            _STATES[result.outcome],
-            f"{rpm_from_rad_s(result.mean[0]):+.1f} rpm",
+            _STATES[estimate.outcome],
+            f"{rpm_from_rad_s(state.speed_rad_s):+.1f} rpm",
             current,
             f"{count} alarm{'s' if count > 1 else ''}" if count else "",
             "" if self._phase is None else self._phase(self._elapsed_s),
-            *(f"{symbol} {concise(result.mean[i], result.std[i])}" for symbol, i in _SYMBOLS),
+            *(f"{symbol} {concise(getattr(state, name), getattr(std, name))}" for symbol, name in _SYMBOLS),
         ]
 
-    def _log(self, command: IssuedCommand | None, result: StepResult) -> None:
+    def _log(self, tick: Tick) -> None:
+        state, std = tick.estimate.state, tick.estimate.std
         told: dict[str, Any] = {"elapsed_s": round(self._elapsed_s, 1), "of_s": self._total_s}
         if self._phase is not None:
             told["phase"] = self._phase(self._elapsed_s)
-        told |= {"state": _STATES[result.outcome], "speed_rpm": round(rpm_from_rad_s(result.mean[0]), 2)}
-        if command is not None:
-            told["current_mA"] = round(1e3 * command.current_A, 1)
-        for name, i in zip(PARAMETER_NAMES, range(1, 5), strict=True):
-            told[name] = f"{concise(result.mean[i], result.std[i])} {STATE_UNITS[name]}"
-        told["alarms"] = 0 if self._alarms is None else len(self._alarms())
+        told |= {"state": _STATES[tick.estimate.outcome], "speed_rpm": round(rpm_from_rad_s(state.speed_rad_s), 2)}
+        if tick.command is not None:
+            told["current_mA"] = round(1e3 * tick.command.current_A, 1)
+        for name in PARAMETER_NAMES:
+            told[name] = f"{concise(getattr(state, name), getattr(std, name))} {STATE_UNITS[name]}"
+        told["alarms"] = len(tick.alarms)
         self._logger.info("running", **{key: value for key, value in told.items() if value is not None})
 
 

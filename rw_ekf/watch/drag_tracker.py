@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.model.state import StateIndex
+from rw_ekf.records import WheelState
 from rw_ekf.watch.evidence import Evidence
 
 _WANDER = (
@@ -22,7 +22,7 @@ class DragTracker:
 
     def __init__(
         self,
-        reference: tuple[float, ...],
+        reference: WheelState,
         speed_rad_s: float,
         drag_rad_s2: float,
         std_rad_s2: float,
@@ -56,7 +56,7 @@ class DragTracker:
         self.drag_gain = 0.0
         if e.restart or e.direction * self.speed_rad_s < self._near_rest_rad_s:
             return self._set_afresh(e)
-        speed = e.speed_rad_s + e.keep * (self.speed_rad_s - e.belief[StateIndex.SPEED]) + self._moved(e) * e.dt_s
+        speed = e.speed_rad_s + e.keep * (self.speed_rad_s - e.belief.speed_rad_s) + self._moved(e) * e.dt_s
         if e.direction * speed < self._near_rest_rad_s:
             return self._set_afresh(e)
         push = -e.direction * e.dt_s
@@ -71,9 +71,9 @@ class DragTracker:
     def _moved(self, e: Evidence) -> float:
         """Acceleration [rad/s^2] by which this model differs from the estimator's of the moment (eq. 8)."""
         now, before = e.belief, self.reference
-        friction = now[StateIndex.COULOMB] - before[StateIndex.COULOMB] - self.drag_rad_s2
-        viscous = now[StateIndex.VISCOUS] - before[StateIndex.VISCOUS]
-        motor_gain = now[StateIndex.MOTOR_GAIN] - before[StateIndex.MOTOR_GAIN]
+        friction = now.coulomb - before.coulomb - self.drag_rad_s2
+        viscous = now.viscous - before.viscous
+        motor_gain = now.motor_gain - before.motor_gain
         return e.direction * friction + viscous * e.speed_rad_s - motor_gain * e.current_A
 
     def _update(self, e: Evidence, innovation: float) -> Evidence:

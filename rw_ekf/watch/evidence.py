@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rw_ekf.model.state import StateIndex
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import IssuedCommand, Outcome, Tick, WheelSample, WheelState
 
 # Break-away friction is the parameter the estimator knows worst, and is too sure of (docs/filter.md): what happens at
 # low speed under a drive hardly above it is no evidence of anything else.
@@ -34,7 +33,7 @@ class Evidence(NamedTuple):
     variance: float  # of the innovation [rad^2/s^2]; NaN: none
     gain: float  # share of the innovation that the filter's speed took over [-]; 0 where the reading was not used
     keep: float  # share of a deviation in speed that is left at the end of the interval, before the update [-]
-    belief: tuple[float, ...]  # the estimator's state at the interval's start, in the order of StateIndex
+    belief: WheelState  # the estimator's state at the interval's start
     coulomb_std: float  # of the estimator's Coulomb friction [rad/s^2], after the sample
     reseeded: bool  # the speed was set to this reading after its innovation had been gated time and again
     restart: bool  # first sample, gap or new segment: what was before says nothing about what follows
@@ -49,27 +48,28 @@ class EvidenceReader:
         self._creep_speed = _CREEP_SPEED * stribeck_speed_rad_s
         self._longest_s = _LONGEST_STEP_IN_PERIODS * period_s
         self._last: WheelSample | None = None
-        self._belief: tuple[float, ...] = ()
+        self._belief: WheelState | None = None
         self._static_std = 0.0
         self._temperature_degC = math.nan
         self._in_force_A = 0.0
         self._following: IssuedCommand | None = None
 
-    def read(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> Evidence | None:
-        """Take one sample; None where its time did not move on."""
-        outcome = result.outcome
+    def read(self, tick: Tick) -> Evidence | None:
+        """Take one turn of the loop; None where the sample's time did not move on."""
+        sample, estimate = tick.sample, tick.estimate
+        outcome = estimate.outcome
         if outcome in (Outcome.REPEATED, Outcome.BACKWARD):
             return None
-        last, belief = self._last, self._belief or result.mean
+        last, belief = self._last, self._belief or estimate.state
         same = last is not None and sample.segment == last.segment
         dt_s = sample.time_s - last.time_s if last is not None and same else 0.0
         current_A, sure = self._current_over(dt_s)
-        test = result.innovation
+        test = estimate.innovation
         restart = test is None and outcome in (Outcome.FIRST, Outcome.RESEEDED)
         restart = restart or not 0.0 < dt_s < self._longest_s
-        predicted = result.predicted_speed_rad_s
-        turned = predicted * belief[StateIndex.SPEED] <= 0.0
-        keep = _turned(belief, current_A, predicted) if turned else 1.0 - belief[StateIndex.VISCOUS] * dt_s
+        predicted = estimate.predicted_speed_rad_s
+        turned = predicted * belief.speed_rad_s <= 0.0
+        keep = _turned(belief, current_A, predicted) if turned else 1.0 - belief.viscous * dt_s
         direction = 0.0
         if sure and not turned and not (abs(predicted) < self._creep_speed and self._creeps(belief, current_A)):
             direction = 1.0 if predicted > 0.0 else -1.0
@@ -80,11 +80,11 @@ class EvidenceReader:
             innovation, variance = test.innovation_rad_s, test.std_rad_s * test.std_rad_s
             if test.accepted:
                 gain = 1.0 - self._speed_variance / variance
-        self._last, self._belief, self._following = sample, result.mean, command
-        self._static_std = result.std[StateIndex.STATIC]
+        self._last, self._belief, self._following = sample, estimate.state, tick.command
+        self._static_std = estimate.std.static
         return Evidence(
             sample.time_s, dt_s, direction, predicted, current_A, self._temperature_degC,
-            innovation, variance, gain, keep, belief, result.std[StateIndex.COULOMB],
+            innovation, variance, gain, keep, belief, estimate.std.coulomb,
             outcome is Outcome.RESEEDED, restart,
         )  # fmt: skip
 
@@ -98,21 +98,21 @@ class EvidenceReader:
         self._in_force_A = command.current_A
         return mean_A, command.acknowledged
 
-    def _creeps(self, belief: tuple[float, ...], current_A: float) -> bool:
+    def _creeps(self, belief: WheelState, current_A: float) -> bool:
         """Whether the drive is too little beyond break-away to tell a slow wheel's drag from an error in that."""
-        drive = abs(belief[StateIndex.MOTOR_GAIN] * current_A)
-        unsure = max(_CREEP_DRIVE * abs(belief[StateIndex.COULOMB]), _CREEP_SIGMAS * self._static_std)
+        drive = abs(belief.motor_gain * current_A)
+        unsure = max(_CREEP_DRIVE * abs(belief.coulomb), _CREEP_SIGMAS * self._static_std)
         return drive < breakaway(belief) + unsure
 
 
-def breakaway(belief: tuple[float, ...]) -> float:
+def breakaway(belief: WheelState) -> float:
     """Break-away friction [rad/s^2]: what the estimator believes, but never less than Coulomb friction."""
-    return max(belief[StateIndex.STATIC], belief[StateIndex.COULOMB])
+    return max(belief.static, belief.coulomb)
 
 
-def _turned(belief: tuple[float, ...], current_A: float, predicted_rad_s: float) -> float:
+def _turned(belief: WheelState, current_A: float, predicted_rad_s: float) -> float:
     """Share of a deviation that outlives a reversal: the saltation factor (docs/model.md eq. 13); at rest, none."""
-    drive, static = abs(belief[StateIndex.MOTOR_GAIN] * current_A), abs(belief[StateIndex.STATIC])
+    drive, static = abs(belief.motor_gain * current_A), abs(belief.static)
     if predicted_rad_s == 0.0 or drive <= static:
         return 0.0
     return (drive - static) / (drive + static)

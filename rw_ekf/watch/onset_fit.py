@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rw_ekf.model.state import StateIndex
 from rw_ekf.watch.evidence import Evidence, breakaway
 
 _CANDIDATES = 64
@@ -110,7 +109,7 @@ def _held(recent: Sequence[Evidence], first_s: float, near_rest_rad_s: float) ->
     for e in recent:
         if e.time_s <= first_s or math.isnan(e.innovation_rad_s):
             continue
-        beyond = abs(e.belief[StateIndex.MOTOR_GAIN] * e.current_A) - static
+        beyond = abs(e.belief.motor_gain * e.current_A) - static
         if e.direction == 0.0 or beyond <= 0.0 or abs(e.speed_rad_s + e.innovation_rad_s) > near_rest_rad_s:
             largest, impulse, readings = 0.0, 0.0, 0
             continue

@@ -25,7 +25,8 @@ import math
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.records import IssuedCommand, WheelSample
+from rw_ekf.model.state import FrictionParameters
+from rw_ekf.records import IssuedCommand, Tick, WheelSample
 
 PIECE_S = 0.5
 _LONGEST_STEP_S = 5.0  # a longer interval between readings is a gap
@@ -47,12 +48,12 @@ class SignWatch:
 
     def __init__(
         self,
-        expected: tuple[float, float, float],
+        expected: FrictionParameters,
         stribeck_speed_rad_s: float,
         step_rad_s: float,
     ) -> None:
-        """expected: motor gain [rad/s^2/A], viscous [1/s], Coulomb [rad/s^2]; step_rad_s: of a reading (or noise)."""
-        k, b, c = (abs(value) for value in expected)
+        """expected: of the model that the run starts from; step_rad_s: of a reading (or noise)."""
+        k, b, c, _ = (abs(value) for value in expected)
         self._expected, self._coulomb = k, c
         self._step = step_rad_s
         self._at_rest = _MOVES * step_rad_s
@@ -105,10 +106,10 @@ class SignWatch:
         bounded = gain + max(ends) + _SIGN_SIGMAS * math.sqrt(max(variance - both * slope, 0.0))
         return min(freely, bounded)
 
-    def add(self, sample: WheelSample, command: IssuedCommand | None) -> None:
-        """Take one sample with the command that followed it."""
-        last = self._last
-        following, self._command = self._command, command
+    def add(self, tick: Tick) -> None:
+        """Take one turn of the loop."""
+        last, sample = self._last, tick.sample
+        following, self._command = self._command, tick.command
         if sample.speed_rad_s is None:  # the piece goes on over it: the currents are known all the same
             if last is not None and following is not None:
                 self._current_over(sample.time_s - self._at_s, following)

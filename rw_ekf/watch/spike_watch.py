@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from rw_ekf.model.state import StateIndex
+from rw_ekf.records import WheelState
 from rw_ekf.watch.alarms import DRAG_SPIKE, Alarm
 from rw_ekf.watch.drag_tracker import DragTracker
 from rw_ekf.watch.evidence import Evidence
@@ -103,7 +103,7 @@ class SpikeWatch:
         if not (self._sure and due and onset.margin > _STILL_SURE * _MARGIN):
             return None
         fit = fit_onset(self._recent, self._gains, e.time_s - 1.5 * age_s - 0.5, self._near_rest_rad_s)
-        smallest = self._smallest * abs(e.belief[StateIndex.COULOMB])
+        smallest = self._smallest * abs(e.belief.coulomb)
         if e.time_s < self._usual_until_s:
             smallest = max(smallest, _ABOVE_USUAL * self._usual_rad_s2)
         if fit is not None and fit.amplitude_rad_s2 > smallest and (fit.sized or fit.at_least) and not fit.is_step:
@@ -174,7 +174,7 @@ class SpikeWatch:
         self._gains.clear()
         self._sure = False
 
-    def _belief_before(self, time_s: float) -> tuple[float, ...]:
+    def _belief_before(self, time_s: float) -> WheelState:
         """The estimator's state at the start of the interval in which the spike set in."""
         for e in self._recent:
             if e.time_s > time_s:

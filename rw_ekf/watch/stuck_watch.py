@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.friction import acceleration, stribeck
-from rw_ekf.model.state import STATE_SIZE, StateIndex
+from rw_ekf.model.state import FrictionParameters
 
 _SIGMAS = 2.0
 _DRIVE_SHARE = 0.05  # eq. 1
@@ -41,7 +41,18 @@ _EFFECTS_SHARE = 0.5  # of the torque of a model's effects that may be wrong whe
 _EFFECTS_OVER_S = 1.0
 _ALIVE_AFTER = 2.0  # a reading that moves again must have been plausible for so many times the silence
 
-Belief = tuple[Float64Array, Float64Array]  # mean and covariance over the state, copies
+
+class ParameterBelief(NamedTuple):
+    """What the estimator believes of the parameters: a copy."""
+
+    parameters: FrictionParameters
+    covariance: Float64Array  # (4, 4)
+
+    @property
+    def is_physical(self) -> bool:
+        """Whether they can be a wheel's: an undeclared effect may have led the filter anywhere."""
+        spread = (math.sqrt(max(variance, 0.0)) for variance in self.covariance.diagonal().tolist())
+        return all(value > -std for value, std in zip(self.parameters, spread, strict=True))
 
 
 class Judged(NamedTuple):
@@ -68,10 +79,10 @@ class StuckWatch:
         self._value: float | None = None
         self._last_s = self._since_s = 0.0
         self._repeats = 0
-        self._belief: Belief | None = None
-        self._first: Belief | None = None  # before any reading: what the estimator started from
-        self._mean: list[float] = []  # of the belief, and
-        self._P: list[list[float]] = []  # its covariance over the parameters, once a reading repeats
+        self._belief: ParameterBelief | None = None
+        self._first: ParameterBelief | None = None  # before any reading: what the estimator started from
+        self._parameters: FrictionParameters | None = None  # of the belief that counts, once a reading repeats,
+        self._P: list[list[float]] = []  # and their covariance
         self._up = self._down = 0.0
         self._alive_since_s: float | None = None
         self._beyond = self._beyond_now = 0.0
@@ -87,7 +98,7 @@ class StuckWatch:
         """
         if self._belief is None or not dt_s > 0.0:
             return
-        _, k, b, c, s = self._belief[0][:STATE_SIZE].tolist()
+        k, b, c, s = self._belief.parameters
         base = acceleration(speed_rad_s, k * current_A, b, c, s, self._omega_s, self._law)
         beyond = (predicted_rad_s - speed_rad_s) / dt_s - base
         self._beyond_now += min(dt_s / _EFFECTS_OVER_S, 1.0) * (beyond - self._beyond_now)
@@ -96,10 +107,12 @@ class StuckWatch:
         """A new segment, or a current nobody knows: what came before says nothing about what follows."""
         self._value, self._alive_since_s = None, None
 
-    def add(self, time_s: float, speed_rad_s: float, current_A: float | None, belief: Callable[[], Belief]) -> Judged:
+    def add(
+        self, time_s: float, speed_rad_s: float, current_A: float | None, belief: Callable[[], ParameterBelief]
+    ) -> Judged:
         """Judge a reading. current_A: mean over the interval that ends with it; None: not known.
 
-        belief: gives the estimator's state and covariance before this reading.
+        belief: gives what the estimator believed before this reading.
         """
         if self._value is None or current_A is None:
             self._begin(time_s, speed_rad_s, belief)
@@ -131,7 +144,7 @@ class StuckWatch:
         return Judged(used=False, stuck=True, news="stuck")
 
     def _changed(
-        self, time_s: float, dt_s: float, speed_rad_s: float, current_A: float, belief: Callable[[], Belief]
+        self, time_s: float, dt_s: float, speed_rad_s: float, current_A: float, belief: Callable[[], ParameterBelief]
     ) -> Judged:
         """A reading that moves is alive; one that was stuck has to show that it moves as the wheel does."""
         assert self._value is not None
@@ -157,7 +170,7 @@ class StuckWatch:
         self.stuck, self._alive_since_s = False, None
         return Judged(used=True, stuck=False, news="alive")
 
-    def _begin(self, time_s: float, speed_rad_s: float, belief: Callable[[], Belief]) -> None:
+    def _begin(self, time_s: float, speed_rad_s: float, belief: Callable[[], ParameterBelief]) -> None:
         self._value = speed_rad_s
         self._last_s = self._since_s = time_s
         self._repeats = 0
@@ -166,23 +179,21 @@ class StuckWatch:
             self._belief = belief()
             self._first = self._belief if self._first is None else self._first
             self._beyond = self._beyond_now
-            self._mean = []
+            self._parameters = None
 
     def _acceleration(self, current_A: float) -> tuple[tuple[float, float], float]:
         """Eq. 1: accelerations of a wheel that moves up and one that moves down (the same unless at rest), and sd."""
         assert self._belief is not None
         assert self._value is not None
-        if not self._mean:
-            belief = self._belief if self._first is None or _is_physical(self._belief) else self._first
-            self._mean = belief[0].tolist()
-            self._P = belief[1][1:STATE_SIZE, 1:STATE_SIZE].tolist()
-        mean = self._mean
+        if self._parameters is None:
+            belief = self._belief if self._first is None or self._belief.is_physical else self._first
+            self._parameters, self._P = belief.parameters, belief.covariance.tolist()
+        k, b, c, s = self._parameters
         v = abs(self._value)
         g = stribeck(v / self._omega_s, self._law)
         phi = (current_A, -v, g - 1.0, -g)
-        drive = mean[StateIndex.MOTOR_GAIN] * current_A
-        c, s = mean[StateIndex.COULOMB], mean[StateIndex.STATIC]
-        friction = max(mean[StateIndex.VISCOUS] * v + c + (s - c) * g, 0.0)
+        drive = k * current_A
+        friction = max(b * v + c + (s - c) * g, 0.0)
         forward = self._value > 0.0 if v > self._near_rest else drive > 0.0
         if not forward:
             phi = (-current_A, *phi[1:])
@@ -197,9 +208,3 @@ class StuckWatch:
             return (drive - friction, drive + friction), sd
         a = drive - math.copysign(friction, self._value)
         return (a, a), sd
-
-
-def _is_physical(belief: Belief) -> bool:
-    """Whether the parameters can be a wheel's: an undeclared effect may have led the filter anywhere."""
-    mean, covariance = belief
-    return all(mean[i] > -math.sqrt(max(covariance[i, i], 0.0)) for i in range(1, STATE_SIZE))

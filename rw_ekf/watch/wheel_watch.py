@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rw_ekf.model.state import StateIndex
-from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.records import Tick
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.evidence import Evidence, EvidenceReader
 from rw_ekf.watch.residual_watch import BLOCK_S, ResidualWatch
@@ -73,9 +72,9 @@ class WheelWatch:
         """What is left of a spike and its standard deviation [rad/s^2]; None where there is none."""
         return self._spikes.remaining
 
-    def step(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> list[Alarm]:
-        """Take one sample with the command that followed it; return the alarms that began, changed or ended."""
-        evidence = self._reader.read(sample, command, result)
+    def step(self, tick: Tick) -> list[Alarm]:
+        """Take one turn of the loop; return the alarms that began, changed or ended."""
+        evidence = self._reader.read(tick)
         return [] if evidence is None else self.add(evidence)
 
     def add(self, evidence: Evidence) -> list[Alarm]:
@@ -100,5 +99,5 @@ class WheelWatch:
     def _settles(self, e: Evidence) -> bool:
         if e.direction != 0.0:
             self._turned_s += e.dt_s
-        known = e.coulomb_std < _SETTLED_COULOMB * abs(e.belief[StateIndex.COULOMB])
+        known = e.coulomb_std < _SETTLED_COULOMB * abs(e.belief.coulomb)
         return 0.0 < e.gain < _SETTLED_GAIN and (known or self._turned_s > _SETTLED_AFTER_S)

@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.control.commanders import ProfileRequest, logged_profile, request_of
+from rw_ekf.control.commanders import ProfileController, controller_of, logged_profile
 from rw_ekf.control.profiles.profile import make_profile
 from rw_ekf.errors import ConfigError
-from rw_ekf.live.live import with_following_command
-from rw_ekf.records import WheelSample
+from rw_ekf.live.follow import with_following_command
+from rw_ekf.records import Reading, WheelSample
 from rw_ekf.settings.schema import CommandSection
 from tests.live.bench import CURRENT_COMMAND, Bench, served_wheel, wait_for
 from tests.live.daemon import run
+from tests.ticks import tick_of
 
 
 @pytest.fixture
@@ -28,17 +29,17 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_a_profile_is_asked_at_the_time_since_the_first_sample() -> None:
     """Wheel time may begin anywhere: the profile begins at its own zero."""
-    request = ProfileRequest(make_profile("sine", amplitude_A=0.1, period_s=4.0))
-    asked = [request(WheelSample(1000.0 + time_s, 1.0)) for time_s in (0.0, 1.0, 3.0)]
+    controller = ProfileController(make_profile("sine", amplitude_A=0.1, period_s=4.0))
+    asked = [controller(tick_of(WheelSample(1000.0 + time_s, 1.0))) for time_s in (0.0, 1.0, 3.0)]
     assert asked == pytest.approx([0.0, 0.1, -0.1], abs=1e-12)
 
 
 def test_a_profile_goes_on_through_a_restart_of_the_wheel() -> None:
     """A new segment, whose time begins again, pauses the profile for one sample and does not throw it back."""
-    request = ProfileRequest(make_profile("sine", amplitude_A=0.1, period_s=4.0))
+    controller = ProfileController(make_profile("sine", amplitude_A=0.1, period_s=4.0))
     for sample in (WheelSample(50.0, 1.0), WheelSample(50.5, 1.0), WheelSample(0.1, 1.0, segment=1)):
-        request(sample)
-    assert request(WheelSample(0.6, 1.0, segment=1)) == pytest.approx(0.1, abs=1e-12)
+        controller(tick_of(sample))
+    assert controller(tick_of(WheelSample(0.6, 1.0, segment=1))) == pytest.approx(0.1, abs=1e-12)
 
 
 def test_a_logged_current_is_repeated_over_its_own_time(tmp_path: Path) -> None:
@@ -50,25 +51,25 @@ def test_a_logged_current_is_repeated_over_its_own_time(tmp_path: Path) -> None:
     )
     profile = logged_profile(str(log))
     assert [profile.current_A(t) for t in (0.0, 0.99, 1.0, 2.5, 9.0)] == [0.1, 0.1, 0.2, 0.4, 0.0]
-    assert request_of(CommandSection(profile="log", log=str(log)))[1] == profile.duration_s == 3.0
+    assert controller_of(CommandSection(profile="log", log=str(log)))[1] == profile.duration_s == 3.0
 
 
 def test_beside_another_controller_an_interval_has_the_command_reported_at_its_end() -> None:
     """What a reading reports as in force was set after the reading before it; the last reading is dropped."""
-    samples = [WheelSample(float(i), 1.0, current_command_A=0.1 * i) for i in range(4)]
-    paired = [(sample.time_s, command.current_A) for sample, command in with_following_command(iter(samples))]
+    readings = [Reading(WheelSample(float(i), 1.0, current_command_A=0.1 * i)) for i in range(4)]
+    paired = [(reading.sample.time_s, command.current_A) for reading, command in with_following_command(iter(readings))]
     assert paired == [(0.0, 0.1), (1.0, 0.2), (2.0, pytest.approx(0.3))]
 
 
 def test_beside_another_controller_a_missed_tick_waits_for_the_next_report() -> None:
     """A sample that nothing is known of takes the command that is reported after it, and nobody invents a zero."""
-    samples = [
-        WheelSample(0.0, 1.0, current_command_A=0.1),
-        WheelSample(1.0, None),
-        WheelSample(2.0, 1.0, current_command_A=0.3),
-        WheelSample(3.0, 1.0, current_A=0.4),
+    readings = [
+        Reading(WheelSample(0.0, 1.0, current_command_A=0.1)),
+        Reading(WheelSample(1.0, None)),
+        Reading(WheelSample(2.0, 1.0, current_command_A=0.3)),
+        Reading(WheelSample(3.0, 1.0, current_A=0.4)),
     ]
-    paired = [(sample.time_s, command.current_A) for sample, command in with_following_command(iter(samples))]
+    paired = [(reading.sample.time_s, command.current_A) for reading, command in with_following_command(iter(readings))]
     assert paired == [(0.0, 0.3), (1.0, 0.3), (2.0, 0.4)]
 
 

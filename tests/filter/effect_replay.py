@@ -18,7 +18,7 @@ from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.likelihood.model import columns_of_candidate
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.records import Estimate, IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.table import Column, EffectSet
 from tests.filter.replay import Columns
@@ -83,7 +83,7 @@ def rough_log(seed: int, *, burst: bool = False, first_A: float = 0.0) -> tuple[
 
 def both(
     log: Columns, temperature: Float64Array, angle: Float64Array, effects: EffectSet
-) -> tuple[list[StepResult], FilterRun]:
+) -> tuple[list[Estimate], FilterRun]:
     """The log sample by sample through the estimator, and through the compiled pass."""
     belief, constants = believed(effects), constants_for()
     drift = np.full(len(effects.state_columns), 1.0e-9)

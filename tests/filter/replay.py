@@ -12,7 +12,7 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
 OUTCOMES = tuple(Outcome)  # in the order of the codes of rw_ekf.filter.decisions
 
@@ -34,7 +34,7 @@ class Columns:
         return replace(self, delay_s=delay, segment=self.segment if self.segment.size else np.zeros(n, np.int64))
 
 
-def online(columns: Columns, constants: FilterConstants, belief: Belief) -> tuple[Estimator, list[StepResult]]:
+def online(columns: Columns, constants: FilterConstants, belief: Belief) -> tuple[Estimator, list[Estimate]]:
     """Every sample in, and after each the command that the row says was issued."""
     log = columns.complete()
     estimator = Estimator(constants, belief.mean, belief.covariance)

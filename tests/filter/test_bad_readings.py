@@ -62,7 +62,7 @@ def test_online_and_compiled_refuse_alike(kind: str) -> None:
     _, results = online(log, constants_for(), prior)
     other = compiled(log, constants_for(), prior)
     assert [r.outcome for r in results] == [OUTCOMES[code] for code in other.outcome]
-    assert np.max(np.abs(np.array([r.mean for r in results]) - other.states) / other.stds) < 1e-6
+    assert np.max(np.abs(np.array([r.values for r in results]) - other.states) / other.stds) < 1e-6
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 100.0])

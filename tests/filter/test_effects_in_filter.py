@@ -19,7 +19,7 @@ from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.model.effect import Shape
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
@@ -37,15 +37,15 @@ TOGETHER = ("quadratic_drag", "actuator_lag", "presliding_hysteresis")
 _ALIKE_SHARE = 0.7
 
 
-def assert_same(results: list[StepResult], run: FilterRun) -> None:
+def assert_same(results: list[Estimate], run: FilterRun) -> None:
     """Every outcome, every mean and every sigma: to a millionth of a sigma, in seven of ten samples with hidden states.
 
     A hidden state that has all but settled leaves a pivot of the covariance at rounding, and a wheel near rest may then
     take another branch of the divided difference online than compiled: a fraction of a sigma, which later data heal.
     """
     assert [r.outcome for r in results] == [OUTCOMES[code] for code in run.outcome]
-    shown = len(results[0].mean)
-    means, stds = np.array([r.mean for r in results]), np.array([r.std for r in results])
+    shown = len(results[0].values)
+    means, stds = np.array([r.values for r in results]), np.array([r.stds for r in results])
     apart = np.max(np.abs(means - run.states[:, :shown]) / run.stds[:, :shown], axis=1)
     spread = np.max(np.abs(stds / run.stds[:, :shown] - 1.0), axis=1)
     if run.states.shape[1] == shown:

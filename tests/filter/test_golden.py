@@ -55,7 +55,7 @@ def test_online_and_compiled_agree_at_every_sample(profile: str, law: str) -> No
     run = compiled(log, constants, DEFAULT_PRIOR)
     assert [r.outcome for r in results] == [OUTCOMES[code] for code in run.outcome]
     assert {r.outcome for r in results} == set(Outcome)
-    means, stds = np.array([r.mean for r in results]), np.array([r.std for r in results])
+    means, stds = np.array([r.values for r in results]), np.array([r.stds for r in results])
     assert np.max(np.abs(means - run.states) / run.stds) < 1e-6
     assert np.max(np.abs(stds / run.stds - 1.0)) < 1e-6
     assert np.max(np.abs(estimator.mean - run.mean) / run.stds[-1]) < 1e-6
@@ -79,4 +79,4 @@ def test_online_and_compiled_agree_at_other_rates(rate_hz: float) -> None:
     log = Columns(run.time_s[:n], run.reading_rad_s[:n], run.current_A[:n])
     _, results = online(log, constants_for(), DEFAULT_PRIOR)
     other = compiled(log, constants_for(), DEFAULT_PRIOR)
-    assert np.max(np.abs(np.array([r.mean for r in results]) - other.states) / other.stds) < 1e-6
+    assert np.max(np.abs(np.array([r.values for r in results]) - other.states) / other.stds) < 1e-6

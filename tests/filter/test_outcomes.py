@@ -14,25 +14,25 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, filter_log
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 from tests.truth import constants_for
 
 SPEED = 50.0
 
 
-def estimator_at(speed_rad_s: float = SPEED, samples: int = 30) -> tuple[Estimator, Callable[..., StepResult]]:
+def estimator_at(speed_rad_s: float = SPEED, samples: int = 30) -> tuple[Estimator, Callable[..., Estimate]]:
     """An estimator fed with a steady speed, and a function that feeds it the sample a given time after the last."""
     estimator = Estimator(constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
     now = 0.0
 
-    def feed(speed: float | None, after_s: float = 0.1, segment: int = 0) -> StepResult:
+    def feed(speed: float | None, after_s: float = 0.1, segment: int = 0) -> Estimate:
         nonlocal now
         result = estimator.step(WheelSample(now + after_s, speed, segment=segment))
         if result.outcome not in {Outcome.BACKWARD, Outcome.REPEATED}:
             now += after_s
         # The current that keeps the believed wheel at a steady speed.
-        k, b, c = estimator.mean[1:4]
-        estimator.command_issued(IssuedCommand(float((b * speed_rad_s + c) / k)))
+        k, b, c, _ = estimator.parameters
+        estimator.command_issued(IssuedCommand((b * speed_rad_s + c) / k))
         return result
 
     for _ in range(samples):
@@ -45,8 +45,8 @@ def test_the_first_reading_seeds_the_speed() -> None:
     estimator = Estimator(constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
     result = estimator.step(WheelSample(5.0, 12.0))
     assert result.outcome is Outcome.FIRST
-    assert result.mean[0] == 12.0
-    assert result.std[0] == pytest.approx(math.sqrt(constants_for().speed_variance))
+    assert result.state.speed_rad_s == 12.0
+    assert result.std.speed_rad_s == pytest.approx(math.sqrt(constants_for().speed_variance))
     assert result.innovation is None
 
 
@@ -97,7 +97,7 @@ def test_a_gap_reseeds_the_speed_and_keeps_the_parameters() -> None:
     parameters, spread = estimator.mean[1:], np.sqrt(np.diag(estimator.covariance))[1:]
     result = feed(-120.0, 30.0)
     assert result.outcome is Outcome.RESEEDED
-    assert result.mean[0] == -120.0
+    assert result.state.speed_rad_s == -120.0
     assert (estimator.mean[1:] == parameters).all()
     np.testing.assert_allclose(np.sqrt(np.diag(estimator.covariance))[1:], spread, rtol=1e-3)
     assert (estimator.covariance[0, 1:] == 0.0).all()
@@ -110,7 +110,7 @@ def test_a_gap_that_ends_blind_waits_for_a_reading() -> None:
     assert feed(None).outcome is Outcome.MISSING
     result = feed(77.0)
     assert result.outcome is Outcome.RESEEDED
-    assert result.mean[0] == 77.0
+    assert result.state.speed_rad_s == 77.0
 
 
 def test_a_new_segment_reseeds_even_where_time_runs_back() -> None:
@@ -119,7 +119,7 @@ def test_a_new_segment_reseeds_even_where_time_runs_back() -> None:
     parameters = estimator.mean[1:]
     result = feed(10.0, -2.9, segment=1)
     assert result.outcome is Outcome.RESEEDED
-    assert result.mean[0] == 10.0
+    assert result.state.speed_rad_s == 10.0
     assert (estimator.mean[1:] == parameters).all()
 
 
@@ -147,7 +147,7 @@ def test_five_gated_samples_in_a_row_reseed() -> None:
     assert outcomes == [Outcome.GATED] * 4
     fifth = feed(readings[4])
     assert fifth.outcome is Outcome.RESEEDED
-    assert fifth.mean[0] == readings[4]
+    assert fifth.state.speed_rad_s == readings[4]
     assert fifth.innovation is not None
     assert not fifth.innovation.accepted
     assert fifth.innovation.reason == "reseeded"

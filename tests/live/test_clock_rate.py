@@ -42,7 +42,7 @@ def test_a_lost_reading_has_the_wheel_s_time(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(live, "_RATE_AFTER_S", 0.2)
     with StopSignal() as stop:
         wheel = LiveWheel(lambda _: FastWheel(), SafetyLimits(0.1, 1.0, 1000.0, 80.0, 0.5), 50.0, stop, writes=False)
-        samples = list(wheel.samples(3.0))
+        samples = [reading.sample for reading in wheel.readings(3.0)]
     lost = next(i for i, sample in enumerate(samples) if sample.speed_rad_s is None)
     assert samples[lost].time_s - samples[lost - 1].time_s == pytest.approx(RATE / 50.0, rel=0.3)
     assert samples[lost + 1].time_s > samples[lost].time_s

@@ -15,13 +15,12 @@ import pytest
 
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.sinks.sinks import LogSink, Unwritten
 from tests.commands.documents import run_document
 from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for
 from tests.live.daemon import Notes, run
-
-STATE = (1.0, 15.2, 0.003, 0.58, 0.6)
+from tests.ticks import tick_of
 
 
 @pytest.fixture
@@ -141,9 +140,7 @@ def test_each_gap_in_a_log_begins_a_segment(tmp_path: Path) -> None:
     )
     for i in range(8):
         samples.full = i in (2, 3, 6)
-        sink.write(
-            WheelSample(0.1 * i, 1.0, segment=4), IssuedCommand(0.1), StepResult(0.1 * i, Outcome.UPDATED, STATE, STATE)
-        )
+        sink.write(tick_of(WheelSample(0.1 * i, 1.0, segment=4), IssuedCommand(0.1)))
     sink.close()
     sink.close()
     assert read_log(tmp_path / "log.csv").segment.tolist() == [0, 0, 1, 1, 2]

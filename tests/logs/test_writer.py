@@ -12,9 +12,18 @@ from rw_ekf.logs.metadata import RunMetadata, metadata_path, read_metadata, utc_
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import LOG_COLUMNS
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelIdentity, WheelSample
+from rw_ekf.records import (
+    Believed,
+    Estimate,
+    Innovation,
+    IssuedCommand,
+    Outcome,
+    WheelIdentity,
+    WheelSample,
+    WheelState,
+)
 
-MEAN = (1.0, 15.2, 0.003, 0.58, 0.6)
+MEAN = WheelState(1.0, 15.2, 0.003, 0.58, 0.6)
 
 
 def test_a_run_reads_back_exactly_while_it_is_written(tmp_path: Path) -> None:
@@ -55,10 +64,10 @@ def test_estimates_have_the_columns_of_the_contract(tmp_path: Path) -> None:
     path = tmp_path / "estimates.csv"
     test = Innovation(0.1, 0.41, 0.14, 8.4, 15.1, accepted=True)
     with EstimateWriter(path) as writer:
-        writer.write(StepResult(0.1, Outcome.UPDATED, MEAN, MEAN, test))
-        writer.write(StepResult(0.2, Outcome.MISSING, MEAN, MEAN))
-        with pytest.raises(ValueError, match="2 states for 5 columns"):
-            writer.write(StepResult(0.3, Outcome.MISSING, (1.0, 2.0), (1.0, 2.0)))
+        writer.write(Estimate(0.1, Outcome.UPDATED, MEAN, MEAN, test))
+        writer.write(Estimate(0.2, Outcome.MISSING, MEAN, MEAN))
+        with pytest.raises(ValueError, match="6 states for 5 columns"):
+            writer.write(Estimate(0.3, Outcome.MISSING, MEAN, MEAN, effects={"drag": Believed(1.0, 2.0)}))
     header, first, second = path.read_text().splitlines()
     assert header == (
         "time_s,speed_rad_s,motor_gain,viscous,coulomb,static,std_speed_rad_s,std_motor_gain,std_viscous,std_coulomb,"

@@ -10,20 +10,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rw_ekf import console
-from rw_ekf.control.commanders import request_of
-from rw_ekf.records import IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.control.commanders import controller_of
+from rw_ekf.records import ActiveAlarm, IssuedCommand, WheelSample, WheelState
 from rw_ekf.settings.schema import CommandSection
 from rw_ekf.sinks.status_line import LEGEND, StatusLine, concise, elapsed_text, status_text
 from tests.live.daemon import Notes
+from tests.ticks import tick_of
 
-MEAN = (-123.456789, 15.2049123, 0.00322111, 0.5863123, 0.6037)
-STD = (0.05, 0.0213, 0.000041, 0.00213, 0.0213)
+MEAN = WheelState(-123.456789, 15.2049123, 0.00322111, 0.5863123, 0.6037)
+STD = WheelState(0.05, 0.0213, 0.000041, 0.00213, 0.0213)
 
 
-def shown(line: StatusLine, time_s: float, current_A: float = -0.14000000000000001) -> None:
+def shown(line: StatusLine, time_s: float, current_A: float = -0.14000000000000001, alarms: int = 0) -> None:
     """One sample at a time of the wheel's clock."""
-    result = StepResult(time_s, Outcome.UPDATED, MEAN, STD)
-    line.write(WheelSample(time_s, MEAN[0]), IssuedCommand(current_A), result)
+    on = tuple(ActiveAlarm(str(i), "text", "since", 0.0) for i in range(alarms))
+    line.write(tick_of(WheelSample(time_s, MEAN.speed_rad_s), IssuedCommand(current_A), MEAN, STD, on))
 
 
 class Screen(io.StringIO):
@@ -54,15 +55,14 @@ def test_the_line_is_never_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPat
     """At every width, and after a change of it, each refresh stays in its row; legend and units are said once."""
     screen = Screen(monkeypatch)
     screen.columns = columns
-    alarms = ["one", "two"]
-    line = StatusLine(Notes(), 600.0, lambda time_s: "coast-downs", lambda: alarms, every_s=0.0)
-    shown(line, 1000.0)
+    line = StatusLine(Notes(), 600.0, lambda time_s: "coast-downs", every_s=0.0)
+    shown(line, 1000.0, alarms=2)
     legend, _, first = screen.take().rpartition("\n\r")
     refreshes = [first]
     assert " ".join(legend.split()) == LEGEND
-    shown(line, 1012.3)
+    shown(line, 1012.3, alarms=2)
     screen.columns = 50
-    shown(line, 1012.4)
+    shown(line, 1012.4, alarms=2)
     refreshes += screen.take().split("\r")[1:]
     line.close()
     assert screen.take() == "\n"
@@ -141,12 +141,12 @@ def test_elapsed_time() -> None:
 
 def test_the_phases_of_a_profile() -> None:
     """Identification says what it is at; every other profile says its name."""
-    _, duration_s, phase = request_of(CommandSection(profile="identification"))
+    _, duration_s, phase = controller_of(CommandSection(profile="identification"))
     assert duration_s == 600.0
     assert [phase(t) for t in (0.0, 63.9, 64.1, 300.0, 599.9, 700.0)] == [
         "reversals", "reversals", "creep", "coast-downs", "creep", "creep",
     ]  # fmt: skip
-    assert request_of(CommandSection(profile="sine"))[2](5.0) == "sine"
+    assert controller_of(CommandSection(profile="sine"))[2](5.0) == "sine"
 
 
 def test_numbers_of_log_lines_have_six_digits(capsys: pytest.CaptureFixture[str]) -> None:

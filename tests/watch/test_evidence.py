@@ -10,29 +10,29 @@ import pytest
 
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import Estimate, Innovation, IssuedCommand, Outcome, Tick, WheelSample, WheelState
 from rw_ekf.watch.evidence import Evidence, EvidenceReader
 from tools.measure.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream
 
 R = 0.01
-MEAN = (10.0, 15.0, 0.003, 0.6, 0.62)
+MEAN = WheelState(10.0, 15.0, 0.003, 0.6, 0.62)
 
 
-def result(time_s: float, outcome: Outcome = Outcome.UPDATED, innovation: float | None = 0.1) -> StepResult:
+def estimate(time_s: float, outcome: Outcome = Outcome.UPDATED, innovation: float | None = 0.1) -> Estimate:
     test = None
     if innovation is not None:
         test = Innovation(time_s, innovation, 0.11, 0.0, 15.0, outcome is Outcome.UPDATED)
-    return StepResult(time_s, outcome, MEAN, (0.1,) * 5, test, 10.0)
+    return Estimate(time_s, outcome, MEAN, WheelState(*(0.1,) * 5), test, 10.0)
 
 
-def read_all(*steps: tuple[WheelSample, IssuedCommand | None, StepResult]) -> list[Evidence | None]:
+def read_all(*ticks: Tick) -> list[Evidence | None]:
     reader = EvidenceReader(R, 0.1, OMEGA_S)
-    return [reader.read(*step) for step in steps]
+    return [reader.read(tick) for tick in ticks]
 
 
-def ordinary(index: int, **changes: float) -> tuple[WheelSample, IssuedCommand, StepResult]:
+def ordinary(index: int, **changes: float) -> Tick:
     time_s = changes.pop("time_s", 0.1 * index)
-    return WheelSample(time_s, 10.0), IssuedCommand(0.1, 0.02), result(time_s)
+    return Tick(WheelSample(time_s, 10.0), estimate(time_s), IssuedCommand(0.1, 0.02))
 
 
 def test_the_fast_stream_is_the_daemon_s() -> None:
@@ -44,10 +44,11 @@ def test_the_fast_stream_is_the_daemon_s() -> None:
     constants, done = filtered(run)
     estimator = Estimator(constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
     readers = [EvidenceReader(constants.speed_variance, 0.1, OMEGA_S) for _ in range(2)]
-    for sample, command, fast in stream(run, constants, done):
-        online = estimator.step(sample)
-        estimator.command_issued(command)
-        a, b = readers[0].read(sample, command, online), readers[1].read(sample, command, fast)
+    for fast in stream(run, constants, done):
+        online = replace(fast, estimate=estimator.step(fast.sample))
+        assert fast.command is not None
+        estimator.command_issued(fast.command)
+        a, b = readers[0].read(online), readers[1].read(fast)
         assert a is not None
         assert b is not None
         assert np.allclose(np.array(a[:10]), np.array(b[:10]), rtol=1e-6, atol=1e-9, equal_nan=True)
@@ -69,8 +70,7 @@ def test_gain_and_current_are_those_of_the_interval() -> None:
 
 def test_a_reading_that_was_not_used_has_no_gain_but_its_innovation() -> None:
     """A gated reading is evidence though the filter did not take it."""
-    sample, command, _ = ordinary(1)
-    gated = (sample, command, result(0.1, Outcome.GATED, 0.9))
+    gated = replace(ordinary(1), estimate=estimate(0.1, Outcome.GATED, 0.9))
     _, second = read_all(ordinary(0), gated)
     assert second is not None
     assert second.gain == 0.0
@@ -82,38 +82,40 @@ def test_gaps_segments_and_reseeding_begin_anew() -> None:
     """First sample, gap, new segment and a speed seeded after a gap are restarts; a missing reading is none."""
     late = ordinary(1, time_s=0.9)
     assert [e.restart for e in read_all(ordinary(0), late) if e is not None] == [True, True]
-    sample, command, done = ordinary(1)
-    segment = (replace(sample, segment=1), command, done)
+    second = ordinary(1)
+    segment = replace(second, sample=replace(second.sample, segment=1))
     assert [e.restart for e in read_all(ordinary(0), segment) if e is not None] == [True, True]
-    seeded = (sample, command, result(0.1, Outcome.RESEEDED, None))
+    seeded = replace(second, estimate=estimate(0.1, Outcome.RESEEDED, None))
     assert [e.restart for e in read_all(ordinary(0), seeded) if e is not None] == [True, True]
-    missing = (replace(sample, speed_rad_s=None), command, result(0.1, Outcome.MISSING, None))
-    _, second = read_all(ordinary(0), missing)
-    assert second is not None
-    assert not second.restart
-    assert math.isnan(second.innovation_rad_s)
+    missing = Tick(replace(second.sample, speed_rad_s=None), estimate(0.1, Outcome.MISSING, None), second.command)
+    _, told = read_all(ordinary(0), missing)
+    assert told is not None
+    assert not told.restart
+    assert math.isnan(told.innovation_rad_s)
 
 
 def test_time_that_does_not_move_on_is_no_evidence() -> None:
     """Repeated and backward samples are skipped."""
-    sample, command, _ = ordinary(1)
     for outcome in (Outcome.REPEATED, Outcome.BACKWARD):
-        assert read_all(ordinary(0), (sample, command, result(0.1, outcome, None)))[1] is None
+        assert read_all(ordinary(0), replace(ordinary(1), estimate=estimate(0.1, outcome, None)))[1] is None
 
 
 def test_what_tells_nothing_of_drag_has_no_direction() -> None:
     """No direction at rest, over a reversal, under a command nobody confirmed, and in creep just above break-away."""
-    sample, command, done = ordinary(1)
-    for predicted in (0.0, -3.0):
-        _, second = read_all(ordinary(0), (sample, command, replace(done, predicted_speed_rad_s=predicted)))
+    first, after = ordinary(0), ordinary(1)
+
+    def predicting(speed_rad_s: float) -> Tick:
+        return replace(after, estimate=replace(after.estimate, predicted_speed_rad_s=speed_rad_s))
+
+    doubtful = replace(first, command=IssuedCommand(0.1, 0.02, acknowledged=False))
+    slow = replace(first.estimate, state=MEAN._replace(speed_rad_s=0.5))
+    creeping = replace(first, command=IssuedCommand(0.045), estimate=slow)
+    for before, then in (
+        (first, predicting(0.0)),
+        (first, predicting(-3.0)),
+        (doubtful, after),
+        (creeping, predicting(0.5)),
+    ):
+        _, second = read_all(before, then)
         assert second is not None
         assert second.direction == 0.0
-    first = ordinary(0)
-    doubtful = (first[0], IssuedCommand(0.1, 0.02, acknowledged=False), first[2])
-    _, second = read_all(doubtful, (sample, command, done))
-    assert second is not None
-    assert second.direction == 0.0
-    creeping = (first[0], IssuedCommand(0.045), replace(first[2], mean=(0.5, *MEAN[1:])))
-    _, second = read_all(creeping, (sample, command, replace(done, predicted_speed_rad_s=0.5)))
-    assert second is not None
-    assert second.direction == 0.0

@@ -48,7 +48,7 @@ def test_it_costs_next_to_nothing() -> None:
     constants, done = filtered(run)
     steps = list(stream(run, constants, done))
     watch = watch_of(constants)
-    lines = [lines_of(lambda: watch.step(*step)) for step in steps]  # noqa: B023
+    lines = [lines_of(lambda: watch.step(step)) for step in steps]  # noqa: B023
     third = len(lines) // 3
     assert sum(lines[-third:]) < 1.2 * sum(lines[third:-third])
     assert sum(lines) < 1000 * len(lines)  # twice what was counted

@@ -13,10 +13,10 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.watch.sign_watch import SignWatch
+from tests.ticks import tick_of
 from tests.watch.test_stuck_watch import STRIBECK, Wheel
 
 PERIOD_S, DELAY_S = 0.1, 0.01
-EXPECTED = tuple(float(v) for v in DEFAULT_PRIOR.mean[1:4])
 Current = Callable[[float], float]
 
 
@@ -35,14 +35,15 @@ def run(
     every_missing: int = 0,
 ) -> tuple[SignWatch, float | None]:
     """The watch over a run, and when it was sure of a wrong sign. scale: of the map's speed against the true one."""
-    watch = SignWatch((EXPECTED[0], EXPECTED[1], EXPECTED[2]), STRIBECK, RAD_S_PER_RPM)
+    watch = SignWatch(DEFAULT_PRIOR.parameters, STRIBECK, RAD_S_PER_RPM)
     noise = np.random.default_rng(11).normal(0.0, RAD_S_PER_RPM, round(duration_s / PERIOD_S))
     flows, wrong = 0.0, None
     for i in range(round(duration_s / PERIOD_S)):
         t = PERIOD_S * i
         lost = every_missing > 0 and i % every_missing == every_missing - 1
         command = IssuedCommand(round(current(t), 4), DELAY_S)
-        watch.add(WheelSample(t, None if lost else scale * (speed + noise[i])), None if lost else command)
+        reading = WheelSample(t, None if lost else scale * (speed + noise[i]))
+        watch.add(tick_of(reading, None if lost else command))
         if wrong is None and watch.is_wrong:
             wrong = t
         speed = wheel.after(speed, flows + outside(t) / wheel.k, DELAY_S)
@@ -108,8 +109,11 @@ def test_a_scale_that_is_ten_times_off_is_named(scale: float) -> None:
 
 def test_a_new_segment_and_a_gap_are_no_motion() -> None:
     """The clock jumps and the speed is another: what lies between two segments says nothing of the current."""
-    watch = SignWatch((EXPECTED[0], EXPECTED[1], EXPECTED[2]), STRIBECK, RAD_S_PER_RPM)
+    watch = SignWatch(DEFAULT_PRIOR.parameters, STRIBECK, RAD_S_PER_RPM)
     for i in range(200):
-        watch.add(WheelSample(0.3 * i, 100.0 - 20.0 * i, segment=i), IssuedCommand(0.3, DELAY_S))
-        watch.add(WheelSample(100.0 * i + 1000.0, 100.0 - 20.0 * i, segment=300), IssuedCommand(0.3, DELAY_S))
+        for sample in (
+            WheelSample(0.3 * i, 100.0 - 20.0 * i, segment=i),
+            WheelSample(100.0 * i + 1000.0, 100.0 - 20.0 * i, segment=300),
+        ):
+            watch.add(tick_of(sample, IssuedCommand(0.3, DELAY_S)))
     assert watch.pieces == 0

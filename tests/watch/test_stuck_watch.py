@@ -11,12 +11,14 @@ import pytest
 
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.model.friction import GAUSS
+from rw_ekf.model.state import FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.watch.stuck_watch import Belief, StuckWatch
+from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 
 PERIOD_S = 0.1
 SILENCE_S = 0.5
 STRIBECK = 4.0 * RAD_S_PER_RPM
+PRIOR = ParameterBelief(DEFAULT_PRIOR.parameters, DEFAULT_PRIOR.covariance[1:, 1:])
 
 
 class Wheel(NamedTuple):
@@ -39,10 +41,10 @@ class Wheel(NamedTuple):
         return speed
 
     @property
-    def belief(self) -> Belief:
+    def belief(self) -> ParameterBelief:
         """What an estimator has learnt of it in a minute: 3 % of k, 30 % of the friction."""
-        std = np.array([1e-3, 0.03 * self.k, 0.3 * self.b, 0.3 * self.c, 0.3 * self.s])
-        return np.array([0.0, *self]), np.diag(std * std)
+        std = np.array([0.03 * self.k, 0.3 * self.b, 0.3 * self.c, 0.3 * self.s])
+        return ParameterBelief(FrictionParameters(*self), np.diag(std * std))
 
 
 def watch(step_rpm: float = 0.5, noise_rpm: float = 1.0) -> StuckWatch:
@@ -58,7 +60,7 @@ def news(
     speed: float = 0.0,
     step_rpm: float = 0.5,
     noise_rpm: float = 0.0,
-    belief: Belief | None = None,
+    belief: ParameterBelief | None = None,
     frozen: Callable[[float], bool] = lambda t: False,
     refresh: int = 1,
 ) -> list[tuple[float, str]]:
@@ -86,8 +88,7 @@ def test_a_day_at_steady_speed_is_no_alarm(current_A: float, step_rpm: float, of
     wheel = Wheel()
     speed = math.copysign((wheel.k * abs(current_A) - wheel.c) / wheel.b, current_A)
     reading = round(speed / RAD_S_PER_RPM / step_rpm) * step_rpm * RAD_S_PER_RPM
-    mean, covariance = wheel.belief
-    believed = mean * np.array([1.0, off, 1.0, 1.0, 1.0]), covariance
+    believed = wheel._replace(k=off * wheel.k).belief._replace(covariance=wheel.belief.covariance)
     judge = watch(step_rpm)
     judged = {judge.add(PERIOD_S * i, reading, current_A, lambda: believed) for i in range(24 * 36_000)}
     assert judged == {(True, False, None)}
@@ -104,7 +105,7 @@ def test_a_slow_ramp_is_no_alarm(rate_A_per_s: float) -> None:
 @pytest.mark.parametrize("current_A", [0.0, 0.01, 0.039, -0.039])
 def test_a_wheel_at_rest_below_break_away_is_no_alarm(current_A: float) -> None:
     """Zero is read again and again because the wheel stands: nothing is said, with the default prior or better."""
-    for belief in (None, (DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)):
+    for belief in (None, PRIOR):
         assert news(watch(), Wheel(), lambda t: current_A, 600.0, belief=belief) == []
 
 
@@ -113,14 +114,13 @@ def test_a_wheel_at_rest_below_break_away_is_no_alarm(current_A: float) -> None:
 def test_a_healthy_wheel_under_a_wide_prior_is_no_alarm(share: float, period_s: float) -> None:
     """k 30 % off the default prior and nothing learnt, readings with and without noise, through reversals: nothing."""
     wheel = Wheel(k=15.2 * share, c=0.586 * (2.0 - share), s=0.65 * (2.0 - share))
-    prior = DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance
     for noise_rpm in (0.0, 1.0):
         said = news(
             watch(),
             wheel,
             lambda t: 0.1 * math.sin(2.0 * math.pi * t / period_s),
             120.0,
-            belief=prior,
+            belief=PRIOR,
             noise_rpm=noise_rpm,
         )
         assert said == []
@@ -166,8 +166,7 @@ def test_a_coasting_wheel_whose_reading_freezes_is_found() -> None:
 @pytest.mark.parametrize("share", [0.7, 1.0, 1.3])
 def test_a_reading_frozen_from_the_start_is_found_under_the_default_prior(share: float) -> None:
     """Nothing was ever learnt, k is within 30 %: a wheel that reads zero under 0.3 A is not believed for long."""
-    prior = DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance
-    said = news(watch(), Wheel(k=15.2 * share), lambda t: 0.3, 5.0, belief=prior, frozen=lambda t: True)
+    said = news(watch(), Wheel(k=15.2 * share), lambda t: 0.3, 5.0, belief=PRIOR, frozen=lambda t: True)
     assert [what for _, what in said] == ["stuck"]
     assert said[0][0] < 2.0
 
@@ -206,7 +205,8 @@ def test_a_torque_that_only_an_effect_of_the_model_explains_is_no_alarm() -> Non
 def test_a_belief_that_no_wheel_can_have_accuses_none() -> None:
     """An undeclared torque has taught the filter negative friction: what it started from is asked instead."""
     wheel = Wheel()
-    absurd = wheel.belief[0] * np.array([1.0, 1.0, -4.0, 2.0, -1.0]), 1e-2 * wheel.belief[1]
+    wild = FrictionParameters(wheel.k, -4.0 * wheel.b, 2.0 * wheel.c, -wheel.s)
+    absurd = ParameterBelief(wild, 1e-2 * wheel.belief.covariance)
     current = -(wheel.c + wheel.b * 1.3) / wheel.k
     for first, accused in ((wheel.belief, False), (absurd, True)):
         judge = watch()

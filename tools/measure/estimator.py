@@ -264,7 +264,7 @@ def measure_online(advance: tqdm[Any]) -> list[Row]:
             result = estimator.step(sample)
             estimator.command_issued(IssuedCommand(float(run.current_A[i])))
             ticks.append(time.perf_counter() - started)
-            worst = max(worst, float(np.max(np.abs(np.array(result.mean) - found.states[i]) / found.stds[i])))
+            worst = max(worst, float(np.max(np.abs(np.array(result.values) - found.states[i]) / found.stds[i])))
         rows.append(at_most(f"{profile}  online against compiled, worst difference in sigma", worst, 1e-6))
         middle, late = (1e6 * float(np.quantile(ticks, q)) for q in (0.5, 0.999))
         rows.append(Row(f"{profile}  online tick, median and 99.9 %", f"{middle:.0f} and {late:.0f} us"))

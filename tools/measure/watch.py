@@ -131,7 +131,7 @@ def cost() -> None:
     longest_s = 0.0
     for step in steps:
         before_s = time.process_time()
-        watch.step(*step)
+        watch.step(step)
         longest_s = max(longest_s, time.process_time() - before_s)
     spent_s = time.process_time() - began_s
     print(f"{1e6 * spent_s / len(steps):.1f} us a sample, at most {1e3 * longest_s:.1f} ms")

@@ -23,12 +23,10 @@ from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, NoiseModel, filte
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.records import Innovation, IssuedCommand, Outcome, StepResult, WheelSample
+from rw_ekf.records import Estimate, Innovation, IssuedCommand, Outcome, Tick, WheelSample, WheelState
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
-
-Step = tuple[WheelSample, IssuedCommand, StepResult]
 
 RATE_HZ = 10.0
 COMMAND_DELAY_S = 0.01
@@ -124,7 +122,7 @@ def filtered(run: PlantRun, noise_rpm: float = 1.0) -> tuple[FilterConstants, Fi
     return constants, filter_log(data, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
 
 
-def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterator[Step]:
+def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterator[Tick]:
     """What the daemon's sinks would have been given."""
     columns = zip(
         run.time_s.tolist(), run.measured_speed_rad_s.tolist(), run.current_command_A.tolist(),
@@ -139,12 +137,12 @@ def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterat
         if tested:
             root = math.sqrt(variance)
             test = Innovation(time_s, innovation, root, innovation**2 / variance, constants.gate, accepted)
-        result = StepResult(
-            time_s, _OUTCOMES[code], tuple(mean), tuple(std), test, reading - innovation if tested else mean[0]
-        )
+        state = WheelState(*mean)
+        predicted = reading - innovation if tested else state.speed_rad_s
+        estimate = Estimate(time_s, _OUTCOMES[code], state, WheelState(*std), test, predicted)
         speed = None if math.isnan(reading) else reading
         sample = WheelSample(time_s, speed, temperature_degC=warmth)
-        yield sample, IssuedCommand(current_A, run.command_delay_s), result
+        yield Tick(sample, estimate, IssuedCommand(current_A, run.command_delay_s))
 
 
 def watch_of(constants: FilterConstants, knobs: WatchKnobs | None = None) -> WheelWatch:
@@ -159,4 +157,4 @@ def heard(run: PlantRun, noise_rpm: float = 1.0, knobs: WatchKnobs | None = None
     """Everything the watch says over a run."""
     constants, done = filtered(run, noise_rpm)
     watch = watch_of(constants, knobs)
-    return [Heard(step[0].time_s, alarm) for step in stream(run, constants, done) for alarm in watch.step(*step)]
+    return [Heard(t.sample.time_s, alarm) for t in stream(run, constants, done) for alarm in watch.step(t)]

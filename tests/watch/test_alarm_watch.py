@@ -1,4 +1,4 @@
-"""What the daemon's sink says of the watch: hour of the day, state file, report; and that it never ends a run."""
+"""What the daemon says of the watch: hour of the day, state file, report; and that it never ends a run."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.records import IssuedCommand, StepResult, WheelSample
-from rw_ekf.sinks.watch_sink import WatchSink
+from rw_ekf.live.alarm_watch import AlarmWatch
+from rw_ekf.records import ActiveAlarm, Tick, WheelSample
 from rw_ekf.watch.alarms import DRAG_SPIKE, RESIDUAL, Alarm
 from rw_ekf.watch.wheel_watch import WheelWatch
 from tests.live.daemon import Notes
+from tests.ticks import tick_of
 from tools.measure.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream, watch_of
 
 NOON = datetime(2024, 5, 17, 12, 0, tzinfo=UTC)
@@ -25,7 +26,7 @@ class Told(WheelWatch):
     def __init__(self, *news: Alarm | Exception | None) -> None:
         self._news = list(news)
 
-    def step(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> list[Alarm]:
+    def step(self, tick: Tick) -> list[Alarm]:
         item = self._news.pop(0)
         if isinstance(item, Exception):
             raise item
@@ -49,17 +50,19 @@ def residual() -> Alarm:
     return Alarm(RESIDUAL, 60.0, {"largest_dependence": "temperature", "deviation": 7.0, "after": None})
 
 
-def fed(*news: Alarm | Exception) -> tuple[WatchSink, Notes]:
+def fed(*news: Alarm | Exception) -> tuple[AlarmWatch, Notes, tuple[ActiveAlarm, ...]]:
+    """The watch, what it logged, and the alarms that are on at the end."""
     notes = Notes()
-    sink = WatchSink(Told(*news), notes, now=lambda: NOON)
+    active: tuple[ActiveAlarm, ...] = ()
+    watch = AlarmWatch(Told(*news), notes, now=lambda: NOON)
     for _ in news:
-        sink.write(WheelSample(100.0, 1.0), None, StepResult(100.0, "updated", (), ()))  # type: ignore[arg-type]
-    return sink, notes
+        active = watch.step(tick_of(WheelSample(100.0, 1.0)))
+    return watch, notes, active
 
 
 def test_times_of_the_log_become_hours_of_the_day() -> None:
     """An onset 5 s before a sample that comes at noon was at 11:59:55; nothing undefined is logged."""
-    _, notes = fed(spike())
+    _, notes, _ = fed(spike())
     (event, fields) = notes.said[0]
     assert event == "drag_spike"
     assert fields["since_utc"].startswith("2024-05-17T11:59:55")
@@ -72,48 +75,47 @@ def test_times_of_the_log_become_hours_of_the_day() -> None:
 def test_a_wheel_six_times_as_fast_was_disturbed_after_the_run_began() -> None:
     """A simulated wheel's clock may run faster than the day's: 60 s of it ago are 10 s of ours."""
     notes, hours = Notes(), iter([NOON, NOON + timedelta(seconds=100)])
-    sink = WatchSink(Told(None, replace(residual(), since_s=540.0)), notes, now=lambda: next(hours))
+    watch = AlarmWatch(Told(None, replace(residual(), since_s=540.0)), notes, now=lambda: next(hours))
     for time_s in (0.0, 600.0):
-        sink.write(WheelSample(time_s, 1.0), None, StepResult(time_s, "updated", (), ()))  # type: ignore[arg-type]
+        watch.step(tick_of(WheelSample(time_s, 1.0)))
     assert notes.said[0][1]["since_utc"] == "2024-05-17T12:01:30Z"
 
 
 def test_the_issue_s_sentence() -> None:
     """The alarm reads as it was asked for."""
-    sink, notes = fed(residual())
+    watch, notes, _ = fed(residual())
     assert "residual is not noise since 2024-05-17T11:59:20" in notes.said[0][1]["text"]
     assert notes.said[0][1]["text"].endswith("largest dependence: temperature")
-    assert sink.warnings == [notes.said[0][1]["text"]]
+    assert watch.warnings == [notes.said[0][1]["text"]]
 
 
 def test_active_alarms_are_published_until_they_end() -> None:
     """The state file's list has the alarm with what is left of the drag, is JSON, and is empty after the end."""
-    sink, _ = fed(spike())
-    (entry,) = sink.active()
+    _, _, (alarm,) = fed(spike())
+    entry = alarm.document()
     assert entry["name"] == DRAG_SPIKE
     assert entry["remaining_rad_s2"] == 0.1
-    assert json.loads(json.dumps(sink.active(), allow_nan=False)) == sink.active()
-    sink, notes = fed(spike(), spike(ended_s=98.0))
-    assert sink.active() == []
+    assert json.loads(json.dumps(entry, allow_nan=False)) == entry
+    watch, notes, active = fed(spike(), spike(ended_s=98.0))
+    assert active == ()
     assert notes.events == ["drag_spike", "drag_spike_over"]
     assert notes.said[1][1]["ended_utc"].startswith("2024-05-17T11:59:58")
     assert notes.said[1][1]["since_utc"] == notes.said[0][1]["since_utc"]
-    assert len(sink.warnings) == 2
+    assert len(watch.warnings) == 2
 
 
 def test_a_broken_watch_does_not_end_the_run() -> None:
     """An arithmetic error within the watch is reported once; the samples go on without alarms."""
-    sink, notes = fed(residual(), ZeroDivisionError("float division by zero"))
+    watch, notes, active = fed(residual(), ZeroDivisionError("float division by zero"))
     assert notes.events == ["residual_not_noise", "watch_failed"]
-    sink.write(WheelSample(101.0, 1.0), None, StepResult(101.0, "updated", (), ()))  # type: ignore[arg-type]
-    assert sink.active() == []
+    assert active == watch.step(tick_of(WheelSample(101.0, 1.0))) == ()
 
 
 def test_the_report_stays_short() -> None:
     """A hundred alarms give fifty sentences and a count."""
-    sink, _ = fed(*[spike() for _ in range(100)])
-    assert len(sink.warnings) == 51
-    assert sink.warnings[-1].startswith("50 more")
+    watch, _, _ = fed(*[spike() for _ in range(100)])
+    assert len(watch.warnings) == 51
+    assert watch.warnings[-1].startswith("50 more")
 
 
 @pytest.mark.parametrize("segment_s", [150.0])
@@ -125,12 +127,13 @@ def test_a_restarted_clock_raises_nothing(segment_s: float) -> None:
     watch = watch_of(constants)
     assert constants.omega_s == OMEGA_S
     said = []
-    for sample, command, result in stream(run, constants, done):
+    for tick in stream(run, constants, done):
+        sample = tick.sample
         if sample.time_s >= segment_s:
             late = WheelSample(
                 sample.time_s - segment_s, sample.speed_rad_s, temperature_degC=sample.temperature_degC, segment=1
             )
-            said += watch.step(late, command, result)
+            said += watch.step(replace(tick, sample=late))
         else:
-            said += watch.step(sample, command, result)
+            said += watch.step(tick)
     assert said == []

@@ -1,12 +1,13 @@
-"""The watch in the daemon's loop: alarms go to the log as they begin and end, to the state file, and to the report."""
+"""The watch in the daemon's loop: alarms go to the log as they begin and end, into every tick, and to the report."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.records import IssuedCommand, StepResult, WheelSample
+from rw_ekf.records import ActiveAlarm, Tick
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
 
@@ -18,48 +19,38 @@ _RATE_AFTER_S = 10.0
 _MOST_SENTENCES = 50  # kept for the report of a run; the log has them all
 
 
-class WatchSink:
-    """Feeds the watch and says what it finds. The only place that knows the hour of the day."""
+class AlarmWatch:
+    """Feeds the watch and says what it finds, in hours of the day."""
 
     def __init__(self, watch: WheelWatch, logger: Any, now: Callable[[], datetime] = lambda: datetime.now(UTC)) -> None:
         self._watch: WheelWatch | None = watch
         self._logger = logger
         self._now = now
-        self._active: dict[str, dict[str, Any]] = {}
+        self._active: dict[str, ActiveAlarm] = {}
         self._sentences: list[str] = []
         self._more = 0
         self._began: tuple[datetime, float] | None = None  # hour and time of the first sample
         self._segment = 0
 
-    def write(self, sample: WheelSample, command: IssuedCommand | None, result: StepResult) -> None:
-        """Let the watch take one sample; log what began, changed or ended."""
+    def step(self, tick: Tick) -> tuple[ActiveAlarm, ...]:
+        """Let the watch take one turn; log what began, changed or ended. Returns the alarms that are on."""
         if self._watch is None:
-            return
+            return ()
+        sample = tick.sample
         if self._began is None or sample.segment != self._segment:  # the wheel's clock began anew, or jumped
             self._began = self._now(), sample.time_s
         self._segment = sample.segment
         try:
-            news = self._watch.step(sample, command, result)
+            news = self._watch.step(tick)
         except (ArithmeticError, ValueError) as error:  # whoever watches must never end what is watched
             self._watch = None
             self._active.clear()
             self._logger.error("watch_failed", reason=str(error), do="the run goes on without alarms")
-            return
+            return ()
         for alarm in news:
             self._say(alarm, sample.time_s)
-
-    def close(self) -> None:
-        """Nothing to finish."""
-
-    def active(self) -> list[dict[str, Any]]:
-        """Return the alarms that are on, for the state file."""
-        alarms = list(self._active.values())
-        left = None if self._watch is None else self._watch.remaining_drag
-        if left is not None:
-            for alarm in alarms:
-                if "amplitude_rad_s2" in alarm:
-                    alarm["remaining_rad_s2"], alarm["remaining_std_rad_s2"] = left
-        return alarms
+        left = self._watch.remaining_drag if self._active else None
+        return tuple(alarm if left is None else _with_remaining(alarm, *left) for alarm in self._active.values())
 
     @property
     def warnings(self) -> list[str]:
@@ -69,12 +60,12 @@ class WatchSink:
     def _say(self, alarm: Alarm, time_s: float) -> None:
         since = self._utc(alarm.since_s, time_s)
         known = self._active.get(alarm.name)
-        if known is not None and known["since_s"] == alarm.since_s:
-            since = known["since_utc"]
+        if known is not None and known.since_s == alarm.since_s:
+            since = known.since_utc
         entry = {"since_utc": since, "since_s": alarm.since_s, **alarm.details}
         if alarm.ended_s is None:
             sentence = alarm.sentence(since)
-            self._active[alarm.name] = {"name": alarm.name, "text": sentence, **entry}
+            self._active[alarm.name] = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, alarm.details)
         else:
             ended = self._utc(alarm.ended_s, time_s)
             sentence = alarm.sentence(since, ended)
@@ -95,9 +86,16 @@ class WatchSink:
         return f"{now - timedelta(seconds=rate * (now_s - time_s)):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def watch_sink_of(
+def _with_remaining(alarm: ActiveAlarm, drag_rad_s2: float, std_rad_s2: float) -> ActiveAlarm:
+    if "amplitude_rad_s2" not in alarm.details:
+        return alarm
+    left = {"remaining_rad_s2": drag_rad_s2, "remaining_std_rad_s2": std_rad_s2}
+    return replace(alarm, details={**alarm.details, **left})
+
+
+def alarm_watch_of(
     configuration: Configuration, constants: FilterConstants, inertia_kg_m2: float | None, logger: Any
-) -> WatchSink | None:
+) -> AlarmWatch | None:
     """Return the watch that a configuration asks for; None where it is switched off."""
     section = configuration.watch
     if not section.enabled:
@@ -110,4 +108,4 @@ def watch_sink_of(
         inertia_kg_m2,
     )
     knobs = WatchKnobs(section.false_alarms_per_1000_h, section.window_s, section.smallest_spike_percent)
-    return WatchSink(WheelWatch(about, knobs), logger)
+    return AlarmWatch(WheelWatch(about, knobs), logger)
