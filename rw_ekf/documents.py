@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from rw_ekf.filter.identifiability import report, rounded
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
@@ -14,7 +15,7 @@ from rw_ekf.units import rpm_from_rad_s
 if TYPE_CHECKING:
     from rw_ekf.filter.belief import Belief
     from rw_ekf.starting_point import FilterSetup
-    from rw_ekf.wheel.table import Column, EffectSet
+    from rw_ekf.wheel.table import EffectSet
 
 REPLAY_SCHEMA = "rw_ekf.replay/1"
 FIT_SCHEMA = "rw_ekf.fit/1"
@@ -57,21 +58,13 @@ def log_entry(
 
 def effects_document(effects: EffectSet, belief: Belief) -> dict[str, Any]:
     """The effects' coefficients: {id: {"value", "std", "unit"}}; of a periodic one the largest amplitude."""
-    known = STATE_SIZE + len(effects.state_columns)
+    known = STATE_SIZE + effects.size
     now = effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known])
     found: dict[str, Any] = {}
-    done: list[Column] = []
-    for column in now.columns:
-        if any(column.same_line(other) for other in done):
-            continue
-        done.append(column)
-        value, std = column.value, column.std
-        if column.effect.quadrature:
-            pair = [c for c in now.columns if c.same_line(column)]
-            value = math.hypot(*(c.value for c in pair))
-            std = math.sqrt(sum((c.value * c.std) ** 2 for c in pair)) / value if value > 0.0 else column.std
-        if column.id not in found or abs(value) > abs(found[column.id]["value"]):
-            found[column.id] = {"value": value, "std": std, "unit": column.effect.coefficient.unit}
+    for term in now.terms:
+        value, std = term.effect.amplitude(term.values, np.diag(np.square(term.stds)))
+        if term.id not in found or abs(value) > abs(found[term.id]["value"]):
+            found[term.id] = {"value": value, "std": std, "unit": term.effect.coefficient.unit}
     return found
 
 

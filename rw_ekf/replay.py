@@ -187,7 +187,7 @@ def judge_log(
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
         return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters
-    if setup.effects.columns:
+    if setup.effects.terms:
         head = data.head(most_samples)
         mean, covariance = frozen(found, belief.mean)
         run = filter_log(head, without_drift(setup.constants), mean, covariance, setup.effects)
@@ -206,7 +206,7 @@ def judge_now(data: FilterInput, setup: FilterSetup, belief: Belief) -> tuple[Co
     from rw_ekf import compile_ahead
     from rw_ekf.wheel.compiled import interpreted
 
-    needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.columns else compile_ahead.FIT
+    needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.terms else compile_ahead.FIT
     if not compile_ahead.cold(needed):
         return judge_log(data, setup, belief), min(_JUDGED_SAMPLES, data.time_s.size)
     with interpreted():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,7 @@ from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
-from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
+from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.identify.record_scale import RecordScale
@@ -60,7 +59,8 @@ class FilterSetup:
     def effect_drift(self) -> Float64Array:
         """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander."""
         per_second = self.noise.parameter_drift**2 / SECONDS_PER_HOUR
-        return np.array([max(abs(c.value), c.std) ** 2 * per_second for c in self.effects.state_columns])
+        sizes = [max(abs(v), s) for t in self.effects.state_terms for v, s in zip(t.values, t.stds, strict=True)]
+        return np.array([size**2 * per_second for size in sizes])
 
 
 def setup_of_configuration(
@@ -177,25 +177,26 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     """What of a model holds for a run that begins now, and what had to be said about the rest.
 
     A spike or a drift belongs to the record it was found in. A periodic torque goes on, but its phase is not known any
-    more: its two quadratures start from zero, as uncertain as the amplitude is large.
+    more: sine and cosine start from zero, as uncertain as the amplitude is large.
     """
     kept, notes = [], []
     covariance = np.array(model.covariance)
     known = len(model.parameters)
     places = list(range(known))
-    for place, column in enumerate(model.effects.state_columns, start=known):
-        if column.effect.of_one_record:
-            notes.append(f"{column.id} belongs to the record it was found in and is not carried into this run")
+    end = known
+    for term in model.effects.state_terms:
+        at, end = range(end, end + len(term.values)), end + len(term.values)
+        if term.effect.of_one_record:
+            notes += [f"{term.id} belongs to the record it was found in and is not carried into this run"] * len(at)
             continue
-        places.append(place)
-        if column.effect.quadrature:
-            line = [c for c in model.effects.state_columns if c.same_line(column)]
-            size = max(math.hypot(*(c.value for c in line)), *(c.std for c in line))
-            column = Column(column.effect, 0.0, size, column.shape)  # noqa: PLW2901
-            covariance[place, :] = covariance[:, place] = 0.0
-            covariance[place, place] = size**2
-        kept.append(column)
-    kept += [column for column in model.effects.columns if not column.in_state]
+        places += at
+        if term.effect.components > 1:
+            size = max(term.size, *term.stds)
+            covariance[at, :] = covariance[:, at] = 0.0
+            covariance[at, at] = size**2
+            term = replace(term, values=(0.0,) * len(at), stds=(size,) * len(at))  # noqa: PLW2901
+        kept.append(term)
+    kept += [term for term in model.effects.terms if not term.effect.in_state]
     rows = covariance[np.ix_(places, places)]
     table = tuple(tuple(float(v) for v in row) for row in rows)
     return replace(model, covariance=table, effects=EffectSet(tuple(kept))), notes
@@ -211,7 +212,7 @@ def model_of(
     belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoisePosterior | None = None
 ) -> WheelModel:
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
-    known = STATE_SIZE + len(setup.effects.state_columns)
+    known = STATE_SIZE + setup.effects.size
     return WheelModel(
         belief.parameters,
         tuple(tuple(float(v) for v in row) for row in belief.covariance[1:known, 1:known]),

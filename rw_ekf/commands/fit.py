@@ -64,7 +64,7 @@ def execute(args: argparse.Namespace) -> int:
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)
     prior_model = read_wheel_model(args.prior, configuration)
-    if prior_model is not None and prior_model.effects.columns:
+    if prior_model is not None and prior_model.effects.terms:
         ignored = f"the effects of the prior ({', '.join(prior_model.effects.ids)}) are left out: fit knows none"
         prior_model = without_effects(prior_model)
     else:

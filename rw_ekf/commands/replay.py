@@ -64,7 +64,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf import compile_ahead
     from rw_ekf.replay import replay_log
 
-    with_effects = model is not None and bool(model.effects.state_columns)
+    with_effects = model is not None and model.effects.size > 0
     with_record = (*compile_ahead.FILTER, *(compile_ahead.SMOOTHER if args.smooth else ()))
     make_ready((*with_record, *compile_ahead.EFFECTS) if with_effects else compile_ahead.FIT)
     started = time.perf_counter()

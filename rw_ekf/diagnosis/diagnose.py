@@ -43,7 +43,7 @@ def diagnose_log(
     reason = unfit(source.log, input_of_log(source.log))
     if reason is not None:
         return _unjudged(source, reason, split)
-    if model is not None and model.effects.columns:
+    if model is not None and model.effects.terms:
         refuse_runaway_model(source.log, input_of_log(source.log), configuration, model)
     advance("fitting the base model")
     prepared = prepare(source, configuration, model, split)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import accumulate
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moves, of_coulomb
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, WanderingEffect
+from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, Term, WanderingEffect
 
 
 class CoulombDrift(WanderingEffect):
@@ -90,6 +92,18 @@ class CoulombDrift(WanderingEffect):
     def may_leave(shape: Shape, facts: RecordFacts) -> tuple[str, ...]:
         """A friction that wanders is followed only so far: whatever goes with time."""
         return ("time", "temperature") if shape[2] > 0.0 else ()
+
+    @classmethod
+    def matters(cls, terms: Sequence[Term], facts: RecordFacts) -> bool:
+        """The largest change that they make within the record, whatever its shape."""
+        changes = [term.values[0] * (term.shape[2] or facts.duration_s) for term in terms]
+        return max(map(abs, accumulate(changes))) >= cls.smallest(facts) * facts.duration_s
+
+    @classmethod
+    def possible(cls, terms: Sequence[Term], facts: RecordFacts, coulomb: float) -> bool:
+        """A change that run-in or lubricant can make; friction that falls never drives."""
+        changes = list(accumulate(cls.change(term.values[0], term.shape, facts.last_s) for term in terms))
+        return max(map(abs, changes)) <= cls.largest(facts) * facts.duration_s and min(changes) >= -coulomb
 
     @staticmethod
     def change(value: float, shape: Shape, until_s: float) -> float:

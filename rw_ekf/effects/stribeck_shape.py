@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, plus_minus
-from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect, Term
 from rw_ekf.model.friction import LAW_CODES
 
 _LAW_NAMES = {code: name for name, code in LAW_CODES.items()}
@@ -52,6 +53,12 @@ class StribeckShape(StribeckEffect):
         ]
         others = (law for law in sorted(_LAW_NAMES) if law != facts.stribeck_law)
         return found + [Candidate(speed * ratio, (float(law), 0.0, 0.0)) for law in others for ratio in (0.5, 1.0, 2.0)]
+
+    @classmethod
+    def matters(cls, terms: Sequence[Term], facts: RecordFacts) -> bool:
+        """Another law, or a speed that differs enough from the configured one."""
+        other_law = any(term.shape[0] != facts.stribeck_law for term in terms)
+        return other_law or abs(terms[0].values[0] - facts.stribeck_speed_rad_s) >= cls.smallest(facts)
 
     @classmethod
     def starts(cls, candidate: Candidate, found: float) -> list[Candidate]:

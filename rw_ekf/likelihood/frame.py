@@ -33,13 +33,13 @@ class Prior:
         size = model.vector.size
         found, aims = [np.zeros((4, size))], [self.root @ self.mean]
         found[0][:, :4] = self.root
-        left = list(enumerate(model.columns, start=4))
+        left = [(place, term.id) for term, at in model.placed for place in range(at.start, at.stop)]
         for name, mean, std in self.given:
-            place = next((item for item in left if item[1].id == name), None)
-            if place is not None:  # else the effect has been left out of this model
-                left.remove(place)
+            found_at = next((item for item in left if item[1] == name), None)
+            if found_at is not None:  # else the effect has been left out of this model
+                left.remove(found_at)
                 row = np.zeros((1, size))
-                row[0, place[0]] = 1.0 / std
+                row[0, found_at[0]] = 1.0 / std
                 found.append(row)
                 aims.append(np.array([mean / std]))
         return np.concatenate(found), np.concatenate(aims)
@@ -147,14 +147,14 @@ def _columns(
 
     The others - shapes, and coefficients of a delay, a current's lag or a Stribeck shape - are differences of passes.
     """
-    p, known = model.vector.size, 4 + len(model.columns)
+    p, known = model.vector.size, model.known
     n, states = rows.shape[0], model.effects.table().size
     columns = np.zeros((n, p))
     memory_columns = np.zeros((n if with_memory else 0, p))
     columns[:, :known] = rows[:, 1 : 1 + known]
     if with_memory:
         memory_columns[:, :known] = rows[:, states + 1 : states + 1 + known]
-    others = [4 + i for i, c in enumerate(model.columns) if not c.effect.analytic]
+    others = [i for term, at in model.placed if not term.effect.analytic for i in range(at.start, at.stop)]
     _differences(record, model, reference, [*others, *range(known, p)], columns, memory_columns)
     return columns, memory_columns
 
@@ -195,5 +195,5 @@ def _step_sizes(model: Model) -> list[float]:
     k, _, c, s = model.parameters
     sizes = [1.0e-3 * abs(k), 1.0e-3 * c, 1.0e-3 * c, 1.0e-3 * max(s, c)]
     sizes[1] = max(1.0e-3 * abs(model.parameters.viscous), 1.0e-6)
-    sizes += [column.effect.coefficient.step_at(column.value) or 1.0e-3 * c for column in model.columns]
-    return sizes + [model.columns[i].effect.constants[j].step_at(model.columns[i].shape[j]) for i, j in model.refined]
+    sizes += [t.effect.coefficient.step_at(value) or 1.0e-3 * c for t in model.terms for value in t.values]
+    return sizes + [model.terms[i].effect.constants[j].step_at(model.terms[i].shape[j]) for i, j in model.refined]

@@ -24,8 +24,8 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
+from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.wheel.table import Column
 
 _PARAMETERS = 4
 _WARMTH_degC = 20.0  # of a record without a temperature; nothing that is fitted here reads it
@@ -83,8 +83,9 @@ def fit_log(
     known = Prior.of(prior.core.mean[1:], prior.core.covariance[1:, 1:])
     model = bare
     if stribeck_speed_std > 0.0:
-        free = Column(STRIBECK, constants.omega_s, stribeck_speed_std, (float(constants.law), 0.0, 0.0))
-        model = bare.with_effect([free])
+        shape = (float(constants.law), 0.0, 0.0)
+        free = Term.of(STRIBECK, shape, constants.omega_s, stribeck_speed_std)
+        model = bare.with_terms(free)
         given = (free.id, constants.omega_s, stribeck_speed_std)
         known = Prior(known.mean, known.root, (given,))
     advance()

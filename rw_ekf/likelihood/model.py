@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.model.effect import NO_SHAPE, Candidate, Effect, Shape
+from rw_ekf.model.effect import Shape, Term
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
+from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 _BASE = 4
 
@@ -24,9 +24,23 @@ class Model:
     effects: EffectSet = NO_EFFECTS
 
     @property
-    def columns(self) -> tuple[Column, ...]:
-        """The coefficients that are states."""
-        return self.effects.state_columns
+    def terms(self) -> tuple[Term, ...]:
+        """The effects whose coefficients are states."""
+        return self.effects.state_terms
+
+    @property
+    def placed(self) -> list[tuple[Term, slice]]:
+        """Those, each with the place of its coefficients in the vector."""
+        found, at = [], _BASE
+        for term in self.terms:
+            found.append((term, slice(at, at + len(term.values))))
+            at += len(term.values)
+        return found
+
+    @property
+    def known(self) -> int:
+        """Number of parameters and coefficients, which come before the refined shapes."""
+        return _BASE + self.effects.size
 
     @property
     def coefficients(self) -> Float64Array:
@@ -35,61 +49,62 @@ class Model:
 
     @property
     def refined(self) -> list[tuple[int, int]]:
-        """(column, constant) of every shape constant that is fitted with the rest; quadratures share theirs."""
-        found = []
-        for i, column in enumerate(self.columns):
-            if column.settled or any(column.same_line(earlier) for earlier in self.columns[:i]):
-                continue
-            found += [(i, constant) for constant in column.effect.refined if column.shape[constant] != 0.0]
-        return found
+        """(term, constant) of every shape constant that is fitted with the rest."""
+        return [
+            (i, constant)
+            for i, term in enumerate(self.terms)
+            if not term.settled
+            for constant in term.effect.refined
+            if term.shape[constant] != 0.0
+        ]
 
     @property
     def vector(self) -> Float64Array:
         """Everything that is fitted: parameters, coefficients, refined shapes."""
-        return np.concatenate((self.coefficients, [self.columns[i].shape[j] for i, j in self.refined]))
+        return np.concatenate((self.coefficients, [self.terms[i].shape[j] for i, j in self.refined]))
 
     def with_vector(self, vector: Float64Array) -> Model:
         """The same model with other numbers, each kept within its bounds."""
-        columns = list(self.columns)
-        m = len(columns)
-        parameters = FrictionParameters(*(float(v) for v in vector[:_BASE]))
-        for i, value in enumerate(vector[_BASE : _BASE + m]):
-            limits = columns[i].effect.coefficient
-            columns[i] = replace(columns[i], value=float(np.clip(value, limits.lower, limits.upper)))
-        for (i, j), value in zip(self.refined, vector[_BASE + m :], strict=True):
-            limits = columns[i].effect.constants[j]
+        terms = []
+        for term, at in self.placed:
+            limits = term.effect.coefficient
+            terms.append(replace(term, values=tuple(np.clip(vector[at], limits.lower, limits.upper).tolist())))
+        for (i, j), value in zip(self.refined, vector[self.known :], strict=True):
+            limits = terms[i].effect.constants[j]
             number = float(np.clip(value, limits.lower, limits.upper))
-            line = columns[i]
-            for at, column in enumerate(columns):
-                if at == i or column.same_line(line):
-                    columns[at] = replace(column, shape=_with(column.shape, j, number))
-        rest = [column for column in self.effects.columns if not column.in_state]
-        return replace(self, parameters=parameters, effects=EffectSet((*columns, *rest)))
+            terms[i] = replace(terms[i], shape=_with(terms[i].shape, j, number))
+        rest = [term for term in self.effects.terms if not term.effect.in_state]
+        parameters = FrictionParameters(*(float(v) for v in vector[:_BASE]))
+        return replace(self, parameters=parameters, effects=EffectSet((*terms, *rest)))
 
     def limited(self, step: Float64Array) -> Float64Array:
         """A step (p,) no longer than the linearisation carries: shapes and coefficients that are not linear."""
         out = step.copy()
-        for i, column in enumerate(self.columns):
-            if not column.effect.linear:
-                reach = 0.7 * abs(column.value)
-                out[_BASE + i] = float(np.clip(out[_BASE + i], -reach, 2.0 * reach))
-        for at, (i, j) in enumerate(self.refined, start=_BASE + len(self.columns)):
-            reach = self.columns[i].effect.constants[j].reach_at(self.columns[i].shape[j])
-            out[at] = float(np.clip(out[at], -reach, reach))
+        for term, at in self.placed:
+            if not term.effect.linear:
+                carries = 0.7 * np.abs(term.values)
+                out[at] = np.clip(out[at], -carries, 2.0 * carries)
+        for place, (i, j) in enumerate(self.refined, start=self.known):
+            reach = self.terms[i].effect.constants[j].reach_at(self.terms[i].shape[j])
+            out[place] = float(np.clip(out[place], -reach, reach))
         return out
 
-    def with_effect(self, added: list[Column]) -> Model:
+    def of(self, effect_id: str) -> list[Term]:
+        """The terms of one effect."""
+        return [term for term in self.terms if term.id == effect_id]
+
+    def with_terms(self, *added: Term) -> Model:
         """The same model with more effects."""
-        return replace(self, effects=EffectSet((*self.effects.columns, *added)))
+        return replace(self, effects=EffectSet((*self.effects.terms, *added)))
 
     def without(self, effect_id: str) -> Model:
         """The same model without an effect."""
-        return replace(self, effects=EffectSet(tuple(c for c in self.effects.columns if c.id != effect_id)))
+        return replace(self, effects=EffectSet(tuple(t for t in self.effects.terms if t.id != effect_id)))
 
     def settled(self, effect_id: str) -> Model:
         """The same model, the shapes of one effect no longer refined."""
-        columns = tuple(replace(c, settled=True) if c.id == effect_id else c for c in self.effects.columns)
-        return replace(self, effects=EffectSet(columns))
+        terms = tuple(replace(t, settled=True) if t.id == effect_id else t for t in self.effects.terms)
+        return replace(self, effects=EffectSet(terms))
 
     @property
     def base(self) -> Model:
@@ -101,12 +116,3 @@ def _with(shape: Shape, at: int, value: float) -> Shape:
     changed = list(shape)
     changed[at] = value
     return (changed[0], changed[1], changed[2])
-
-
-def columns_of_candidate(effect: type[Effect], candidate: Candidate) -> list[Column]:
-    """The column, or the two quadratures, of one place to look; a linear effect starts from zero."""
-    value = 0.0 if effect.linear else candidate.amplitude
-    first = Column(effect, value, 0.0, candidate.shape or NO_SHAPE, effect.in_state)
-    if not effect.quadrature:
-        return [first]
-    return [first, replace(first, shape=_with(candidate.shape, 1, candidate.shape[1] + 0.5 * np.pi))]

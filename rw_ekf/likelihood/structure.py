@@ -19,7 +19,8 @@ from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import predict
-from rw_ekf.wheel.table import Column, EffectSet
+from rw_ekf.model.effect import Term
+from rw_ekf.wheel.table import EffectSet
 
 _INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
 _RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a column explains is no process noise any more
@@ -40,7 +41,7 @@ class Structure:
 def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
     """Slopes of each one-step prediction by a torque and by dry friction, (n,) each, at the sample it leads to."""
     model = fit.model
-    probe = EffectSet((Column(TORQUE, 0.0, 0.0),))
+    probe = EffectSet((Term.of(TORQUE),))
     rows = predict(
         fit.frame.record, np.array([*model.parameters, 0.0]), probe, model.omega_s, model.law, fit.reference,
         with_rows=True, with_slopes=False,

@@ -16,11 +16,18 @@ with a memory, another Stribeck curve, another reading.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from rw_ekf.model.state import FrictionParameters
+
+if TYPE_CHECKING:
+    from rw_ekf.arrays import Float64Array
+
+    Matrix = Sequence[Sequence[float]] | Float64Array
 
 # current [A], external [rad/s^2], viscous [1/s], viscous_factor [-], dry_factor [-], dry [rad/s^2]
 Contribution = tuple[float, float, float, float, float, float]
@@ -87,7 +94,7 @@ class Candidate(NamedTuple):
 
 
 class Effect(ABC):
-    """One entry of the catalogue. Class attributes only: an effect in use is a `Column` (table.py)."""
+    """One entry of the catalogue. Class attributes only: an effect in use is a `Term`."""
 
     id: ClassVar[str]
     equation: ClassVar[str]
@@ -106,8 +113,8 @@ class Effect(ABC):
     analytic: ClassVar[bool] = True  # the flow gives its slope
     in_state: ClassVar[bool] = True  # False: no filter can learn it sample by sample
     shown_against: ClassVar[str] = ""  # the quantity of the report's picture that it is a function of
-    # Used as two columns, sine and cosine: shape[1] is the phase [rad], 0 and pi/2. `candidates` gives the sine alone.
-    quadrature: ClassVar[bool] = False
+    components: ClassVar[int] = 1  # coefficients of one term
+    repeats: ClassVar[bool] = False  # a model may have several terms of it, told apart by the first shape constant
 
     @staticmethod
     @abstractmethod
@@ -126,8 +133,24 @@ class Effect(ABC):
 
     @staticmethod
     def shape_is_possible(shape: Shape, facts: RecordFacts) -> bool:
-        """Whether shape constants that were fitted are ones a machine can have."""
+        """Whether shape constants that were fitted are ones a machine can have and the record can show."""
         return True
+
+    @classmethod
+    def matters(cls, terms: Sequence[Term], facts: RecordFacts) -> bool:
+        """Whether all terms of the effect in a model are together large enough to matter in practice."""
+        return size_of(terms) >= cls.smallest(facts)
+
+    @classmethod
+    def possible(cls, terms: Sequence[Term], facts: RecordFacts, coulomb: float) -> bool:
+        """Whether they are of a size and shape that a machine can have; coulomb: of the model [rad/s^2]."""
+        shaped = all(cls.shape_is_possible(term.shape, facts) for term in terms)
+        return shaped and size_of(terms) <= cls.largest(facts)
+
+    @staticmethod
+    def component_shape(shape: Shape, component: int) -> Shape:
+        """Shape constants with which a term's coefficient of this number enters."""
+        return shape
 
     @staticmethod
     def nearby(candidate: Candidate, turn: int, facts: RecordFacts) -> list[Candidate]:
@@ -171,6 +194,11 @@ class Effect(ABC):
         """What was found, for a person, without the final stop: "Viscous friction falls 3.0 +- 0.1 % per K"."""
 
     @classmethod
+    def amplitude(cls, values: Sequence[float], covariance: Matrix) -> tuple[float, float]:
+        """What a person is told of a term's coefficients: (size, std)."""
+        return values[0], math.sqrt(max(float(covariance[0][0]), 0.0))
+
+    @classmethod
     def described(cls, value: float, std: float, shape: Shape) -> dict[str, dict[str, float | str | None]]:
         """The parameters of the diagnosis document: {name: {"value", "std", "unit"}}; constants have std null."""
         found: dict[str, dict[str, float | str | None]] = {
@@ -179,6 +207,57 @@ class Effect(ABC):
         for constant, number in zip(cls.constants, shape, strict=False):
             found[constant.name] = {"value": number, "std": None, "unit": constant.unit}
         return found
+
+    @classmethod
+    def parameters(
+        cls, values: Sequence[float], covariance: Matrix, shape: Shape
+    ) -> dict[str, dict[str, float | str | None]]:
+        """`described` from all coefficients of a term and their covariance (m, m)."""
+        return cls.described(*cls.amplitude(values, covariance), shape)
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect in use: its coefficients with their standard deviations, and its shape constants."""
+
+    effect: type[Effect]
+    values: tuple[float, ...]
+    stds: tuple[float, ...]
+    shape: Shape = NO_SHAPE
+    settled: bool = False  # shape constants that were fitted elsewhere stay as they are
+
+    @classmethod
+    def of(cls, effect: type[Effect], shape: Shape = NO_SHAPE, value: float = 0.0, std: float = 0.0) -> Term:
+        """A term with the same value and standard deviation in all its coefficients."""
+        return cls(effect, (value,) * effect.components, (std,) * effect.components, shape)
+
+    @classmethod
+    def at(cls, effect: type[Effect], candidate: Candidate) -> Term:
+        """One place to look, as a fit starts there: a linear effect from zero."""
+        return cls.of(effect, candidate.shape, 0.0 if effect.linear else candidate.amplitude)
+
+    @property
+    def id(self) -> str:
+        """The catalogue's id."""
+        return self.effect.id
+
+    @property
+    def size(self) -> float:
+        """Length of the coefficients: the amplitude of a sine and a cosine."""
+        return math.hypot(*self.values)
+
+    def described(self, covariance: Matrix) -> dict[str, dict[str, float | str | None]]:
+        """The parameters of the diagnosis document, from the covariance (m, m) of the coefficients."""
+        return self.effect.parameters(self.values, covariance, self.shape)
+
+    def sentence(self, covariance: Matrix, facts: RecordFacts) -> str:
+        """What was found, for a person, without the final stop."""
+        return self.effect.sentence(*self.effect.amplitude(self.values, covariance), self.shape, facts)
+
+
+def size_of(terms: Sequence[Term]) -> float:
+    """Length of all coefficients of terms of one effect together."""
+    return math.hypot(*(value for term in terms for value in term.values))
 
 
 class StaticEffect(Effect):

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import ConfigError
 from rw_ekf.model import bounds as model_bounds
-from rw_ekf.model.effect import Coefficient, Shape, StaticEffect
+from rw_ekf.model.effect import Coefficient, Shape, StaticEffect, Term
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
-from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet, columns_of
+from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 SCHEMA_FAMILY = "rw_ekf.model/"
 SCHEMA = SCHEMA_FAMILY + "1"
@@ -59,23 +59,40 @@ class WheelModel:
                 "speed_rad_s": self.speed_noise_rad_s,
                 "acceleration_rad_s_per_sqrt_s": self.acceleration_noise,
             },
-            "effects": [_effect_document(column) for column in self.effects.columns],
+            "effects": [entry for term in self.effects.terms for entry in _effect_documents(term)],
         }
         text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
         return text
 
 
-def _effect_document(column: Column) -> dict[str, Any]:
-    coefficient = column.effect.coefficient
-    return {
-        "effect": column.id,
-        "coefficient": {
-            "name": coefficient.name, "value": float(column.value), "std": float(column.std), "unit": coefficient.unit
-        },
-        "constants": {
-            constant.name: float(column.shape[i]) for i, constant in enumerate(column.effect.constants)
-        },
-    }  # fmt: skip
+def _effect_documents(term: Term) -> list[dict[str, Any]]:
+    """An entry for each coefficient, with the shape constants that it enters with."""
+    effect, named = term.effect, term.effect.coefficient
+    shapes = [effect.component_shape(term.shape, i) for i in range(len(term.values))]
+    return [
+        {
+            "effect": term.id,
+            "coefficient": {"name": named.name, "value": float(value), "std": float(std), "unit": named.unit},
+            "constants": {
+                constant.name: float(number) for constant, number in zip(effect.constants, shape, strict=False)
+            },
+        }
+        for value, std, shape in zip(term.values, term.stds, shapes, strict=True)
+    ]
+
+
+def _joined(terms: list[Term]) -> EffectSet:
+    """Entries that follow each other and are coefficients of one term, as one."""
+    found: list[Term] = []
+    for term in terms:
+        last = found[-1] if found else term
+        count = len(last.values)
+        follows = found and term.effect is last.effect and count < last.effect.components
+        if follows and term.shape == last.effect.component_shape(last.shape, count):
+            found[-1] = replace(last, values=(*last.values, *term.values), stds=(*last.stds, *term.stds))
+        else:
+            found.append(term)
+    return EffectSet(tuple(found))
 
 
 def read_model(path: Path) -> WheelModel:
@@ -96,7 +113,7 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
     checker = _Checker(data, where)
     parameters = [checker.number(("parameters", name, "value")) for name in PARAMETER_NAMES]
     effects = checker.effects()
-    covariance = checker.covariance(len(PARAMETER_NAMES) + len(effects.state_columns))
+    covariance = checker.covariance(len(PARAMETER_NAMES) + effects.size)
     checker.plausible(parameters, effects, covariance)
     law = checker.get(("stribeck", "law"))
     if law not in LAW_CODES:
@@ -222,19 +239,19 @@ class _Checker:
         if not isinstance(entries, list):
             self.find(("effects",), "must be a list of effects")
             return NO_EFFECTS
-        columns: list[Column] = []
+        terms: list[Term] = []
         for i in range(len(entries)):
-            column = self._effect(("effects", i))
-            if column is None:
+            term = self._effect(("effects", i))
+            if term is None:
                 continue
-            for other in columns:
-                same_kind = column.effect is other.effect and not issubclass(column.effect, StaticEffect)
-                if same_kind or (column.effect.flow_kind and other.effect.flow_kind):
-                    self.find(("effects", i), f"is {column.id} beside {other.id}; a model holds one of the kind")
-            columns.append(column)
-        return EffectSet(tuple(columns))
+            for other in terms:
+                same_kind = term.effect is other.effect and not issubclass(term.effect, StaticEffect)
+                if same_kind or (term.effect.flow_kind and other.effect.flow_kind):
+                    self.find(("effects", i), f"is {term.id} beside {other.id}; a model holds one of the kind")
+            terms.append(term)
+        return _joined(terms)
 
-    def _effect(self, path: tuple[str | int, ...]) -> Column | None:
+    def _effect(self, path: tuple[str | int, ...]) -> Term | None:
         name = self.get((*path, "effect"))
         if not isinstance(name, str) or name not in CATALOGUE:
             self.find(path, f"names the effect {name!r}; the catalogue has: {', '.join(CATALOGUE)}")
@@ -261,7 +278,7 @@ class _Checker:
                 self.find((*path, "constants", key), f"is not a constant of {name}")
         numbers = [self._constant((*path, "constants", constant.name), constant) for constant in effect.constants]
         shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
-        return columns_of(name, value, std, shape)
+        return Term(effect, (value,), (std,), shape)
 
     def _constant(self, path: tuple[str | int, ...], constant: Coefficient) -> float:
         """A shape constant within its bounds, or a finding."""

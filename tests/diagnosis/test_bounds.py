@@ -9,9 +9,8 @@ import pytest
 from rw_ekf.diagnosis.search.look import worsened
 from rw_ekf.diagnosis.search.trial import possible
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.wheel.table import Column
 from tests.diagnosis.simulated import TRUTH
 
 WHEEL = RecordFacts(0.0, 600.0, 0.1, 250.0, 0.3, CK13_STATISTICAL, 0.42, 0, 0.1, 10, 8.0, True)
@@ -44,8 +43,8 @@ def test_a_size_that_no_machine_has_is_refused(
     name: str, value: float, shape: tuple[float, float, float], expected: bool
 ) -> None:
     """Spikes and drifts in shares of Coulomb friction: tenths are possible, elevenfold jumps are not."""
-    column = Column(CATALOGUE[name], value * CK13_STATISTICAL.coulomb, 0.0, shape)
-    assert possible(TRUTH.with_effect([column]), name, WHEEL) is expected
+    term = Term(CATALOGUE[name], (value * CK13_STATISTICAL.coulomb,), (0.0,), shape)
+    assert possible(TRUTH.with_terms(term), name, WHEEL) is expected
 
 
 def test_worse_figures_are_told() -> None:

@@ -17,30 +17,29 @@ from rw_ekf.likelihood.fitting import fit_model, likelihood, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
-from rw_ekf.model.effect import NO_SHAPE, Shape
+from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import Column
 from tests.diagnosis.simulated import PRIOR, TRUTH, fitted, record_of, simulated
 
 QUIET = Noise(RAD_S_PER_RPM**2, 1.0e-4)
 
 
-def column(name: str, value: float, shape: Shape = NO_SHAPE) -> Column:
+def term(name: str, value: float, shape: Shape = NO_SHAPE) -> Term:
     """An effect of this size in use; its shape stays as it is."""
-    return Column(CATALOGUE[name], value, 0.0, shape, settled=True)
+    return Term(CATALOGUE[name], (value,), (0.0,), shape, settled=True)
 
 
 SHAPES: dict[str, Shape] = {"presliding_hysteresis": (0.3, 0.0, 0.0)}
 # As many kinds of contribution as there are: torque, viscous, factors, current, in angle, in time.
 STATIC = [
-    column("offset_torque", 0.02),
-    column("viscous_asymmetry", 2.0e-4),
-    column("quadratic_drag", 1.0e-6),
-    column("viscous_temperature", -0.02),
-    column("coulomb_temperature", -0.01),
-    column("motor_saturation", 0.1),
-    column("torque_ripple", 0.03, (2.0, 0.4, 0.0)),
-    column("drag_spike", 0.04, (50.0, 30.0, 0.0)),
+    term("offset_torque", 0.02),
+    term("viscous_asymmetry", 2.0e-4),
+    term("quadratic_drag", 1.0e-6),
+    term("viscous_temperature", -0.02),
+    term("coulomb_temperature", -0.01),
+    term("motor_saturation", 0.1),
+    term("torque_ripple", 0.03, (2.0, 0.4, 0.0)),
+    term("drag_spike", 0.04, (50.0, 30.0, 0.0)),
 ]
 
 
@@ -71,7 +70,7 @@ def test_written_slopes_are_the_derivative() -> None:
     Close to zero speed both are as exact as the integration; one in a thousand may break loose at one of the two only.
     """
     record, reference = along_truth(1500, 1)
-    model = TRUTH.with_effect(STATIC)
+    model = TRUTH.with_terms(*STATIC)
     frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
     checked = differences(record, model, reference, 1.0e-5 * np.abs(model.coefficients))
     scale = np.max(np.abs(checked), axis=0)
@@ -81,15 +80,15 @@ def test_written_slopes_are_the_derivative() -> None:
 
 
 @pytest.mark.parametrize(
-    "added", [column("friction_lag", 0.08), column("presliding_hysteresis", 0.1, SHAPES["presliding_hysteresis"])]
+    "added", [term("friction_lag", 0.08), term("presliding_hysteresis", 0.1, SHAPES["presliding_hysteresis"])]
 )
-def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Column) -> None:
+def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Term) -> None:
     """Speed and memory alike: the chain rule over the flow's own differences says what two whole passes say.
 
     One interval in fifty may break loose, or come to rest, in one of them only.
     """
     record, reference = along_truth(1500, 3)
-    model = TRUTH.with_effect([*STATIC, added])
+    model = TRUTH.with_terms(*STATIC, added)
     memory = np.clip(0.3 * reference.speed, -TRUTH.parameters.coulomb, TRUTH.parameters.coulomb)
     reference = replace(reference, memory=memory, memory_spread=np.full(1500, 0.05))
     frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
@@ -109,12 +108,12 @@ def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Column) ->
 
 
 @pytest.mark.parametrize(
-    "added", [column("transport_delay", 0.05), column("stribeck_shape", 0.8), column("actuator_lag", 0.06)]
+    "added", [term("transport_delay", 0.05), term("stribeck_shape", 0.8), term("actuator_lag", 0.06)]
 )
-def test_slopes_by_differences_hardly_depend_on_the_step(added: Column) -> None:
+def test_slopes_by_differences_hardly_depend_on_the_step(added: Term) -> None:
     """Beside what has no written slope, written or by difference: differences of another width say the same."""
     record, reference = along_truth(1500, 2)
-    model = TRUTH.with_effect([added])
+    model = TRUTH.with_terms(added)
     frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
     checked = differences(record, model, reference, 1.0e-4 * np.abs(model.coefficients))
     away = np.linalg.norm(frame.columns - checked, axis=0) / np.linalg.norm(checked, axis=0)
@@ -151,8 +150,8 @@ def test_a_fit_recovers_what_was_injected(name: str, text: str, truth: float, st
     for seed in range(3):
         record = record_of(simulated([f"{name}:{text}"], seed=seed, samples=3000))
         base = fitted(record)
-        fit = fitted(record, base.model.with_effect([column(name, start, SHAPES.get(name, NO_SHAPE))]), base)
-        assert abs(fit.model.columns[0].value - truth) < 4.0 * fit.std[4]
+        fit = fitted(record, base.model.with_terms(term(name, start, SHAPES.get(name, NO_SHAPE))), base)
+        assert abs(fit.model.terms[0].values[0] - truth) < 4.0 * fit.std[4]
         assert fit.std[4] < 0.25 * truth
         assert np.all(np.abs(fit.model.coefficients[:4] - TRUTH.coefficients) < 4.0 * fit.std[:4])
         assert fit.likelihood.value > base.likelihood.value + 20.0
@@ -161,7 +160,7 @@ def test_a_fit_recovers_what_was_injected(name: str, text: str, truth: float, st
 def test_fits_start_again_to_the_same_place() -> None:
     """A fit begun where another ended hardly moves and gains nothing: it had converged."""
     record = record_of(simulated(["quadratic_drag:coefficient_1_rad=1e-6"], seed=3, samples=2000))
-    first = fitted(record, TRUTH.with_effect([column("quadratic_drag", 0.0)]))
+    first = fitted(record, TRUTH.with_terms(term("quadratic_drag", 0.0)))
     again = fitted(record, first.model, first)
     assert np.all(np.abs(again.model.vector - first.model.vector) < 0.3 * first.std)
     assert abs(again.likelihood.value - first.likelihood.value) < 0.5

@@ -11,11 +11,12 @@ import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.split import split_record
+from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.model.effect import NO_SHAPE
+from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.model_file import WheelModel, read_model
-from rw_ekf.wheel.table import EffectSet, columns_of
+from rw_ekf.wheel.table import EffectSet
 from tests.diagnosis.simulated import TRUTH, log_of, simulated
 
 DRAG = "quadratic_drag:coefficient_1_rad=1.2e-6"
@@ -81,7 +82,7 @@ def test_a_model_without_viscous_friction_is_a_place_to_start_from() -> None:
 @pytest.mark.slow
 def test_a_given_effect_that_is_not_missed_is_no_error() -> None:
     """A model that claims an offset which is not there, on a log with drag: drag is found."""
-    claimed = EffectSet((columns_of("offset_torque", 0.001, 0.01, NO_SHAPE),))
+    claimed = EffectSet((Term.of(CATALOGUE["offset_torque"], value=0.001, std=0.01),))
     covariance = tuple(tuple(float(v) for v in row) for row in np.diag([0.1, 1e-6, 1e-3, 1e-2, 1e-4]))
     model = WheelModel(TRUTH.parameters, covariance, TRUTH.omega_s, effects=claimed)
     document = diagnosed(log_of(simulated([DRAG], seed=31)), model)

@@ -44,6 +44,7 @@ from rw_ekf.model.effect import (
     Shape,
     StaticEffect,
     StribeckEffect,
+    Term,
 )
 from rw_ekf.model.friction import acceleration
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
@@ -98,7 +99,7 @@ def draw_size(rng: np.random.Generator, effect: type[Effect]) -> tuple[float, Sh
     a = abs(a) if effect.coefficient.lower >= 0.0 else a
     candidates = effect.candidates(WHEEL)
     shape = candidates[int(rng.integers(len(candidates)))].shape
-    if effect.quadrature and rng.random() < 0.5:
+    if effect.components == 2 and rng.random() < 0.5:
         shape = (shape[0], math.pi / 2.0, shape[2])
     return a, shape
 
@@ -240,9 +241,9 @@ def test_the_smallest_size_is_half_to_one_percent_of_coulomb_friction(
     """At top speed, top current, the warmest sample, the onset or the end, whatever the plant's size."""
     k, b, c, _ = facts.friction
     shape = effect.candidates(facts)[0].shape
-    if effect.quadrature:
+    if effect.components == 2:
         shape = (shape[0], math.pi / 2.0, 0.0)
-    time = 0.0 if effect.quadrature else shape[0] if effect.local_in_time else facts.last_s
+    time = 0.0 if effect.components == 2 else shape[0] if effect.local_in_time else facts.last_s
     warmest = 20.0 + (facts.temperature_range_K or 0.0)
     part = effect.contribution(
         effect.smallest(facts), *shape, facts.top_speed_rad_s, facts.top_current_A, warmest, 0.0, time, 0.0
@@ -381,21 +382,21 @@ def test_quantisation_noise_is_that_of_rounded_readings() -> None:
 def sample_pair(
     mean: Sequence[float], covariance: Sequence[Sequence[float]], phase: float
 ) -> tuple[float, float, float, float]:
-    """Mean and standard deviation of amplitude and phase of drawn quadratures."""
+    """Mean and standard deviation of amplitude and phase of drawn pairs."""
     drawn = np.random.default_rng(5).multivariate_normal(mean, covariance, 100_000)
     turned = np.arctan2(drawn[:, 1], drawn[:, 0]) + phase
     length = np.hypot(drawn[:, 0], drawn[:, 1])
     return float(length.mean()), float(length.std()), float(turned.mean()), float(turned.std())
 
 
-@pytest.mark.parametrize("effect", [e for e in STATIC if e.quadrature], ids=lambda effect: effect.id)
+@pytest.mark.parametrize("effect", [e for e in STATIC if e.components == 2], ids=lambda effect: effect.id)
 def test_a_pair_is_told_as_amplitude_and_phase(effect: type[StaticEffect]) -> None:
-    """Two quadratures add up to the sine described, and its sigmas are those of drawn quadratures."""
+    """Sine and cosine add up to the sine described, and its sigmas are those of drawn pairs."""
     assert issubclass(effect, PeriodicEffect)
     sine, cosine, covariance = 0.03, 0.04, [[1.0e-6, 4.0e-7], [4.0e-7, 2.0e-6]]
     shape = (2.0, 0.3, 0.0)
-    quarter = (2.0, 0.3 + math.pi / 2.0, 0.0)
-    found = effect.described_pair(sine, cosine, covariance, shape)
+    quarter = effect.component_shape(shape, 1)
+    found = Term(effect, (sine, cosine), (0.0, 0.0), shape).described(covariance)
     amplitude, phase = found[effect.coefficient.name], found["phase_rad"]
     values = [amplitude["value"], amplitude["std"], phase["value"], phase["std"]]
     assert values == pytest.approx(sample_pair((sine, cosine), covariance, 0.3), rel=0.02)
@@ -405,8 +406,8 @@ def test_a_pair_is_told_as_amplitude_and_phase(effect: type[StaticEffect]) -> No
         both = effect.contribution(sine, *shape, *at)[1] + effect.contribution(cosine, *quarter, *at)[1]
         one = effect.contribution(amplitude["value"], 2.0, phase["value"], 0.0, *at)[1]
         assert one == pytest.approx(both, abs=1e-14)
-    assert "%" in effect.sentence_pair(sine, cosine, covariance, shape, WHEEL)
-    assert effect.described_pair(0.0, 0.0, covariance, shape)["phase_rad"]["std"] is None
+    assert "%" in Term(effect, (sine, cosine), (0.0, 0.0), shape).sentence(covariance, WHEEL)
+    assert Term.of(effect, shape).described(covariance)["phase_rad"]["std"] is None
 
 
 UNTESTABLE = [

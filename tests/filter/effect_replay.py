@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,12 +14,11 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
-from rw_ekf.likelihood.model import columns_of_candidate
-from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import Column, EffectSet
+from rw_ekf.wheel.table import EffectSet
 from tests.filter.replay import Columns
 from tests.truth import OMEGA_S, constants_for
 
@@ -33,13 +31,13 @@ WHEEL = RecordFacts(
 
 def in_use(*ids: str) -> EffectSet:
     """Effects at a size that shows, as uncertain as they are large."""
-    columns: list[Column] = []
+    terms: list[Term] = []
     for name in ids:
         effect = CATALOGUE[name]
-        for column in columns_of_candidate(effect, effect.candidates(WHEEL)[0]):
-            value = 5.0 * effect.smallest(WHEEL) if effect.linear else column.value
-            columns.append(replace(column, value=value, std=abs(value)))
-    return EffectSet(tuple(columns))
+        tried, shape = effect.candidates(WHEEL)[0]
+        value = 5.0 * effect.smallest(WHEEL) if effect.linear else tried
+        terms.append(Term.of(effect, shape, value, abs(value)))
+    return EffectSet(tuple(terms))
 
 
 def believed(effects: EffectSet, base: Belief = DEFAULT_PRIOR) -> Belief:
@@ -47,8 +45,9 @@ def believed(effects: EffectSet, base: Belief = DEFAULT_PRIOR) -> Belief:
     size = effects.table().size
     mean, covariance = np.zeros(size), np.zeros((size, size))
     mean[:5], covariance[:5, :5] = base.mean, base.covariance
-    for at, column in enumerate(effects.state_columns, start=5):
-        mean[at], covariance[at, at] = column.value, column.std**2
+    stds = [std for term in effects.state_terms for std in term.stds]
+    for at, (value, std) in enumerate(zip(effects.values, stds, strict=True), start=5):
+        mean[at], covariance[at, at] = value, std**2
     return Belief(mean, covariance)
 
 
@@ -86,7 +85,7 @@ def both(
 ) -> tuple[list[Estimate], FilterRun]:
     """The log sample by sample through the estimator, and through the compiled pass."""
     belief, constants = believed(effects), constants_for()
-    drift = np.full(len(effects.state_columns), 1.0e-9)
+    drift = np.full(effects.size, 1.0e-9)
     estimator = Estimator(constants, belief.mean, belief.covariance, effects, drift)
     results = []
     for i in range(log.time_s.size):

@@ -17,12 +17,12 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
-from rw_ekf.model.effect import Shape
+from rw_ekf.model.effect import Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.pieces import effect_interval
-from rw_ekf.wheel.table import NO_EFFECTS, Column, EffectSet
+from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import interval
 from tests.filter.effect_replay import believed, both, in_use, rough_log
 from tests.filter.replay import OUTCOMES
@@ -95,7 +95,7 @@ def test_a_settled_current_keeps_the_covariance_one() -> None:
 def injected(name: str, values: str, columns: list[tuple[float, float, float, Shape]]) -> Injected:
     """(name, plant's effect, columns to be learnt, true coefficients); columns: truth, prior mean and std, shape."""
     effect = CATALOGUE[name]
-    made = tuple(Column(effect, mean, std, shape) for _, mean, std, shape in columns)
+    made = tuple(Term(effect, (mean,), (std,), shape) for _, mean, std, shape in columns)
     return name, f"{name}:{values}", EffectSet(made), np.array([truth for truth, *_ in columns])
 
 
@@ -145,14 +145,14 @@ def test_the_filter_learns_what_the_plant_has(text: str, effects: EffectSet, tru
     assert np.max(np.abs(np.array(errors) / stds)) < 4.0
     ratio = np.sqrt(np.mean(np.square(stds), axis=0) / np.mean(np.square(errors), axis=0))
     assert np.all((ratio > 1.0 / 3.0) & (ratio < 3.0)), ratio
-    assert np.all(np.mean(stds, axis=0) < 0.5 * np.array([c.std for c in effects.columns]))
+    assert np.all(np.mean(stds, axis=0) < 0.5 * np.array([std for term in effects.terms for std in term.stds]))
 
 
 def test_without_effects_nothing_changes_at_all() -> None:
     """No effects, and a grid of no width, which is no state, give the five-state results to the last bit."""
     log, _, _ = rough_log(8, burst=True)
     data = FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
-    grid = EffectSet((Column(CATALOGUE["speed_quantisation"], 0.0, 0.0, in_state=False),))
+    grid = EffectSet((Term.of(CATALOGUE["speed_quantisation"]),))
     warm = replace(data, temperature_degC=np.full(log.time_s.size, 50.0), angle_rad=np.zeros(log.time_s.size))
     plain = filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
     for other, effects in ((data, NO_EFFECTS), (data, grid), (warm, NO_EFFECTS)):
@@ -167,7 +167,7 @@ def test_an_effect_known_to_be_nothing_is_none() -> None:
     """A torque of zero without variance leaves the five states where the filter without effects has them."""
     log, temperature, angle = rough_log(8, burst=True)
     data = FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle)
-    nothing = EffectSet((Column(CATALOGUE["offset_torque"], 0.0, 0.0),))
+    nothing = EffectSet((Term.of(CATALOGUE["offset_torque"]),))
     belief = believed(nothing)
     plain = filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
     run = filter_log(data, constants_for(), belief.mean, belief.covariance, nothing, keep_states=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 
@@ -11,11 +10,11 @@ import pytest
 
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import ConfigError
-from rw_ekf.model.effect import NO_SHAPE, Shape
+from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.starting_point import belief_of_model, carried_over
 from rw_ekf.wheel.model_file import WheelModel, read_model
-from rw_ekf.wheel.table import Column, EffectSet, columns_of
+from rw_ekf.wheel.table import EffectSet
 
 SHAPES: dict[str, Shape] = {
     "torque_ripple": (6.0, 0.1, 0.0),
@@ -27,21 +26,20 @@ SHAPES: dict[str, Shape] = {
 }
 
 
-def effect(name: str, value: float = 0.03, std: float = 0.001, shape: Shape | None = None) -> Column:
-    """A column as a diagnosis leaves it."""
-    return columns_of(name, value, std, SHAPES.get(name, NO_SHAPE) if shape is None else shape)
+def effect(name: str, value: float = 0.03, std: float = 0.001, shape: Shape | None = None) -> Term:
+    """A term as a diagnosis leaves it, of one coefficient."""
+    return Term(CATALOGUE[name], (value,), (std,), SHAPES.get(name, NO_SHAPE) if shape is None else shape)
 
 
-def pair(name: str, sine: float, cosine: float) -> tuple[Column, Column]:
-    """Both quadratures of a periodic effect."""
-    first, phase, _ = SHAPES[name]
-    return effect(name, sine), effect(name, cosine, shape=(first, phase + 0.5 * math.pi, 0.0))
+def pair(name: str, sine: float, cosine: float) -> Term:
+    """A periodic effect of unknown phase."""
+    return Term(CATALOGUE[name], (sine, cosine), (0.001, 0.001), SHAPES[name])
 
 
-def model_with(*columns: Column) -> WheelModel:
+def model_with(*terms: Term) -> WheelModel:
     """A model with a full covariance, each number of it another."""
-    effects = EffectSet(columns)
-    size = 4 + len(effects.state_columns)
+    effects = EffectSet(terms)
+    size = 4 + effects.size
     root = np.random.default_rng(size).normal(size=(size, size))
     covariance = tuple(tuple(float(v) for v in row) for row in 1.0e-4 * root @ root.T + 1.0e-3 * np.eye(size))
     return WheelModel(
@@ -68,7 +66,7 @@ def test_several_effects_keep_their_order(tmp_path: Path) -> None:
     """Two lines of a ripple, a lag and a grid: the covariance's rows stay with the effects they belong to."""
     other = effect("torque_ripple", shape=(12.0, 0.0, 0.0))
     model = model_with(
-        *pair("torque_ripple", 0.1, 0.2), effect("speed_quantisation"), effect("actuator_lag"), other
+        pair("torque_ripple", 0.1, 0.2), effect("speed_quantisation"), effect("actuator_lag"), other
     )  # fmt: skip
     read = read_text(tmp_path, model.to_text())
     assert read == model
@@ -150,9 +148,9 @@ def test_what_belongs_to_a_record_is_not_carried_over(tmp_path: Path) -> None:
 
 
 def test_a_phase_is_not_carried_over(tmp_path: Path) -> None:
-    """Amplitude is known, phase is not: both quadratures begin at zero, each as uncertain as the amplitude is large."""
+    """Amplitude is known, phase is not: sine and cosine begin at zero, each as uncertain as the amplitude is large."""
     grid = effect("speed_quantisation")
-    model = model_with(effect("offset_torque", 0.02), *pair("external_torque", 0.03, -0.04), grid)
+    model = model_with(effect("offset_torque", 0.02), pair("external_torque", 0.03, -0.04), grid)
     kept, notes = carried_over(model)
     assert notes == []
     assert kept.effects.ids == model.effects.ids
@@ -161,13 +159,13 @@ def test_a_phase_is_not_carried_over(tmp_path: Path) -> None:
     assert np.allclose(covariance[5:, 5:], 0.05**2 * np.eye(2), rtol=1e-12)
     assert np.all(covariance[:5, 5:] == 0.0)
     assert np.array_equal(covariance[:5, :5], np.array(model.covariance)[:5, :5])
-    assert [column.std for column in kept.effects.columns[1:3]] == pytest.approx([0.05, 0.05])
+    assert kept.effects.terms[1].stds == pytest.approx((0.05, 0.05))
     assert read_text(tmp_path, kept.to_text()) == kept
 
 
 def test_a_run_that_learnt_nothing_leaves_the_amplitude_open(tmp_path: Path) -> None:
     """Carried over twice with nothing read in between, a periodic torque can still be learnt."""
-    once, _ = carried_over(model_with(*pair("torque_ripple", 0.03, -0.04)))
+    once, _ = carried_over(model_with(pair("torque_ripple", 0.03, -0.04)))
     twice, _ = carried_over(once)
     assert np.all(np.diag(np.array(twice.covariance))[4:] > 1.0e-4)
     assert read_text(tmp_path, twice.to_text()) == twice

@@ -9,7 +9,8 @@ import numpy as np
 from rw_ekf.diagnosis.prepare.quantisation import Lattice
 from rw_ekf.diagnosis.search.look import Found
 from rw_ekf.effects.catalogue import GRID
-from rw_ekf.wheel.table import Column, EffectSet
+from rw_ekf.model.effect import Term
+from rw_ekf.wheel.table import EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.wheel.model_file import WheelModel
@@ -22,14 +23,13 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     from rw_ekf.wheel.model_file import WheelModel
 
     fit, prepared = found.whole, found.prepared
-    known = 4 + len(fit.model.columns)
+    known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)
     effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[4:known])
     variance = fit.noise.variance
     if lattice is not None:
-        grid = Column(GRID, lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), in_state=False)
-        effects = EffectSet((*effects.columns, grid))
+        effects = EffectSet((*effects.terms, Term.of(GRID, value=lattice.grid_rad_s)))
         variance = max(variance - GRID.variance(lattice.grid_rad_s), (0.02 * lattice.grid_rad_s) ** 2)
     names = {code: name for name, code in LAW_CODES.items()}
     return WheelModel(

@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
+from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.residual_map import Dependence
 from rw_ekf.diagnosis.report.words import number_text
 from rw_ekf.diagnosis.search.confounding import quantity_of, separates
 from rw_ekf.diagnosis.search.trial import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.units import rad_s_from_rpm
-from rw_ekf.wheel.table import Column
 
 _FIGURES = (
     ("free_run_rms_rpm", "free-run error"),
@@ -45,68 +42,36 @@ class Verdict:
         }
 
 
-def lines_of(fit: Fit, name: str) -> list[list[int]]:
-    """Positions among the model's columns of each line of an effect: one, or the two quadratures of one period."""
-    columns = fit.model.columns
-    lines: list[list[int]] = []
-    for i, column in enumerate(columns):
-        if column.id != name:
-            continue
-        for line in lines:
-            if column.same_line(columns[line[0]]):
-                line.append(i)
-                break
-        else:
-            lines.append([i])
-    return lines
+def _with_covariances(fit: Fit, name: str) -> list[tuple[int, Term, Float64Array]]:
+    """Terms of an effect in the order of use: (number among all, term, covariance of its coefficients)."""
+    return [
+        (number, term, fit.likelihood.covariance[at, at])
+        for number, (term, at) in enumerate(fit.model.placed)
+        if term.id == name
+    ]
 
 
 def described(fit: Fit, name: str) -> dict[str, Any]:
-    """`parameters` of a candidate that was fitted, with standard deviations; the strongest line of several."""
-    lines = sorted(lines_of(fit, name), key=lambda line: -_size(fit, line))
-    found = dict(_described_line(fit, lines[0]))
-    for number, line in enumerate(lines[1:], start=2):
-        found |= {f"{key}_{number}": value for key, value in _described_line(fit, line).items()}
-    return found
-
-
-def _size(fit: Fit, line: list[int]) -> float:
-    return float(np.linalg.norm([fit.model.columns[i].value for i in line]))
-
-
-def _described_line(fit: Fit, line: list[int]) -> dict[str, Any]:
-    columns = fit.model.columns
-    first = columns[line[0]]
-    covariance = fit.likelihood.covariance[np.ix_([4 + i for i in line], [4 + i for i in line])]
-    effect = first.effect
-    if len(line) == 2 and issubclass(effect, PeriodicEffect):
-        found = dict(effect.described_pair(first.value, columns[line[1]].value, covariance, first.shape))
-    else:
-        found = dict(effect.described(first.value, float(np.sqrt(max(covariance[0, 0], 0.0))), first.shape))
-    for at, (i, j) in enumerate(fit.model.refined, start=4 + len(columns)):
-        if i == line[0]:
-            constant = effect.constants[j].name
-            found[constant] = {**found[constant], "std": float(fit.std[at])}
+    """`parameters` of a candidate that was fitted, with standard deviations; the strongest term of several first."""
+    found: dict[str, Any] = {}
+    terms = sorted(_with_covariances(fit, name), key=lambda item: -item[1].size)
+    for count, (number, term, covariance) in enumerate(terms, start=1):
+        parameters = dict(term.described(covariance))
+        for at, (i, j) in enumerate(fit.model.refined, start=fit.model.known):
+            if i == number:
+                constant = term.effect.constants[j].name
+                parameters[constant] = {**parameters[constant], "std": float(fit.std[at])}
+        found |= {key if count == 1 else f"{key}_{count}": value for key, value in parameters.items()}
     return found
 
 
 def sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     """What was found of one effect, its size as a share of the friction that the final model has."""
     facts = replace(facts, friction=fit.model.parameters)
-    said = []
-    lines = lines_of(fit, name)  # pieces of a broken line are in the order of time
-    if CATALOGUE[name].quadrature:
-        lines.sort(key=lambda item: -_size(fit, item))
-    for line in lines:
-        first: Column = fit.model.columns[line[0]]
-        covariance = fit.likelihood.covariance[np.ix_([4 + i for i in line], [4 + i for i in line])]
-        effect = first.effect
-        if len(line) == 2 and issubclass(effect, PeriodicEffect):
-            second = fit.model.columns[line[1]].value
-            said.append(effect.sentence_pair(first.value, second, covariance, first.shape, facts))
-        else:
-            said.append(effect.sentence(first.value, float(np.sqrt(max(covariance[0, 0], 0.0))), first.shape, facts))
-    return "; ".join(said)
+    terms = _with_covariances(fit, name)  # pieces of a broken line are in the order of time
+    if CATALOGUE[name].repeats:
+        terms.sort(key=lambda item: -item[1].size)
+    return "; ".join(term.sentence(covariance, facts) for _, term, covariance in terms)
 
 
 def grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:

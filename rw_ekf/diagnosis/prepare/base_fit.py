@@ -46,5 +46,5 @@ def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:
 
     Their shapes stay as they were found: on a whole record, of which only a part is fitted here.
     """
-    effects = EffectSet(tuple(replace(column, settled=True) for column in setup.effects.columns))
+    effects = EffectSet(tuple(replace(term, settled=True) for term in setup.effects.terms))
     return Model(parameters, setup.stribeck_speed_rad_s, LAW_CODES[setup.stribeck_law], effects)

@@ -202,12 +202,12 @@ def _aged(model: WheelModel) -> Belief:
 
 def _given(model: WheelModel) -> tuple[tuple[str, float, float], ...]:
     """Coefficients of a model of another log, as wide as its parameters are taken (`_aged`)."""
-    known = len(model.parameters)
     found = []
-    for at, column in enumerate(model.effects.state_columns, start=known):
-        aged = 0.0 if column.effect.of_one_record else _AGEING * abs(column.value)
+    coefficients = [(term, value) for term in model.effects.state_terms for value in term.values]
+    for at, (term, value) in enumerate(coefficients, start=len(model.parameters)):
+        aged = 0.0 if term.effect.of_one_record else _AGEING * abs(value)
         std = math.hypot(_WIDENED * math.sqrt(max(model.covariance[at][at], 0.0)), aged)
-        found.append((column.id, column.value, max(std, 1.0e-9 * max(abs(column.value), 1.0))))
+        found.append((term.id, value, max(std, 1.0e-9 * max(abs(value), 1.0))))
     return tuple(found)
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from rw_ekf.diagnosis.judge.metrics import Judged
 from rw_ekf.diagnosis.judge.verdict import (
     Verdict,
@@ -18,7 +16,7 @@ from rw_ekf.diagnosis.search.evidence import threshold
 from rw_ekf.diagnosis.search.look import Found, gain_over
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.wheel.table import Column
+from rw_ekf.model.effect import Term, size_of
 
 
 def candidate_entries(
@@ -54,7 +52,7 @@ def candidate_entries(
                     entry["parameters"][constant] = {**entry["parameters"][constant], "std": std}
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
-                entry["parameters"] = _tried(trial.columns, trial.std)
+                entry["parameters"] = _tried(trial.terms, trial.std)
                 if trial.decision == "not significant" and trial.p_value < 1.0e-5:
                     entry["decision"] = (
                         f"explained by {', '.join(found.new_ids)}" if found.new_ids else "too small to matter"
@@ -96,13 +94,13 @@ def _gain(found: Found, name: str, before: Judged, after: Judged) -> float | Non
 
 
 def _parameters(fit: Fit, name: str) -> dict[str, Any]:
-    return described(fit, name) if any(column.id == name for column in fit.model.columns) else {}
+    return described(fit, name) if fit.model.of(name) else {}
 
 
-def _tried(columns: tuple[Column, ...], std: float) -> dict[str, Any]:
+def _tried(terms: tuple[Term, ...], std: float) -> dict[str, Any]:
     """Parameters of a candidate that was only scored."""
-    first = columns[0]
-    value = float(np.linalg.norm([column.value for column in columns])) if len(columns) > 1 else first.value
+    first = terms[0]
+    value = size_of(terms) if len(terms) > 1 or len(first.values) > 1 else first.values[0]
     return dict(first.effect.described(value, std, first.shape))
 
 

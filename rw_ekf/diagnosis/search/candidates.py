@@ -16,10 +16,9 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.frame import Frame
-from rw_ekf.likelihood.model import columns_of_candidate
 from rw_ekf.likelihood.one_step import predict
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect
-from rw_ekf.wheel.table import Column, EffectSet
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect, Term
+from rw_ekf.wheel.table import EffectSet
 
 _CHUNK = 128
 
@@ -33,13 +32,12 @@ class Hypothesis:
     columns: Float64Array
     unit: float
 
-    def starts(self, coefficients: Float64Array) -> list[list[Column]]:
+    def starts(self, coefficients: Float64Array) -> list[Term]:
         """The effect as fits should start: at the regression's coefficients (1 or 2,), or where it was tried."""
-        made = columns_of_candidate(self.effect, self.candidate)
-        found = [replace(c, value=float(v) * self.unit) for c, v in zip(made, coefficients, strict=True)]
+        found = tuple(float(value) * self.unit for value in coefficients)
         if self.effect.linear:
-            return [found]
-        return [columns_of_candidate(self.effect, s) for s in self.effect.starts(self.candidate, found[0].value)]
+            return [replace(Term.at(self.effect, self.candidate), values=found)]
+        return [Term.at(self.effect, start) for start in self.effect.starts(self.candidate, found[0])]
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ class Score:
 
     @property
     def size(self) -> float:
-        """The coefficient in its unit; the amplitude of two quadratures."""
+        """The coefficient in its unit; the amplitude of sine and cosine."""
         return float(np.linalg.norm(self.coefficients)) * self.hypothesis.unit
 
 
@@ -87,10 +85,9 @@ def hypotheses(
 def analytic(frame: Frame, places: list[tuple[type[Effect], Candidate]]) -> list[Hypothesis]:
     """Slopes of all places at once. Effects without written slopes are left out of the model meanwhile."""
     model = frame.model
-    kept = [c for c in model.columns if issubclass(c.effect, StaticEffect)]
-    tried = [columns_of_candidate(effect, candidate) for effect, candidate in places]
-    flat = [replace(column, value=0.0) for columns in tried for column in columns]
-    effects = EffectSet((*kept, *flat))
+    kept = [term for term in model.terms if issubclass(term.effect, StaticEffect)]
+    tried = [Term.of(effect, candidate.shape) for effect, candidate in places]
+    effects = EffectSet((*kept, *tried))
     coefficients = np.array([*model.parameters, *effects.values])
     rows = predict(
         frame.record,
@@ -102,19 +99,20 @@ def analytic(frame: Frame, places: list[tuple[type[Effect], Candidate]]) -> list
         with_rows=True,
         with_slopes=False,
     ).rows
-    found, at = [], 1 + coefficients.size - len(flat)
-    for (effect, candidate), columns in zip(places, tried, strict=True):
-        found.append(Hypothesis(effect, candidate, np.ascontiguousarray(rows[:, at : at + len(columns)]), 1.0))
-        at += len(columns)
+    found, at = [], 1 + coefficients.size - sum(len(term.values) for term in tried)
+    for (effect, candidate), term in zip(places, tried, strict=True):
+        columns = np.ascontiguousarray(rows[:, at : at + len(term.values)])
+        found.append(Hypothesis(effect, candidate, columns, 1.0))
+        at += len(term.values)
     return found
 
 
 def _secant(frame: Frame, effect: type[Effect], candidate: Candidate) -> Hypothesis | None:
     """The difference that an effect of this size makes; None where the model already has one like it."""
     model = frame.model
-    if any(column.effect is effect for column in model.columns):
+    if model.of(effect.id):
         return None
-    model_with = model.with_effect(columns_of_candidate(effect, candidate))
+    model_with = model.with_terms(Term.at(effect, candidate))
     try:
         ends = predict(
             frame.record, model_with.coefficients, model_with.effects, model.omega_s, model.law, frame.reference,

@@ -32,8 +32,8 @@ class EventGain:
 def event_gain(whole: Fit, name: str, prior: Prior, seen: Reference) -> EventGain | None:
     """Compare the errors on the seconds left out, without and with the event in the model; None if there are none."""
     record = whole.frame.record
-    column = next(c for c in whole.model.columns if c.id == name)
-    onset, decay = column.effect.lasts(column.shape)
+    term = whole.model.of(name)[0]
+    onset, decay = term.effect.lasts(term.shape)
     since = record.data.time_s - onset
     inside = (since >= 0.0) & (since < max(_DECAYS * decay, 2.0 * _STRIDE_S))
     left_out = inside & (np.floor(since / _STRIDE_S) % 2.0 == 1.0) & np.isfinite(record.data.speed_rad_s)

@@ -27,7 +27,7 @@ def p_value(effect: type[Effect], statistic: float, facts: RecordFacts) -> float
     """Probability that a wheel without the effect shows as much."""
     if statistic <= 0.0:
         return 1.0
-    single = chi_square_tail(statistic / INFLATION, 2 if effect.quadrature else 1)
+    single = chi_square_tail(statistic / INFLATION, effect.components)
     return float(-math.expm1(effect.places(facts) * math.log1p(-single))) if single < 1.0 else 1.0
 
 

@@ -69,8 +69,8 @@ class Found:
     @property
     def is_unexplained(self) -> bool:
         """Whether structure is left that outweighs what was found, but for what the effects leave by nature."""
-        columns = self.selection.final.model.columns
-        excused = {name for column in columns for name in column.effect.may_leave(column.shape, self.prepared.facts)}
+        terms = self.selection.final.model.terms
+        excused = {name for term in terms for name in term.effect.may_leave(term.shape, self.prepared.facts)}
         return any(item.name not in excused for item in self.left) and self.share < EXPLAINED_SHARE
 
     @property

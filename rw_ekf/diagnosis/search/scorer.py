@@ -209,7 +209,7 @@ def information(frame: Frame, prior: Prior | None, variance: float, facts: Recor
         for effect in CATALOGUE.values()
         if issubclass(effect, StaticEffect)
         and effect.linear
-        and not effect.quadrature
+        and effect.components == 1
         and not effect.local_in_time
         and effect.untestable(facts) is None
     ]

@@ -16,15 +16,15 @@ from rw_ekf.diagnosis.search.candidates import Score, hypotheses
 from rw_ekf.diagnosis.search.confounding import Quantity, may_confound, quantity_of, says_more, scorer_beside
 from rw_ekf.diagnosis.search.evidence import EXPLAINED_SHARE, LOCAL_P, SIGNIFICANT_P, p_value
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.trial import IMPOSSIBLE, Selection, Trial, determined, lines_in, matters, possible
+from rw_ekf.diagnosis.search.trial import IMPOSSIBLE, Selection, Trial, determined, matters, possible, terms_in
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frame import Prior
-from rw_ekf.likelihood.model import Model, columns_of_candidate
+from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import smoothed_by_filter
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
 _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 _TRIED = 3  # strongest candidates that are fitted in full in each turn
@@ -87,7 +87,7 @@ class Search:
             if trial.effect.local_in_time:
                 fit = self._with_other_laws(fit, trial)
             current = self.pruned(fit, selection)
-            if lines_in(current.model) == lines_in(selection.final.model):
+            if terms_in(current.model) == terms_in(selection.final.model):
                 break
             selection.final = current
         return selection
@@ -96,11 +96,11 @@ class Search:
         """Effects that may still enter: a periodic one at another order or frequency, any other once."""
         present = set(model.effects.ids)
         full = len(present) >= _MOST_EFFECTS
-        memories = sum(1 for column in model.columns if column.effect.flow_kind)
+        memories = sum(1 for term in model.terms if term.effect.flow_kind)
         return [
             effect
             for effect in self.effects
-            if ((effect.id not in present and not full) or (effect.quadrature and effect.id in present))
+            if ((effect.id not in present and not full) or (effect.repeats and effect.id in present))
             and not (effect.flow_kind and memories)
         ]
 
@@ -151,7 +151,7 @@ class Search:
         others: list[Quantity] = ["speed", "temperature"]
         for other in others:
             there = any(quantity_of(s.hypothesis.effect) == other for s in strong) or any(
-                quantity_of(column.effect) == other for column in current.model.columns
+                quantity_of(term.effect) == other for term in current.model.terms
             )
             if not (timed and there and may_confound(current, "time", other)):
                 continue
@@ -196,7 +196,7 @@ class Search:
             p_value(effect, score.statistic, self.facts),
             score.size,
             float(np.linalg.norm(score.std)) * score.hypothesis.unit,
-            tuple(score.hypothesis.starts(score.coefficients)[0]),
+            (score.hypothesis.starts(score.coefficients)[0],),
         )
 
     def _best_fit(self, current: Fit, contenders: list[Score], selection: Selection) -> tuple[Fit, Trial] | None:
@@ -214,8 +214,8 @@ class Search:
             start = self.on_whole(current) if local else current
             place = self._zoomed(start, score) if local else score
             fits = [
-                self.refitted(start, start.model.with_effect(columns))
-                for columns in place.hypothesis.starts(place.coefficients)
+                self.refitted(start, start.model.with_terms(term))
+                for term in place.hypothesis.starts(place.coefficients)
             ]
             fit = self._from_other_side(start, max(fits, key=lambda item: item.likelihood.value), place)
             shape_std = _shape_std(fit, score.id) if local else {}
@@ -263,7 +263,7 @@ class Search:
         """
         promised = 0.5 * score.statistic
         gained = fit.likelihood.value - start.likelihood.value
-        model = start.model.with_effect(score.hypothesis.starts(score.coefficients)[0])
+        model = start.model.with_terms(score.hypothesis.starts(score.coefficients)[0])
         if not score.hypothesis.effect.linear or model.effects.table().hidden or gained > _KEPT_SHARE * promised:
             return fit
         record = start.frame.record
@@ -288,8 +288,8 @@ class Search:
             less = fit_model(self.whole, model.without(name), self.prior, whole.reference, whole.noise, whole.omit)
             score = self._local_scores(less, [trial.effect]).get(name)
             if score is not None:
-                columns = self._zoomed(less, score).hypothesis.starts(score.coefficients)[0]
-                tried.append(self.refitted(less, less.model.with_effect(columns)))
+                term = self._zoomed(less, score).hypothesis.starts(score.coefficients)[0]
+                tried.append(self.refitted(less, less.model.with_terms(term)))
         if not tried:
             return fit
         best = max(tried, key=lambda item: 2.0 * item.likelihood.value - _WORTH_A_LAW * len(item.model.effects.ids))
@@ -308,7 +308,7 @@ class Search:
         if score is None:
             return fit
         starts = score.hypothesis.starts(score.coefficients)
-        fits = [self.refitted(start, start.model.with_effect(columns)) for columns in starts]
+        fits = [self.refitted(start, start.model.with_terms(term)) for term in starts]
         best = max(fits, key=lambda item: item.likelihood.value)
         return self.refitted(fit, best.model.settled(name)) if effect.local_in_time else best
 
@@ -331,7 +331,7 @@ class Search:
             self.advance(f"comparing rivals of {name}")
             less = self.without(final, name)
             scores = self._scores(less, near)
-            value = next(column.value for column in final.model.columns if column.id == name)
+            value = final.model.of(name)[0].values[0]
             for effect in near:
                 if not self.work.has(max(work.RIVALS, self.share)):
                     self.work.leave_out(f"rivals of {name} ({effect.id})")
@@ -339,8 +339,8 @@ class Search:
                 score = scores.get(effect.id)
                 starts = [] if score is None else score.hypothesis.starts(score.coefficients)
                 if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
-                    starts.append(columns_of_candidate(effect, Candidate(value)))
-                fits = [self.refitted(less, less.model.with_effect(columns)) for columns in starts]
+                    starts.append(Term.at(effect, Candidate(value)))
+                fits = [self.refitted(less, less.model.with_terms(term)) for term in starts]
                 if not fits:
                     continue
                 rival = max(fits, key=lambda item: item.likelihood.value)
@@ -367,7 +367,7 @@ class Search:
         names = [trial.effect.id for trial in strong if trial.statistic > least][:_TRIED]
         names += [other for other in CATALOGUE[name].confounded if not CATALOGUE[other].linear]
         present = set(selection.final.model.effects.ids)
-        memory = any(c.effect.flow_kind for c in selection.final.model.columns if c.id != name)
+        memory = any(term.effect.flow_kind for term in selection.final.model.terms if term.id != name)
         return [
             effect
             for effect in self.effects
@@ -410,22 +410,23 @@ def _others(model: Model, effects: list[type[Effect]]) -> list[Model]:
     found = []
     for name in model.effects.ids:
         effect = CATALOGUE[name]
-        if effect.linear and not (effect.quadrature or effect.of_one_record):
+        if _steady(effect):
             found.append(model.without(name))
         for other in effects:
             if other.id not in effect.confounded or other.id in model.effects.ids:
                 continue
-            if effect.linear and other.linear and not any(e.quadrature or e.of_one_record for e in (effect, other)):
-                added = columns_of_candidate(other, Candidate(0.0))
-                found += [model.without(name).with_effect(added), model.with_effect(added)]
+            if _steady(effect) and _steady(other):
+                added = Term.at(other, Candidate(0.0))
+                found += [model.without(name).with_terms(added), model.with_terms(added)]
     return found
+
+
+def _steady(effect: type[Effect]) -> bool:
+    """Whether it is one linear law that holds at any time."""
+    return effect.linear and effect.components == 1 and not effect.of_one_record
 
 
 def _shape_std(fit: Fit, name: str) -> dict[str, float]:
     """Standard deviations of an effect's refined shape constants, by name."""
-    first = 4 + len(fit.model.columns)
-    return {
-        fit.model.columns[i].effect.constants[j].name: float(fit.std[at])
-        for at, (i, j) in enumerate(fit.model.refined, start=first)
-        if fit.model.columns[i].id == name
-    }
+    refined = ((fit.model.terms[i], j, at) for at, (i, j) in enumerate(fit.model.refined, start=fit.model.known))
+    return {term.effect.constants[j].name: float(fit.std[at]) for term, j, at in refined if term.id == name}

@@ -18,7 +18,7 @@ from rw_ekf.diagnosis.search.trial import Trial
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.wheel.table import Column
+from rw_ekf.model.effect import Term
 
 _MOST_PIECES = 12
 
@@ -31,8 +31,8 @@ class Wander:
     trial: Trial
 
 
-def pieces(prepared: Prepared) -> list[Column]:
-    """Columns of a broken line with its knots where blocks meet, as few as 12 between.
+def pieces(prepared: Prepared) -> list[Term]:
+    """Terms of a broken line with its knots where blocks meet, as few as 12 between.
 
     A piece over a held-out block leads from where the block before it ends to where the next begins, so that the blocks
     that are searched know it. After the last of those the line goes on level. None without two of them.
@@ -46,26 +46,24 @@ def pieces(prepared: Prepared) -> list[Column]:
     edges = [*(float(time[block == number][0]) for number in inner), float(time[block == numbers[-1]][-1])]
     count = min(len(edges) - 1, _MOST_PIECES)
     knots = np.interp(np.linspace(0.0, len(edges) - 1.0, count + 1), np.arange(len(edges)), edges)
-    return [Column(WANDERING, 0.0, 0.0, WANDERING.piece(float(a), float(b))) for a, b in pairwise(knots)]
+    return [Term.of(WANDERING, WANDERING.piece(float(a), float(b))) for a, b in pairwise(knots)]
 
 
 def wandering(prepared: Prepared, search: Search, final: Fit) -> Wander | None:
     """The final model with wandering friction instead of a drift of any other shape; None where it has no room."""
-    columns = pieces(prepared)
-    if not columns:
+    terms = pieces(prepared)
+    if not terms:
         return None
     search.advance(f"fitting {WANDERING.id}, wandering")
     less = final
     for name in final.model.effects.ids:  # a spike or a drift may be but a piece of it
         if CATALOGUE[name].of_one_record and name not in prepared.base.model.effects.ids:
             less = search.without(less, name)
-    fit = search.refitted(less, less.model.with_effect(columns))
+    fit = search.refitted(less, less.model.with_terms(*terms))
     statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
-    p = chi_square_tail(statistic / INFLATION, len(columns)) if statistic > 0.0 else 1.0
-    places = [4 + i for i, column in enumerate(fit.model.columns) if column.id == WANDERING.id]
-    most = max(places, key=lambda i: abs(fit.model.columns[i - 4].value))
-    trial = Trial(
-        WANDERING, statistic, p, abs(fit.model.columns[most - 4].value), float(fit.std[most]),
-        tuple(column for column in fit.model.columns if column.id == WANDERING.id),
-    )  # fmt: skip
+    p = chi_square_tail(statistic / INFLATION, len(terms)) if statistic > 0.0 else 1.0
+    most, at = max(
+        ((term, at) for term, at in fit.model.placed if term.id == WANDERING.id), key=lambda item: item[0].size
+    )
+    trial = Trial(WANDERING, statistic, p, most.size, float(fit.std[at][0]), tuple(fit.model.of(WANDERING.id)))
     return Wander(fit, trial)
