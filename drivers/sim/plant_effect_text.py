@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
-from drivers.sim.plant_effect import PlantEffect
-from drivers.sim.plant_effects import EFFECTS, with_effects
+from drivers.sim.plant_effects import EFFECTS, PlantEffect, with_effects
 from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.errors import BadInputError
 
@@ -28,7 +27,7 @@ def parse_effect(text: str) -> PlantEffect:
     kind = EFFECTS.get(name.strip())
     if kind is None:
         raise BadInputError(f"unknown effect {name.strip()!r} in {text!r}; there are: {', '.join(EFFECTS)}")
-    known = {field.name: field for field in fields(kind)}  # type: ignore[arg-type]
+    known = {field.name: field for field in fields(kind)}
     values: dict[str, float | str] = {}
     for setting in filter(None, (part.strip() for part in settings.split(","))):
         key, equals, value = (part.strip() for part in setting.partition("="))
@@ -60,7 +59,7 @@ def describe_effects() -> list[str]:
     for name, kind in EFFECTS.items():
         defaults = ",".join(
             f"{field.name}={field.default:g}" if isinstance(field.default, float) else f"{field.name}={field.default}"
-            for field in fields(kind)  # type: ignore[arg-type]
+            for field in fields(kind)
             if field.default is not MISSING
         )
         lines.append(f"{name}:{defaults}  {(kind.__doc__ or '').splitlines()[0]}")

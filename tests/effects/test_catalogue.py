@@ -127,7 +127,7 @@ def with_part(part: Contribution, at: Conditions) -> float:
 
 def plant_with(effect: type[Effect], a: float, shape: Shape) -> PlantParameters:
     """The simulated wheel with the effect's twin, its numbers given by name."""
-    fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}  # type: ignore[arg-type]
+    fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}
     numbers = {effect.coefficient.name: a}
     numbers |= {c.name: q for c, q in zip(effect.constants, shape, strict=False) if c.name in fields}
     return EFFECTS[effect.id](**numbers).applied_to(PlantParameters())
@@ -206,7 +206,7 @@ def test_confusions_are_mutual_and_told_apart(effect: type[Effect]) -> None:
 @pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.id)
 def test_its_names_are_those_of_the_simulated_wheel(effect: type[Effect]) -> None:
     """`--effect ID:name=value` and the document use the same names; start_s, piece_s, reference_s are ours alone."""
-    fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}  # type: ignore[arg-type]
+    fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}
     assert {effect.coefficient.name, *(c.name for c in effect.constants)} - {
         "start_s",
         "piece_s",

@@ -45,7 +45,7 @@ INJECTED: dict[str, tuple[dict[str, float], dict[str, float]]] = {
 def test_what_the_plant_has_is_named(effect_id: str) -> None:
     """The effect is named, by itself or in a group that the log cannot tell apart, with a size near the plant's."""
     if effect_id not in CATALOGUE_IDS:
-        pytest.fail(f"{effect_id} has no twin in the simulated plant: add one to drivers/plant_effects_*.py")
+        pytest.fail(f"{effect_id} has no twin in the simulated plant: add one to drivers/sim/plant_effects.py")
     if effect_id not in INJECTED:
         pytest.fail(f"{effect_id} has no amplitude here: add one of 5 to 10 % of Coulomb friction to INJECTED")
     given, sizes = INJECTED[effect_id]
