@@ -39,14 +39,13 @@ def pieces_of_log(
         return Pieces(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
     edges = np.flatnonzero(np.concatenate(([True], segment[1:] != segment[:-1], [True])))
     # A backward row is skipped; the command issued after it counts from the last valid reading, as it does online.
-    time_s = np.concatenate([np.maximum.accumulate(time_s[a:b]) for a, b in pairwise(edges)])
-    same = np.ones(n, dtype=bool)  # the interval from i goes on to i + 1
-    same[:-1] = segment[1:] == segment[:-1]
-    same[-1] = False
+    if np.any(time_s[1:] < time_s[:-1]):
+        time_s = np.concatenate([np.maximum.accumulate(time_s[a:b]) for a, b in pairwise(edges)])
     if not np.any(delay_s > 0.0):
         duration = np.zeros(n)
-        duration[:-1] = np.where(same[:-1], np.diff(time_s), 0.0)
-        return Pieces(np.arange(n, dtype=np.int64), np.maximum(duration, 0.0), np.asarray(current_A, dtype=np.float64))
+        np.subtract(time_s[1:], time_s[:-1], out=duration[:-1])
+        duration[edges[1:] - 1] = 0.0  # from the last sample of a segment nothing leads on
+        return Pieces(np.arange(n, dtype=np.int64), duration, np.asarray(current_A, dtype=np.float64))
     start = np.zeros(n, np.int64)
     durations: list[Float64Array] = []
     currents: list[Float64Array] = []

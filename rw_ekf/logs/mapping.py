@@ -127,7 +127,8 @@ def _one_speed(table: RawTable, mapped: MappedColumns) -> None:
         mapped.warnings.append(f"{table.path}: has speed_rad_s and speed_rpm; speed_rad_s is used")
         mapped.other["speed_rpm"] = rpm
     else:
-        mapped.values["speed_rad_s"] = np.asarray(rad_s_from_rpm(1.0) * rpm)
+        rpm *= rad_s_from_rpm(1.0)
+        mapped.values["speed_rad_s"] = rpm
         mapped.in_rpm = True
 
 

@@ -54,8 +54,9 @@ class RawTable:
             )
         if pa.types.is_null(kind):
             return np.full(self.rows, np.nan)
-        # A copy on purpose: arrays that arrow lends are read-only, and compiled code would be built twice for them.
-        return np.array(column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+        values: Float64Array = column.cast(pa.float64(), safe=False).to_numpy()
+        # An array that arrow lends is read-only, and compiled code would be built twice for it; of chunks it is a copy.
+        return values if values.flags.writeable else values.copy()
 
     def described_columns(self) -> str:
         """Describe the columns for a message: `time, v, (unnamed)`."""
