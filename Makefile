@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test check install clean
+.PHONY: help demo test check lint quick-tests all-tests install clean
 
 help:
 	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, and the proof; three minutes"
@@ -29,19 +29,24 @@ install: $(INSTALLED)
 demo: $(INSTALLED)
 	@$(BIN)/python -m tools.demo $(if $(SEED),--seed $(SEED))
 
+# Lint runs beside the tests, and the tests in a process for each core; those marked xdist_group share one.
 check: $(INSTALLED)
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
-	$(BIN)/pytest -m "not slow"
+	@$(MAKE) --no-print-directory -j2 lint quick-tests
 
 test: $(INSTALLED)
+	@$(MAKE) --no-print-directory -j2 lint all-tests
+
+lint:
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/pytest
+
+quick-tests:
+	$(BIN)/pytest -n auto --dist loadgroup -m "not slow"
+
+all-tests:
+	$(BIN)/pytest -n auto --dist loadgroup
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

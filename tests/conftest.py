@@ -1,8 +1,10 @@
-"""Options of the whole suite."""
+"""Options of the whole suite, kernels compiled before it begins, and the order in which several processes take it."""
 
 from __future__ import annotations
 
 import pytest
+
+import rw_ekf  # noqa: F401  before numpy: one thread for linear algebra
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -10,11 +12,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--refresh-golden", action="store_true", help="write tests/golden/ anew instead of comparing")
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _compiled_ahead() -> None:
-    """Tests begin with a warm cache, as every use but the first does; what a cold one says has tests of its own."""
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Tests begin with a warm cache, as every use but the first does; what a cold one says has tests of its own.
+
+    Where pytest-xdist distributes the tests, only the process that starts the others compiles.
+    """
+    if hasattr(session.config, "workerinput") or session.config.option.collectonly:
+        return
     from rw_ekf.compile_ahead import DIAGNOSIS, cold, compile_in_children
 
     missing = cold(DIAGNOSIS)
     if missing:
         compile_in_children(missing, lambda done: None)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Where several processes share the tests, slow ones come first: none is left alone with a long one at the end."""
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: item.get_closest_marker("slow") is None)
