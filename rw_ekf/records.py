@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import StrEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -61,6 +62,22 @@ class LinkCounters:
     stale: int = 0
     damaged: int = 0
     reconnects: int = 0
+
+
+class Clock(Protocol):
+    """Time as a loop has it; rw_ekf.clock has the computer's and a virtual one."""
+
+    def monotonic(self) -> float:
+        """Time since some instant [s]; never steps."""
+        ...
+
+    def sleep(self, seconds: float, unless: int | None = None) -> None:
+        """Wait; no longer than until the descriptor `unless` is readable."""
+        ...
+
+    def utc(self) -> datetime:
+        """The hour of the day."""
+        ...
 
 
 @runtime_checkable

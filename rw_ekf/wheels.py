@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from rw_ekf.errors import ConfigError
-from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
+from rw_ekf.records import Clock, IssuedCommand, WheelDriver, WheelSample
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def check_wire(configuration: Configuration) -> WireMap:
 
 
 def serial_opener(
-    configuration: Configuration, wire_map: WireMap, *, probe: bool = True, exclusive: bool = True
+    configuration: Configuration, wire_map: WireMap, clock: Clock, *, probe: bool = True, exclusive: bool = True
 ) -> Callable[[WheelDriver | None], WheelDriver]:
     """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
 
@@ -99,6 +99,7 @@ def serial_opener(
         return open_serial_wheel(
             configuration.wheel.port,
             wire_map,
+            clock,
             1e-3 * configuration.loop.reply_timeout_ms,
             baud=configuration.wheel.baud,
             probe=probe and lost is None,

@@ -6,7 +6,6 @@ Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.
 from __future__ import annotations
 
 import contextlib
-import time
 from typing import Any, NamedTuple
 
 import serial
@@ -14,7 +13,7 @@ import serial
 from drivers.line.framing import Frame, decode, encode
 from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, open_error
 from drivers.line.wire_layout import Framing, LineSettings
-from rw_ekf.records import LinkCounters
+from rw_ekf.records import Clock, LinkCounters
 
 # How long one look at the port blocks. Setting pyserial's timeout per request would reprogram the port every time.
 POLL_S = 0.002
@@ -39,6 +38,7 @@ class SerialLink:
         framing: Framing,
         line: LineSettings,
         reply_timeout_s: float,
+        clock: Clock,
         *,
         baud: int | None = None,
         counters: LinkCounters | None = None,
@@ -46,6 +46,7 @@ class SerialLink:
     ) -> None:
         """Open the port: anything pyserial's serial_for_url takes. reply_timeout_s: behind a request's last byte."""
         self.port = port
+        self._clock = clock
         self.framing = framing
         self.baud = baud if baud is not None else line.baud
         self.byte_s = line.bits_per_byte / self.baud
@@ -65,19 +66,19 @@ class SerialLink:
         """
         self._seq = (self._seq + 1) & 0xFF
         frame = encode(self._seq, register_id, data, self.framing)
-        started_s = time.monotonic()
+        started_s = self._clock.monotonic()
         limit_s = self.transmit_s(len(frame)) + self.reply_timeout_s
         deadline_s = started_s + (limit_s if timeout_s is None else min(limit_s, max(timeout_s, 0.0)))
         try:
             self._drain()
             self.counters.requests += 1
-            sent_s = time.monotonic()
+            sent_s = self._clock.monotonic()
             reply = self._wait(register_id, reply_bytes, deadline_s) if self._send(frame) else None
         except LINE_EXCEPTIONS as error:
             raise lost_error(self.port, error) from error
         if reply is None:
             self.counters.timeouts += 1
-        return Exchange(reply, sent_s + self.transmit_s(len(frame)), time.monotonic())
+        return Exchange(reply, sent_s + self.transmit_s(len(frame)), self._clock.monotonic())
 
     def transmit_s(self, byte_count: int) -> float:
         """How long bytes take on the line [s]."""
@@ -128,7 +129,7 @@ class SerialLink:
 
     def _wait(self, register_id: int, reply_bytes: int, deadline_s: float) -> bytes | None:
         """The data of the reply, or None at the deadline."""
-        while time.monotonic() < deadline_s:
+        while self._clock.monotonic() < deadline_s:
             frames: list[Frame] = []
             self._take(1, keep=frames)
             for frame in frames:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 from drivers.line.line_errors import silent_error
 from drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
@@ -13,7 +12,7 @@ from drivers.line.wheel_registers import FLAG_RESET, conditions, registers_besid
 from drivers.line.wire_layout import Field, Register
 from drivers.line.wire_map import STATUS_OK, WireMap
 from rw_ekf.errors import DriverError
-from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
+from rw_ekf.records import Clock, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
@@ -24,11 +23,12 @@ QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
 class SerialWheel:
     """A WheelDriver on a line. Made by open_serial_wheel."""
 
-    def __init__(self, link: SerialLink, wire_map: WireMap, clock: WheelClock | None = None) -> None:
+    def __init__(self, link: SerialLink, wire_map: WireMap, host: Clock, clock: WheelClock | None = None) -> None:
         self.source = f"serial+{link.port}"
         self.link: LinkCounters = link.counters
         self.identity: WheelIdentity | None = None
         self._line = link
+        self._host = host
         self._map = wire_map
         self.clock = clock if clock is not None else WheelClock()
         self._main = wire_map.speed_register
@@ -39,12 +39,12 @@ class SerialWheel:
         self._crowded_out = False  # what was asked beside the last sample left no time for it
         self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
         self._quiet_since_s: float | None = None
-        self._opened_s = time.monotonic()
+        self._opened_s = self._host.monotonic()
         self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
 
     def read(self, timeout_s: float) -> WheelSample | None:
         """One sample, or None if no valid one came within timeout_s [s] and the reply timeout. Raises DriverError."""
-        deadline_s = time.monotonic() + timeout_s
+        deadline_s = self._host.monotonic() + timeout_s
         # On a slow line at a high rate what is asked beside may take the sample's time: never twice running.
         beside = not self._crowded_out and self._read_beside(deadline_s)
         exchange = self._exchange(self._main, deadline_s)
@@ -114,15 +114,15 @@ class SerialWheel:
     def probe(self, within_s: float = PROBE_S) -> None:
         """Wait for the first valid reply and read who answers. Raises DriverError if none comes within_s [s]."""
         identity = self._map.register("identity")
-        deadline_s = time.monotonic() + within_s
+        deadline_s = self._host.monotonic() + within_s
         while self._line.good_frames == 0:
             for register in filter(None, (identity, self._main)):
                 self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
-            if time.monotonic() >= deadline_s:
+            if self._host.monotonic() >= deadline_s:
                 break
         if self._line.good_frames == 0:
             raise silent_error(self._line.port, self._line.baud, within_s, self._line.received_bytes)
-        soon_s = time.monotonic() + 4.0 * self._line.reply_timeout_s
+        soon_s = self._host.monotonic() + 4.0 * self._line.reply_timeout_s
         if identity is not None and self.identity is None:
             self._note_identity(self._values(identity, self._exchange(identity, soon_s)), identity)
         self._read_status_if_due(soon_s)
@@ -131,7 +131,7 @@ class SerialWheel:
 
     def _exchange(self, register: Register, deadline_s: float) -> Exchange:
         """Ask for a register; at the deadline nothing is sent, for its reply would only come in the way of the next."""
-        now_s = time.monotonic()
+        now_s = self._host.monotonic()
         if now_s >= deadline_s:
             return Exchange(None, now_s, now_s)
         return self._line.request(register.id, b"", register.size, deadline_s - now_s)
@@ -166,7 +166,7 @@ class SerialWheel:
     def _read_status_if_due(self, deadline_s: float) -> bool:
         """Read the status register now and then; whether it was asked."""
         register = self._map.register("status")
-        now_s = time.monotonic()
+        now_s = self._host.monotonic()
         if register is None or register.access != "read" or now_s < self._status_due_s:
             return False
         values = self._values(register, self._exchange(register, deadline_s))
@@ -188,7 +188,7 @@ class SerialWheel:
 
     def _note_quiet(self) -> None:
         """Whoever is silent for longer than a cycle or two may have been changed for another."""
-        now_s = time.monotonic()
+        now_s = self._host.monotonic()
         if self._quiet_since_s is None:
             self._quiet_since_s = now_s
         elif now_s - self._quiet_since_s > QUIET_S:
@@ -219,6 +219,7 @@ class SerialWheel:
 def open_serial_wheel(
     port: str,
     wire_map: WireMap,
+    clock: Clock,
     reply_timeout_s: float | None = None,
     *,
     baud: int | None = None,
@@ -237,9 +238,9 @@ def open_serial_wheel(
     counters = previous.link if previous is not None else None
     timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.line.reply_timeout_s
     line = SerialLink(
-        port, wire_map.framing, wire_map.line, timeout_s, baud=baud, counters=counters, exclusive=exclusive
+        port, wire_map.framing, wire_map.line, timeout_s, clock, baud=baud, counters=counters, exclusive=exclusive
     )
-    wheel = SerialWheel(line, wire_map, previous.clock if previous is not None else None)
+    wheel = SerialWheel(line, wire_map, clock, previous.clock if previous is not None else None)
     if previous is not None:
         wheel.identity = previous.identity if previous.identity is not None else previous._expected
         wheel.doubt_identity()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rw_ekf.live.holder import HolderReport
-    from rw_ekf.records import WheelDriver
+    from rw_ekf.records import Clock, WheelDriver
     from rw_ekf.settings.line import LineConfiguration
 
 HELP = "zero current: ends a running daemon of that configuration's port, then writes zero itself"
@@ -28,21 +28,23 @@ def execute(args: argparse.Namespace) -> int:
 
     Of the configuration only the port, baud rate, reply timeout and wire map are used: other mistakes are warnings.
     """
+    from rw_ekf.clock import SystemClock
     from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
     from rw_ekf.live.guard import CurrentGuard, SafetyLimits
     from rw_ekf.live.holder import stop_holder
     from rw_ekf.settings.line import read_line
 
+    clock = SystemClock()
     line = read_line(args.config)
     port = line.configuration.wheel.port
     if line.findings:
         _warn([*line.findings, "the configuration has mistakes; stop used its port and went on", *line.doubts])
-    report = stop_holder(port)
+    report = stop_holder(port, clock)
     _warn(report.notes)
-    driver = _open(line, report)
+    driver = _open(line, report, clock)
     try:
-        confirmed = CurrentGuard(driver, SafetyLimits.of(line.configuration.limits)).zero(_TRY_S)
+        confirmed = CurrentGuard(driver, SafetyLimits.of(line.configuration.limits), clock).zero(_TRY_S)
     finally:
         driver.close()
     if not confirmed:
@@ -68,7 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
-def _open(line: LineConfiguration, report: HolderReport) -> WheelDriver:
+def _open(line: LineConfiguration, report: HolderReport, clock: Clock) -> WheelDriver:
     """The wheel's line, for ourselves, or beside a daemon that is still there. Raises RwEkfError with what was done."""
     from rw_ekf.errors import ConfigError, DriverError
     from rw_ekf.live.holder import others_with
@@ -83,7 +85,7 @@ def _open(line: LineConfiguration, report: HolderReport) -> WheelDriver:
         raise ConfigError([*error.findings, said]) from None
     # Without a probe: zero goes out even where the wheel's answers are lost.
     try:
-        return serial_opener(configuration, wire_map, probe=False, exclusive=not report.remaining)(None)
+        return serial_opener(configuration, wire_map, clock, probe=False, exclusive=not report.remaining)(None)
     except DriverError as error:
         others = "".join(f"; it is open in {other}" for other in others_with(port))
         raise DriverError(f"{_done(report)}zero could not be written: {error}{others}{_still(report)}") from None

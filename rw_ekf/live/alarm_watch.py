@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.records import ActiveAlarm, Tick
+from rw_ekf.records import ActiveAlarm, Clock, Tick
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
 
@@ -22,10 +21,10 @@ _MOST_SENTENCES = 50  # kept for the report of a run; the log has them all
 class AlarmWatch:
     """Feeds the watch and says what it finds, in hours of the day."""
 
-    def __init__(self, watch: WheelWatch, logger: Any, now: Callable[[], datetime] = lambda: datetime.now(UTC)) -> None:
+    def __init__(self, watch: WheelWatch, logger: Any, clock: Clock) -> None:
         self._watch: WheelWatch | None = watch
         self._logger = logger
-        self._now = now
+        self._clock = clock
         self._active: dict[str, ActiveAlarm] = {}
         self._sentences: list[str] = []
         self._more = 0
@@ -38,7 +37,7 @@ class AlarmWatch:
             return ()
         sample = tick.sample
         if self._began is None or sample.segment != self._segment:  # the wheel's clock began anew, or jumped
-            self._began = self._now(), sample.time_s
+            self._began = self._clock.utc(), sample.time_s
         self._segment = sample.segment
         try:
             news = self._watch.step(tick)
@@ -80,7 +79,7 @@ class AlarmWatch:
 
     def _utc(self, time_s: float, now_s: float) -> str:
         """UTC of a time of the log [s], given that it is now_s now; the wheel's clock may run at any rate."""
-        now, rate = self._now(), 1.0
+        now, rate = self._clock.utc(), 1.0
         if self._began is not None and now_s - self._began[1] > _RATE_AFTER_S:
             rate = (now - self._began[0]).total_seconds() / (now_s - self._began[1])
         return f"{now - timedelta(seconds=rate * (now_s - time_s)):%Y-%m-%dT%H:%M:%SZ}"
@@ -94,7 +93,7 @@ def _with_remaining(alarm: ActiveAlarm, drag_rad_s2: float, std_rad_s2: float) -
 
 
 def alarm_watch_of(
-    configuration: Configuration, constants: FilterConstants, inertia_kg_m2: float | None, logger: Any
+    configuration: Configuration, constants: FilterConstants, inertia_kg_m2: float | None, logger: Any, clock: Clock
 ) -> AlarmWatch | None:
     """Return the watch that a configuration asks for; None where it is switched off."""
     section = configuration.watch
@@ -108,4 +107,4 @@ def alarm_watch_of(
         inertia_kg_m2,
     )
     knobs = WatchKnobs(section.false_alarms_per_1000_h, section.window_s, section.smallest_spike_percent)
-    return AlarmWatch(WheelWatch(about, knobs), logger)
+    return AlarmWatch(WheelWatch(about, knobs), logger, clock)

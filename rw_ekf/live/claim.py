@@ -12,7 +12,6 @@ import hashlib
 import json
 import os
 import stat
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +20,7 @@ from typing import Any, Self
 from rw_ekf.errors import DriverError
 from rw_ekf.live.port_name import aliases_of, device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, facts_of, holds_lock, user_name
+from rw_ekf.records import Clock
 
 DIRECTORIES = ("/run/lock", "/tmp")  # fixed: an environment variable may differ between `run` and `stop`
 _SHARED = stat.S_ISVTX | stat.S_IWOTH  # all may write, each removes only what is its own
@@ -78,11 +78,11 @@ def claim_path(port: str) -> Path:
     return _directory() / f"rw-ekf-{os.geteuid()}-{digest}.lock"
 
 
-def held_claims(names: frozenset[str]) -> list[Claim]:
+def held_claims(names: frozenset[str], clock: Clock) -> list[Claim]:
     """Claims of all users on the port of those names that are held at this moment."""
     held = _all_held()
     if any(claim.pid is None for claim in held):  # a daemon that just took it writes its own number within an instant
-        time.sleep(_WRITTEN_WITHIN_S)
+        clock.sleep(_WRITTEN_WITHIN_S)
         held = _all_held()
     return [claim for claim in held if claim.means(names)]
 
@@ -96,7 +96,8 @@ def is_held(claim: Claim) -> bool:
 class PortClaim:
     """Held while a daemon runs. The lock dies with the process, however it dies."""
 
-    def __init__(self, port: str) -> None:
+    def __init__(self, port: str, clock: Clock) -> None:
+        self._clock = clock
         self.port = port
         self.path = claim_path(port)
         self._descriptor: int | None = None
@@ -106,9 +107,9 @@ class PortClaim:
         with contextlib.ExitStack() as undo:
             descriptor = self._open()
             undo.callback(os.close, descriptor)
-            if not _lock(descriptor, fcntl.LOCK_EX, _LOCK_TRIES):
+            if not self._lock(descriptor):
                 raise self._taken(_read_claim(self.path, descriptor).pid, os.geteuid())
-            for other in held_claims(names_of(self.port)):
+            for other in held_claims(names_of(self.port), self._clock):
                 facts = other.holder() if other.path != self.path else None
                 if facts is not None:  # under another name, or another user's
                     raise self._taken(facts.pid, facts.uid)
@@ -138,6 +139,13 @@ class PortClaim:
                 os.ftruncate(self._descriptor, 0)
             os.close(self._descriptor)
             self._descriptor = None
+
+    def _lock(self, descriptor: int) -> bool:
+        for _ in range(_LOCK_TRIES):
+            if _locked(descriptor, fcntl.LOCK_EX):
+                return True
+            self._clock.sleep(_LOCK_WAIT_S)
+        return False
 
     def _open(self) -> int:
         """The user's own file, made if it is not there; whatever else stands in its place is left alone."""
@@ -193,23 +201,20 @@ def _held_claim(path: Path) -> Claim | None:
     except OSError:
         return None
     try:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode) or _lock(descriptor, fcntl.LOCK_SH, 1):
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode) or _locked(descriptor, fcntl.LOCK_SH):
             return None
         return _read_claim(path, descriptor)
     finally:
         os.close(descriptor)
 
 
-def _lock(descriptor: int, kind: int, tries: int) -> bool:
-    for _ in range(tries):
-        try:
-            fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
-        except OSError:
-            if tries > 1:
-                time.sleep(_LOCK_WAIT_S)
-        else:
-            return True
-    return False
+def _locked(descriptor: int, kind: int) -> bool:
+    """Take a lock if it is free; whether it was."""
+    try:
+        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
 
 
 def _read_claim(path: Path, descriptor: int) -> Claim:

@@ -6,7 +6,7 @@ import contextlib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,14 +21,15 @@ from rw_ekf.live.alarm_watch import AlarmWatch, alarm_watch_of
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
-from rw_ekf.live.live import LiveWheel, LoopTiming
+from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.loop import run_loop
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
+from rw_ekf.live.timing import LoopTiming
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.records import LinkCounters, Reading, Sink
+from rw_ekf.records import Clock, LinkCounters, Reading, Sink
 from rw_ekf.sinks.sign_sink import SignSink
 from rw_ekf.sinks.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, Unwritten
 from rw_ekf.sinks.status_line import StatusLine
@@ -104,6 +105,7 @@ def run_daemon(
     duration_s: float | None,
     logger: Any,
     stop: StopSignal,
+    clock: Clock,
 ) -> RunOutcome:
     """Attach, estimate, log, publish. Raises DriverError if the wheel cannot be reached at the start.
 
@@ -111,7 +113,7 @@ def run_daemon(
     """
     from rw_ekf.wheels import scale_places, serial_opener
 
-    began = datetime.now(UTC)
+    began = clock.utc()
     if model is not None:
         model, notes = carried_over(model)
         for text in notes:
@@ -122,9 +124,9 @@ def run_daemon(
     controller, profile_s, phase = controller_of(configuration.command) if writes else (None, None, None)
     lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
     statistics, unwritten = StatisticsSink(), Unwritten()
-    watch = alarm_watch_of(configuration, estimator.constants, setup.inertia_kg_m2, logger)
+    watch = alarm_watch_of(configuration, estimator.constants, setup.inertia_kg_m2, logger, clock)
     with contextlib.ExitStack() as stack:
-        stack.enter_context(PortClaim(configuration.wheel.port))
+        stack.enter_context(PortClaim(configuration.wheel.port, clock))
         resolution, noise = wire_map.speed_step_rad_s, estimator.constants.speed_variance**0.5
         law = estimator.constants.omega_s, estimator.constants.law
         stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *law)
@@ -135,10 +137,11 @@ def run_daemon(
             writes=writes,
         )
         live = LiveWheel(
-            serial_opener(configuration, wire_map),
+            serial_opener(configuration, wire_map, clock),
             SafetyLimits.of(configuration.limits),
             configuration.loop.rate_hz,
             stop,
+            clock,
             writes=writes,
             note=logger.warning,
             check=check,
@@ -155,14 +158,14 @@ def run_daemon(
         confirmed = False
         try:
             files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
-            status = StatusLine(logger, lasts_s, phase)
+            status = StatusLine(logger, clock, lasts_s, phase)
             names = setup.state_names
             sinks = [
-                *_sinks(stack, files, configuration, statistics, names, watch, unwritten, logger, status),
+                *_sinks(stack, files, configuration, statistics, names, watch, unwritten, logger, status, clock),
                 sign,
             ]
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
-            readings = _with_metadata(live, live.readings(lasts_s), files, configuration, unwritten, logger)
+            readings = _with_metadata(live, live.readings(lasts_s), files, configuration, unwritten, logger, clock)
             if controller is None:
                 readings, issue = following(readings)
             else:
@@ -202,7 +205,7 @@ def run_daemon(
             live.link,
             live.timing,
             stop.requested,
-            live.lost or live.silent,
+            live.lost,
             confirmed,
             () if watch is None else tuple(watch.warnings),
             tuple(check.findings),
@@ -241,13 +244,14 @@ def _sinks(
     unwritten: Unwritten,
     logger: Any,
     status: StatusLine,
+    clock: Clock,
 ) -> list[Sink]:
     log = LogSink(SampleWriter(files.log), EstimateWriter(files.estimates, names), unwritten, logger.warning)
     about = {"schema": "rw_ekf.state/1", "wheel": configuration.wheel.name, "log": files.log.name}
     sinks: list[Sink] = [
         log,
         statistics,
-        StateFileSink(files.state, about, unwritten=unwritten, watched=watch is not None),
+        StateFileSink(files.state, about, clock, unwritten=unwritten, watched=watch is not None),
         SyncSink([files.log, files.estimates]),
         status,
     ]
@@ -263,6 +267,7 @@ def _with_metadata(
     configuration: Configuration,
     unwritten: Unwritten,
     logger: Any,
+    clock: Clock,
 ) -> Iterator[Reading]:
     """Write the metadata when the first sample comes: only then is its UTC known."""
     first = True
@@ -270,7 +275,7 @@ def _with_metadata(
         if first:
             first = False
             about = RunMetadata(
-                utc_text(datetime.now(UTC)),
+                utc_text(clock.utc()),
                 live.driver.source,
                 __version__,
                 live.driver.identity,

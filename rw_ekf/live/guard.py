@@ -8,13 +8,11 @@ is judged by what the speed did: a current that should, and under which the spee
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rw_ekf.errors import DriverError
-from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
+from rw_ekf.records import Clock, IssuedCommand, WheelDriver, WheelSample
 from rw_ekf.units import rad_s_from_rpm
 
 if TYPE_CHECKING:
@@ -124,7 +122,7 @@ class CurrentGuard:
         self,
         driver: WheelDriver,
         limits: SafetyLimits,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Clock,
         speed_step_rad_s: float = 0.0,
     ) -> None:
         """speed_step_rad_s: noise or resolution of a speed reading, whichever is larger."""
@@ -133,7 +131,7 @@ class CurrentGuard:
         self._brake = BrakeCheck(limits.speed_rad_s, speed_step_rad_s)
         self._clock = clock
         self._previous_A = 0.0
-        self._written_at_s = clock()
+        self._written_at_s = clock.monotonic()
         self._speed_rad_s: float | None = None
         self._temperature_degC: float | None = None
         self.doubtful = False  # True: the last write was not confirmed; it may be in force or not
@@ -149,7 +147,7 @@ class CurrentGuard:
         if sample.temperature_degC is not None:
             self._temperature_degC = sample.temperature_degC
         self._believe_telemetry(sample.current_command_A)
-        now = self._clock()
+        now = self._clock.monotonic()
         current, reason = allowed_current(
             requested_A,
             self._previous_A,
@@ -179,11 +177,11 @@ class CurrentGuard:
 
     def zero(self, within_s: float = 0.5) -> bool:
         """Write zero until the wheel confirms it or `within_s` is over; True if confirmed. Never raises."""
-        end = self._clock() + within_s
+        end = self._clock.monotonic() + within_s
         while True:
             try:
                 # Confirmed or not, the way back up starts from zero.
-                self._previous_A, self._written_at_s = 0.0, self._clock()
+                self._previous_A, self._written_at_s = 0.0, self._clock.monotonic()
                 self._brake.written(0.0)
                 self.doubtful = not self._send(0.0).acknowledged
                 if not self.doubtful:
@@ -191,9 +189,9 @@ class CurrentGuard:
             except DriverError:
                 self.doubtful = True
                 return False
-            if self._clock() >= end:
+            if self._clock.monotonic() >= end:
                 return False
-            time.sleep(_ZERO_RETRY_S)
+            self._clock.sleep(_ZERO_RETRY_S)
 
     def _believe_telemetry(self, in_force_A: float | None) -> None:
         """Slew from what the wheel says is in force: it may have restarted, or taken what it never confirmed."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from rw_ekf.live.claim import Claim, held_claims, is_held
 from rw_ekf.live.port_name import device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, ProcessHandle, facts_of, has_open, processes_with, user_name
+from rw_ekf.records import Clock
 
 _KILL_WITHIN_S = 2.0
 _LOOK_EVERY_S = 0.02
@@ -27,7 +27,7 @@ class HolderReport:
     notes: list[str] = field(default_factory=list)  # what else a person should know
 
 
-def stop_holder(port: str, within_s: float = 5.0) -> HolderReport:
+def stop_holder(port: str, clock: Clock, within_s: float = 5.0) -> HolderReport:
     """End every daemon that drives the wheel at `port`: SIGTERM, and SIGKILL where that has not helped within_s [s].
 
     Found by its claim, under any name of the port, or else by the port that it has open. A process is signalled only
@@ -35,19 +35,19 @@ def stop_holder(port: str, within_s: float = 5.0) -> HolderReport:
     """
     report = HolderReport()
     device = device_of(own_name(port))
-    claims = held_claims(names_of(port))
+    claims = held_claims(names_of(port), clock)
     for claim in claims:
         holder = claim.holder()
         if holder is None:
             report.notes.append(_not_believed(claim))
         elif holder.pid != os.getpid():
-            _end(holder, lambda claim=claim: is_held(claim), device, within_s, report)  # type: ignore[misc]
+            _end(holder, lambda claim=claim: is_held(claim), device, clock, within_s, report)  # type: ignore[misc]
     for pid in processes_with(device) if device is not None else []:
         facts = facts_of(pid)
         if facts is None or pid in report.ended:
             continue
         if facts.drives:  # its claim is gone: temporary directories get tidied up
-            _end(facts, lambda pid=pid: has_open(pid, device), device, within_s, report)  # type: ignore[misc,arg-type]
+            _end(facts, lambda pid=pid: has_open(pid, device), device, clock, within_s, report)  # type: ignore[misc,arg-type]
     return report
 
 
@@ -59,7 +59,12 @@ def others_with(port: str) -> list[str]:
 
 
 def _end(
-    facts: ProcessFacts, holds: Callable[[], bool], device: str | None, within_s: float, report: HolderReport
+    facts: ProcessFacts,
+    holds: Callable[[], bool],
+    device: str | None,
+    clock: Clock,
+    within_s: float,
+    report: HolderReport,
 ) -> None:
     """Signal one process that was found to be a daemon, and wait until it no longer holds what it held."""
     with contextlib.ExitStack() as stack:
@@ -75,7 +80,7 @@ def _end(
             handle.send(signal.SIGTERM)
             if facts.stopped:
                 handle.send(signal.SIGCONT)  # it acts on SIGTERM only when it runs again
-            if _until(lambda: handle.ended() or not holds(), within_s):
+            if _until(lambda: handle.ended() or not holds(), clock, within_s):
                 report.ended.append(facts.pid)
                 return
             if device is not None and not has_open(facts.pid, device):
@@ -106,12 +111,12 @@ def _same(facts: ProcessFacts) -> bool:
     return now is not None and (now.start_ticks, now.uid) == (facts.start_ticks, facts.uid)
 
 
-def _until(condition: Callable[[], bool], within_s: float) -> bool:
-    end_s = time.monotonic() + within_s
+def _until(condition: Callable[[], bool], clock: Clock, within_s: float) -> bool:
+    end_s = clock.monotonic() + within_s
     while not condition():
-        if time.monotonic() > end_s:
+        if clock.monotonic() > end_s:
             return False
-        time.sleep(_LOOK_EVERY_S)
+        clock.sleep(_LOOK_EVERY_S)
     return True
 
 

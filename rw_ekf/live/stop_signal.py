@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import select
 import signal
 import threading
 from types import FrameType, TracebackType
 from typing import Self
+
+from rw_ekf.records import Clock
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -33,10 +34,10 @@ class StopSignal:
         with contextlib.suppress(BlockingIOError, OSError):
             os.write(self._writer, b"!")
 
-    def wait(self, seconds: float) -> bool:
-        """Sleep up to `seconds`; True as soon as a stop was asked for."""
+    def wait(self, seconds: float, clock: Clock) -> bool:
+        """Sleep up to `seconds` of the clock; True as soon as a stop was asked for."""
         if self.requested is None and seconds > 0.0:
-            select.select([self._reader], [], [], seconds)
+            clock.sleep(seconds, self._reader)
         return self.requested is not None
 
     def __enter__(self) -> Self:

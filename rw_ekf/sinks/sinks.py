@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rw_ekf.errors import RwEkfError
 from rw_ekf.model.state import STATE_NAMES
-from rw_ekf.records import Outcome, Tick
+from rw_ekf.records import Clock, Outcome, Tick
 from rw_ekf.statistics import RunStatistics
 
 if TYPE_CHECKING:
@@ -136,6 +135,7 @@ class StateFileSink:
         self,
         path: Path,
         about: dict[str, Any],
+        clock: Clock,
         every_s: float = 1.0,
         unwritten: Unwritten | None = None,
         *,
@@ -146,6 +146,7 @@ class StateFileSink:
         self._unwritten = unwritten if unwritten is not None else Unwritten()
         self._watched = watched
         self._about = about
+        self._clock = clock
         self._every_s = every_s
         self._due_s = 0.0
         self._latest: dict[str, Any] | None = None
@@ -169,7 +170,7 @@ class StateFileSink:
         }
         if self._watched:
             document["alarms"] = [alarm.document() for alarm in tick.alarms]
-        now = time.monotonic()
+        now = self._clock.monotonic()
         with self._wake:
             self._latest = document
             if now >= self._due_s:

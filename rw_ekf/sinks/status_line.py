@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import textwrap
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.console import STATUS
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
-from rw_ekf.records import Outcome, Tick, WheelSample
+from rw_ekf.records import Clock, Outcome, Tick, WheelSample
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -44,6 +43,7 @@ class StatusLine:
     def __init__(
         self,
         logger: Any,
+        clock: Clock,
         total_s: float | None,
         phase: Phase | None = None,
         *,
@@ -52,10 +52,11 @@ class StatusLine:
     ) -> None:
         """logger: takes the line a minute where there is no terminal; phase: of the profile, by its time [s]."""
         self._logger = logger
+        self._clock = clock
         self._total_s = total_s
         self._phase = phase
         self._every_s = every_s if STATUS.is_terminal else log_every_s
-        self._due_s = time.monotonic() + (0.0 if STATUS.is_terminal else log_every_s)
+        self._due_s = clock.monotonic() + (0.0 if STATUS.is_terminal else log_every_s)
         self._elapsed_s = 0.0
         self._last: WheelSample | None = None
         self._explained = False
@@ -67,7 +68,7 @@ class StatusLine:
             step_s = sample.time_s - self._last.time_s
             self._elapsed_s += step_s if 0.0 < step_s < _LONGEST_GAP_S else 0.0
         self._last = sample
-        now = time.monotonic()
+        now = self._clock.monotonic()
         if now < self._due_s:
             return
         self._due_s = now + self._every_s

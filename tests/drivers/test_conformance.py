@@ -16,8 +16,11 @@ from drivers.line.wire_map import WireMap
 from drivers.replay_wheel import ReplayWheel
 from drivers.sim.register_server import RegisterServer
 from drivers.sim.simulated_wheel import SimulatedWheel
+from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError, EndOfRecord
 from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
+
+CLOCK = SystemClock()
 
 Served = Callable[..., AbstractContextManager[RegisterServer]]
 
@@ -44,7 +47,7 @@ def backend(request: pytest.FixtureRequest, wire_map: WireMap, served: Served, t
     """Each driver in turn, closed again behind the test."""
     if request.param == "serial":
         with served(wire_map, tmp_path / "wheel"):
-            wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, 0.2)
+            wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, CLOCK, 0.2)
             yield Backend(wheel, "serial+", True)
             wheel.close()
     elif request.param == "simulated":

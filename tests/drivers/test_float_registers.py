@@ -17,11 +17,14 @@ from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
 from drivers.line.wire_map import WireMap
 from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from rw_ekf.clock import SystemClock
 from rw_ekf.replay import _WILD
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
 from tests.live.bench import Recorder, served_wheel
 from tests.live.daemon import run
+
+CLOCK = SystemClock()
 
 Served = Callable[..., AbstractContextManager[RegisterServer]]
 CYCLE = 137
@@ -61,7 +64,7 @@ def with_value(name: str, number: float, from_cycle: int = 1, replies: int = 2) 
 def line(float_map: WireMap, served: Served, tmp_path: Path) -> Iterator[tuple[SerialWheel, RegisterServer]]:
     """An open wheel with float telemetry, and the server behind it."""
     with served(float_map, tmp_path / "wheel") as server:
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), float_map, 0.5)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), float_map, CLOCK, 0.5)
         yield wheel, server
         wheel.close()
 

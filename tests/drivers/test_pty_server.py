@@ -21,8 +21,10 @@ from drivers.line.wire_map import WireMap
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from drivers.sim.pty_server import serve_simulated_wheel
 from drivers.sim.register_server import RegisterServer
+from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
 
+CLOCK = SystemClock()
 Served = Callable[..., AbstractContextManager[RegisterServer]]
 ROOT = Path(__file__).parents[2]
 PROGRAM = """
@@ -30,6 +32,7 @@ import sys, yaml
 from drivers.sim.plant_parameters import PlantParameters
 from drivers.sim.pty_server import serve_simulated_wheel
 from drivers.line.wire_map import wire_map_from_mapping
+
 wire_map = wire_map_from_mapping(yaml.safe_load(open("config/sunspace-wheel.yaml")), str)
 serve_simulated_wheel(wire_map, PlantParameters(), sys.argv[1], initial_speed_rad_s=50.0,
                       on_ready=lambda device: print(device, flush=True))
@@ -124,7 +127,7 @@ def test_clients_come_and_go(wire_map: WireMap, served: Served, tmp_path: Path) 
     with served(wire_map, tmp_path / "wheel"):
         times = []
         for _ in range(3):
-            wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, 0.2)
+            wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, CLOCK, 0.2)
             sample = wheel.read(1.0)
             assert sample is not None
             times.append(sample.time_s)
@@ -152,7 +155,7 @@ def test_the_line_takes_its_time(wire_map: WireMap, served: Served, tmp_path: Pa
 def test_speed_factor_makes_time_pass_faster(wire_map: WireMap, served: Served, tmp_path: Path) -> None:
     """At factor 20 a quarter of a second here is five seconds for the wheel."""
     with served(wire_map, tmp_path / "wheel", speed_factor=20.0):
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, 0.2)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, CLOCK, 0.2)
         first, began = wheel.read(1.0), time.monotonic()
         time.sleep(0.25)
         second, passed = wheel.read(1.0), time.monotonic() - began
@@ -165,7 +168,7 @@ def test_speed_factor_makes_time_pass_faster(wire_map: WireMap, served: Served, 
 def test_it_costs_little(wire_map: WireMap, tmp_path: Path) -> None:
     """Polled at 10 Hz it waits and does not spin, which a fifth of a core would be enough to show."""
     with program(tmp_path / "wheel") as process:
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, 0.2)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, CLOCK, 0.2)
         before, began = _cpu_s(process.pid), time.monotonic()
         for _ in range(20):
             wheel.read(1.0)

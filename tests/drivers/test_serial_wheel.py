@@ -25,8 +25,11 @@ from drivers.line.wire_layout import Register
 from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
 from drivers.sim import link_faults
 from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
 from rw_ekf.records import FAULT, WheelIdentity
+
+CLOCK = SystemClock()
 
 Served = Callable[..., AbstractContextManager[RegisterServer]]
 TIMEOUT_S = 0.15  # generous: the machine may be busy
@@ -36,7 +39,7 @@ TIMEOUT_S = 0.15  # generous: the machine may be busy
 def line(wire_map: WireMap, served: Served, tmp_path: Path) -> Iterator[tuple[SerialWheel, RegisterServer]]:
     """An open wheel and the server behind it."""
     with served(wire_map, tmp_path / "wheel") as server:
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, TIMEOUT_S)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, CLOCK, TIMEOUT_S)
         yield wheel, server
         wheel.close()
 
@@ -183,7 +186,7 @@ def test_a_restarted_wheel_starts_a_new_segment(line: tuple[SerialWheel, Registe
 def test_uptime_wraps_without_a_new_segment(wire_map: WireMap, served: Served, tmp_path: Path) -> None:
     """2^32 ms pass while we read: time goes on, the segment stays."""
     with served(wire_map, tmp_path / "wheel", first_uptime_s=2**32 / 1000 - 0.15):
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, TIMEOUT_S)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), wire_map, CLOCK, TIMEOUT_S)
         before = wheel.read(1.0)
         time.sleep(0.25)
         after = wheel.read(1.0)
@@ -200,15 +203,15 @@ def test_a_lost_wheel_is_a_driver_error_and_can_be_opened_again(
     """The port vanishes in use: DriverError naming it. Reopened, its counters and segments go on."""
     port = str(tmp_path / "wheel")
     with served(wire_map, tmp_path / "wheel"):
-        wheel = open_serial_wheel(port, wire_map, TIMEOUT_S)
+        wheel = open_serial_wheel(port, wire_map, CLOCK, TIMEOUT_S)
         assert wheel.read(1.0) is not None
         requests = wheel.link.requests
     with pytest.raises(DriverError, match=r"failed: .*check both"):
         wheel.read(1.0)
     with pytest.raises(DriverError, match="there is no port"):
-        open_serial_wheel(port, wire_map, TIMEOUT_S, previous=wheel)
+        open_serial_wheel(port, wire_map, CLOCK, TIMEOUT_S, previous=wheel)
     with served(wire_map, tmp_path / "wheel"):
-        again = open_serial_wheel(port, wire_map, TIMEOUT_S, previous=wheel)
+        again = open_serial_wheel(port, wire_map, CLOCK, TIMEOUT_S, previous=wheel)
         sample = again.read(1.0)
         assert sample is not None
         assert sample.segment == 1
@@ -225,20 +228,20 @@ def test_a_second_opening_says_that_the_port_is_in_use(
     """Two programs on one wheel would steal each other's replies: the second one is told."""
     port = line[0].source.removeprefix("serial+")
     with pytest.raises(DriverError, match=r"in use by another process.*rw-ekf stop"):
-        open_serial_wheel(port, wire_map, TIMEOUT_S)
+        open_serial_wheel(port, wire_map, CLOCK, TIMEOUT_S)
 
 
 def test_nothing_to_open(wire_map: WireMap, tmp_path: Path) -> None:
     """A missing port, a plain file and a dead server are named, each with what to do."""
     (tmp_path / "file").write_text("x")
     with pytest.raises(DriverError, match=r"no port .*rw-ekf simulate"):
-        open_serial_wheel(str(tmp_path / "none"), wire_map, TIMEOUT_S)
+        open_serial_wheel(str(tmp_path / "none"), wire_map, CLOCK, TIMEOUT_S)
     with pytest.raises(DriverError, match=r"not a serial port|could not be opened"):
-        open_serial_wheel(str(tmp_path / "file"), wire_map, TIMEOUT_S)
+        open_serial_wheel(str(tmp_path / "file"), wire_map, CLOCK, TIMEOUT_S)
     with pytest.raises(DriverError, match=r"socket://127.0.0.1:1 could not be opened.*ign_set_control"):
-        open_serial_wheel("socket://127.0.0.1:1", wire_map, TIMEOUT_S)
+        open_serial_wheel("socket://127.0.0.1:1", wire_map, CLOCK, TIMEOUT_S)
     with pytest.raises(DriverError, match="nonsense://x could not be opened"):
-        open_serial_wheel("nonsense://x", wire_map, TIMEOUT_S)
+        open_serial_wheel("nonsense://x", wire_map, CLOCK, TIMEOUT_S)
 
 
 @contextmanager
@@ -276,7 +279,7 @@ def test_a_port_where_no_wheel_speaks(answer: Callable[[bytes], bytes], count: s
         bare_pty(answer) as port,
         pytest.raises(DriverError, match=rf"no valid frame in 2.0 s {count}, 0 good CRC\).*38400"),
     ):
-        open_serial_wheel(port, wire_map, 0.1)
+        open_serial_wheel(port, wire_map, CLOCK, 0.1)
 
 
 def test_parity_on_a_pty_is_named(map_data: dict[str, Any], where: Where) -> None:
@@ -285,7 +288,7 @@ def test_parity_on_a_pty_is_named(map_data: dict[str, Any], where: Where) -> Non
     spoilt = wire_map_from_mapping(map_data, where)
     with bare_pty(lambda b: b"") as port:
         try:
-            wheel = open_serial_wheel(port, spoilt, 0.05, probe=False)
+            wheel = open_serial_wheel(port, spoilt, CLOCK, 0.05, probe=False)
         except DriverError as error:
             assert "parity even" in str(error)  # noqa: PT017 - some kernels take it
         else:
@@ -295,7 +298,7 @@ def test_parity_on_a_pty_is_named(map_data: dict[str, Any], where: Where) -> Non
 def test_our_own_echo_is_not_a_reply(wire_map: WireMap) -> None:
     """A two-wire adapter echoes every request: the echo has the right seq and id but no data, and is not taken."""
     with bare_pty(lambda received: received) as port:
-        wheel = open_serial_wheel(port, wire_map, 0.05, probe=False)
+        wheel = open_serial_wheel(port, wire_map, CLOCK, 0.05, probe=False)
         assert wheel.read(0.5) is None
         assert not wheel.command_current(0.1).acknowledged
         assert wheel.link.damaged >= 2
@@ -306,7 +309,7 @@ def test_read_never_outlasts_its_timeout(wire_map: WireMap) -> None:
     """A silent or babbling peer holds nobody up beyond the deadline."""
     for answer in (lambda b: b"", lambda b: b"\x1f\x7f" + b"z" * 200):
         with bare_pty(answer) as port:
-            wheel = open_serial_wheel(port, wire_map, 0.04, probe=False)
+            wheel = open_serial_wheel(port, wire_map, CLOCK, 0.04, probe=False)
             began = time.monotonic()
             assert wheel.read(0.06) is None
             assert time.monotonic() - began < 30.0  # against a hang alone
@@ -320,7 +323,7 @@ def test_a_map_without_a_cycle_reads_register_by_register(
     map_data["registers"] = [r for r in map_data["registers"] if r["name"] in {"speed", "current", "current_command"}]
     small = wire_map_from_mapping(map_data, where)
     with served(small, tmp_path / "wheel"):
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), small, TIMEOUT_S)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), small, CLOCK, TIMEOUT_S)
         first = wheel.read(1.0)
         wheel.command_current(0.2)
         second = wheel.read(1.0)
@@ -355,7 +358,7 @@ def test_a_value_beyond_any_machine_did_not_arrive(
         return [Reply(encode(frame.seq, frame.id, data, floating.framing))]
 
     with served(floating, tmp_path / "wheel", manipulate=damage):
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), floating, TIMEOUT_S)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), floating, CLOCK, TIMEOUT_S)
         sample = wheel.read(1.0)
         wheel.close()
     assert wheel.link.damaged >= 1
@@ -372,7 +375,7 @@ def test_a_clock_too_coarse_for_a_sample_gives_it_no_time(
                 field["unit"] = "s"
     coarse = wire_map_from_mapping(map_data, where)
     with served(coarse, tmp_path / "wheel"):
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), coarse, TIMEOUT_S)
+        wheel = open_serial_wheel(str(tmp_path / "wheel"), coarse, CLOCK, TIMEOUT_S)
         samples = [wheel.read(1.0) for _ in range(5)]
         wheel.close()
     times = [sample.time_s for sample in samples if sample is not None]
@@ -436,7 +439,7 @@ def test_a_wheel_behind_a_socket(wire_map: WireMap) -> None:
 
     thread = threading.Thread(target=work)
     thread.start()
-    wheel = open_serial_wheel(f"socket://127.0.0.1:{listener.getsockname()[1]}", wire_map, 0.3)
+    wheel = open_serial_wheel(f"socket://127.0.0.1:{listener.getsockname()[1]}", wire_map, CLOCK, 0.3)
     try:
         assert wheel.identity is not None
         assert wheel.identity != WheelIdentity()
@@ -475,7 +478,7 @@ def test_a_wheel_behind_rfc2217(wire_map: WireMap) -> None:
     thread = threading.Thread(target=work)
     thread.start()
     port = f"rfc2217://127.0.0.1:{listener.getsockname()[1]}?ign_set_control"
-    wheel = open_serial_wheel(port, wire_map, 0.3)
+    wheel = open_serial_wheel(port, wire_map, CLOCK, 0.3)
     try:
         assert wheel.read(1.0) is not None
         assert wheel.command_current(0.1).acknowledged

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from rw_ekf.clock import SystemClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.live.daemon import RunOutcome, run_daemon
 from rw_ekf.live.stop_signal import StopSignal
@@ -60,7 +61,9 @@ def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = N
     with StopSignal() as stop:
         thread.start()
         try:
-            outcome = run_daemon(configuration, check_wire(configuration), model, duration_s, notes, stop)
+            outcome = run_daemon(
+                configuration, check_wire(configuration), model, duration_s, notes, stop, SystemClock()
+            )
         finally:
             over.set()
             thread.join(10.0)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from rw_ekf.clock import VirtualClock
 from rw_ekf.live.guard import BrakeCheck, CurrentGuard, SafetyLimits
 from rw_ekf.records import WheelSample
-from tests.live.test_guard import Clock, ScriptedWheel
+from tests.live.test_guard import ScriptedWheel
 
 LIMIT, STEP = 10.0, 0.1
 
@@ -48,11 +49,11 @@ def test_a_torque_stronger_than_the_brake_gets_no_current_against_it() -> None:
 
 def test_the_guard_writes_zero_and_says_why() -> None:
     """Through the guard: the reason is brake_accelerates, and below the limit the request passes again."""
-    wheel, clock = ScriptedWheel(), Clock()
+    wheel, clock = ScriptedWheel(), VirtualClock()
     guard = CurrentGuard(wheel, SafetyLimits(0.6, 50.0, LIMIT, 60.0, 0.5), clock, STEP)
 
     def write(speed: float) -> tuple[float, str | None]:
-        clock.now_s += 0.1
+        clock.sleep(0.1)
         issued = guard.write(-0.5, WheelSample(1.0, speed))
         return issued.current_A, issued.reason
 
@@ -65,9 +66,9 @@ def test_the_guard_writes_zero_and_says_why() -> None:
 
 def test_what_holds_the_wheel_is_zero_whatever_is_asked_for() -> None:
     """A reason to hold zero beats every request, and is reported."""
-    wheel, clock = ScriptedWheel(), Clock()
+    wheel, clock = ScriptedWheel(), VirtualClock()
     guard = CurrentGuard(wheel, SafetyLimits(0.6, 50.0, LIMIT, 60.0, 0.5), clock, STEP)
-    clock.now_s += 1.0
+    clock.sleep(1.0)
     issued = guard.write(0.4, WheelSample(1.0, 1.0), "telemetry_stuck")
     assert (issued.current_A, issued.reason) == (0.0, "telemetry_stuck")
     assert wheel.sent == [0.0]

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import PortClaim, claim_path
 from rw_ekf.live.holder import HolderReport, stop_holder
@@ -18,12 +19,14 @@ from rw_ekf.live.port_name import names_of
 from rw_ekf.live.process import facts_of
 from tests.live.bench import ROOT, wait_for
 
+CLOCK = SystemClock()
 NOBODY = HolderReport()
 HOLDER = """
 import fcntl, json, os, signal, sys, time
+from rw_ekf.clock import SystemClock
 from rw_ekf.live.claim import PortClaim
 signal.signal(signal.SIGTERM, lambda *_: sys.exit(0) if sys.argv[2] == "obeys" else None)
-with PortClaim(sys.argv[1]):
+with PortClaim(sys.argv[1], SystemClock()):
     print("held", flush=True)
     while True:
         time.sleep(0.05)
@@ -48,34 +51,34 @@ def holder(port: str, manner: str) -> subprocess.Popen[str]:
 
 def test_nobody_holds_a_port_that_was_never_claimed(port: str) -> None:
     """stop_holder finds nobody, before a claim and after it."""
-    assert stop_holder(port) == NOBODY
-    with PortClaim(port):
+    assert stop_holder(port, CLOCK) == NOBODY
+    with PortClaim(port, CLOCK):
         assert claim_path(port).exists()
-    assert stop_holder(port) == NOBODY
+    assert stop_holder(port, CLOCK) == NOBODY
 
 
 def test_a_second_claim_is_refused_and_the_first_goes_on(port: str) -> None:
     """The refusal names the process that holds the port; when that is over the port is free."""
-    with PortClaim(port):
-        with pytest.raises(DriverError, match=r"process \d+.* already running"), PortClaim(port):
+    with PortClaim(port, CLOCK):
+        with pytest.raises(DriverError, match=r"process \d+.* already running"), PortClaim(port, CLOCK):
             pass
-        with pytest.raises(DriverError, match="already running"), PortClaim(port):
+        with pytest.raises(DriverError, match="already running"), PortClaim(port, CLOCK):
             pass
-    with PortClaim(port):
+    with PortClaim(port, CLOCK):
         pass
 
 
 def test_stop_ends_the_holder_and_waits_for_it(port: str) -> None:
     """The holder gets SIGTERM; its number is returned when it is gone."""
     process = holder(port, "obeys")
-    assert stop_holder(port) == HolderReport(ended=[process.pid])
+    assert stop_holder(port, CLOCK) == HolderReport(ended=[process.pid])
     assert process.wait(5) == 0
 
 
 def test_a_holder_that_does_not_end_is_killed(port: str) -> None:
     """SIGTERM is ignored: after the wait comes SIGKILL, and the report says so."""
     process = holder(port, "ignores")
-    assert stop_holder(port, within_s=0.3) == HolderReport(ended=[process.pid], killed=[process.pid])
+    assert stop_holder(port, CLOCK, within_s=0.3) == HolderReport(ended=[process.pid], killed=[process.pid])
     assert process.wait(5) == -signal.SIGKILL
 
 
@@ -84,7 +87,7 @@ def test_a_holder_that_was_stopped_ends_in_order(port: str) -> None:
     process = holder(port, "obeys")
     process.send_signal(signal.SIGSTOP)
     wait_for(lambda: (facts := facts_of(process.pid)) is not None and facts.stopped)
-    assert stop_holder(port) == HolderReport(ended=[process.pid])
+    assert stop_holder(port, CLOCK) == HolderReport(ended=[process.pid])
     assert process.wait(5) == 0
 
 
@@ -94,8 +97,8 @@ def test_a_killed_holder_holds_nothing(port: str) -> None:
     process.kill()
     process.wait()
     assert json.loads(claim_path(port).read_text())["pid"] == process.pid
-    assert stop_holder(port) == NOBODY
-    with PortClaim(port):
+    assert stop_holder(port, CLOCK) == NOBODY
+    with PortClaim(port, CLOCK):
         pass
 
 
@@ -120,9 +123,9 @@ def test_a_holder_is_found_under_the_other_name(tmp_path: Path, vanishes: bool) 
     if vanishes:
         (tmp_path / "by-id").unlink()
         (tmp_path / "ttyUSB0").unlink()
-    with pytest.raises(DriverError, match="already running"), PortClaim(str(tmp_path / "ttyUSB0")):
+    with pytest.raises(DriverError, match="already running"), PortClaim(str(tmp_path / "ttyUSB0"), CLOCK):
         pass
-    assert stop_holder(str(tmp_path / "ttyUSB0")) == HolderReport(ended=[process.pid])
+    assert stop_holder(str(tmp_path / "ttyUSB0"), CLOCK) == HolderReport(ended=[process.pid])
     assert process.wait(5) == 0
 
 
@@ -134,13 +137,14 @@ def test_a_link_that_now_leads_elsewhere_is_another_port(tmp_path: Path) -> None
     process = holder(str(tmp_path / "by-id"), "obeys")
     (tmp_path / "by-id").unlink()
     (tmp_path / "by-id").symlink_to("ttyUSB1")
-    assert stop_holder(str(tmp_path / "ttyUSB0")) == NOBODY
-    assert stop_holder(str(tmp_path / "ttyUSB1")) == HolderReport(ended=[process.pid])
+    assert stop_holder(str(tmp_path / "ttyUSB0"), CLOCK) == NOBODY
+    assert stop_holder(str(tmp_path / "ttyUSB1"), CLOCK) == HolderReport(ended=[process.pid])
     assert process.wait(5) == 0
 
 
 LIAR = """
 import fcntl, json, os, sys, time
+
 path, content = sys.argv[1], json.loads(sys.argv[2])
 descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
 fcntl.flock(descriptor, fcntl.LOCK_EX)
@@ -170,7 +174,7 @@ def test_a_planted_claim_gets_nobody_killed(
     try:
         assert liar.stdout is not None
         assert liar.stdout.readline() == "held\n"
-        report = stop_holder(port, within_s=0.3)
+        report = stop_holder(port, CLOCK, within_s=0.3)
         assert (report.ended, report.killed, report.remaining) == ([], [], [])
         assert str(victim.pid) in report.notes[0]
         assert str(path) in report.notes[0]
@@ -196,7 +200,7 @@ def test_numbers_that_are_no_process_are_not_signalled(port: str, pid: object) -
     try:
         assert liar.stdout is not None
         assert liar.stdout.readline() == "held\n"
-        assert stop_holder(port, within_s=0.1).ended == []
+        assert stop_holder(port, CLOCK, within_s=0.1).ended == []
         assert liar.poll() is None
     finally:
         liar.kill()
@@ -220,9 +224,9 @@ def test_a_claim_that_cannot_be_made_is_an_error_with_its_path(port: str, tmp_pa
         path.touch()
         os.link(path, path.with_suffix(".other"))
     try:
-        with pytest.raises(DriverError, match=str(path)), PortClaim(port):
+        with pytest.raises(DriverError, match=str(path)), PortClaim(port, CLOCK):
             pass
-        assert stop_holder(port) == NOBODY
+        assert stop_holder(port, CLOCK) == NOBODY
     finally:
         path.with_suffix(".other").unlink(missing_ok=True)
         path.rmdir() if kind == "directory" else path.unlink()

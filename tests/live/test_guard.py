@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rw_ekf.clock import VirtualClock
 from rw_ekf.errors import DriverError
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelDriver, WheelIdentity, WheelSample
@@ -39,22 +40,11 @@ class ScriptedWheel:
         """Nothing to release."""
 
 
-class Clock:
-    """A clock that moves when it is told to, and a little whenever it is read."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        self.now_s += 1e-3
-        return self.now_s
-
-
-def guard_of(*script: str | DriverError) -> tuple[CurrentGuard, ScriptedWheel, Clock]:
-    wheel, clock = ScriptedWheel(*script), Clock()
+def guard_of(*script: str | DriverError) -> tuple[CurrentGuard, ScriptedWheel, VirtualClock]:
+    wheel, clock = ScriptedWheel(*script), VirtualClock()
     assert isinstance(wheel, WheelDriver)
     guard = CurrentGuard(wheel, LIMITS, clock)
-    clock.now_s += 1.0
+    clock.sleep(1.0)
     return guard, wheel, clock
 
 
@@ -81,12 +71,12 @@ def test_a_write_nobody_confirms_reports_the_current_before_it() -> None:
     """Two tries without an answer: the old current most likely holds, the guard is in doubt, and then recovers."""
     guard, wheel, clock = guard_of("ok", "timeout", "timeout")
     guard.write(0.2, sample())
-    clock.now_s += 0.1
+    clock.sleep(0.1)
     issued = guard.write(0.3, sample())
     assert (issued.current_A, issued.acknowledged, issued.reason) == (0.2, False, "timeout")
     assert wheel.sent == [0.2, 0.3, 0.3]
     assert guard.doubtful
-    clock.now_s += 0.1
+    clock.sleep(0.1)
     assert guard.write(0.3, sample()).acknowledged
     assert not guard.doubtful
 
@@ -95,7 +85,7 @@ def test_a_wheel_that_refuses_a_current_gets_zero_instead_of_keeping_the_old_one
     """Refused twice (out of range): zero is written, and reported with the wheel's own reason."""
     guard, wheel, clock = guard_of("ok", "out_of_range", "out_of_range")
     guard.write(0.2, sample())
-    clock.now_s += 0.1
+    clock.sleep(0.1)
     issued = guard.write(0.5, sample())
     assert (issued.current_A, issued.acknowledged, issued.reason) == (0.0, True, "out_of_range")
     assert wheel.sent == [0.2, 0.5, 0.5, 0.0]
@@ -105,7 +95,7 @@ def test_slew_begins_at_what_the_wheel_says_is_in_force() -> None:
     """A wheel that restarted (its command is zero again) is not thrown back to the old current in one step."""
     guard, _, clock = guard_of()
     guard.write(0.6, sample())
-    clock.now_s += 0.02
+    clock.sleep(0.02)
     issued = guard.write(0.6, sample(command_A=0.0))
     assert issued.reason == "slew"
     assert 0.09 < issued.current_A < 0.13
@@ -116,7 +106,7 @@ def test_telemetry_that_is_not_a_number_moves_nothing(nonsense: float) -> None:
     """A current in force of NaN or infinity is ignored: slew goes on from what was written last."""
     guard, _, clock = guard_of()
     guard.write(0.6, sample())
-    clock.now_s += 0.02
+    clock.sleep(0.02)
     assert guard.write(0.6, sample(command_A=nonsense)).current_A == 0.6
 
 
@@ -124,9 +114,9 @@ def test_after_a_zero_nobody_confirmed_the_way_up_begins_at_zero() -> None:
     """However long the silence was, the first current after it is one slew step, not a jump."""
     guard, _, clock = guard_of("ok", "timeout")
     guard.write(0.6, sample())
-    clock.now_s += 30.0
+    clock.sleep(30.0)
     assert not guard.zero(within_s=0.0)
-    clock.now_s += 0.02
+    clock.sleep(0.02)
     assert abs(guard.write(0.6, sample()).current_A) < 0.13
 
 
@@ -137,27 +127,27 @@ def test_speed_and_temperature_of_earlier_samples_still_count() -> None:
     assert guard.write(0.1, sample(speed=None)).current_A == 0.0
     guard.write(0.1, sample(speed=1.0, heat=70.0))
     assert guard.write(0.1, sample(heat=None)).current_A == 0.0
-    clock.now_s += 1.0
+    clock.sleep(1.0)
     assert guard.write(0.1, sample(heat=20.0)).current_A == 0.1
 
 
 def test_zero_is_repeated_until_it_is_confirmed() -> None:
     """Three lost answers, then one: zero is confirmed and True is returned."""
     wheel = ScriptedWheel("timeout", "refused", "timeout")
-    assert CurrentGuard(wheel, LIMITS).zero(within_s=2.0)
+    assert CurrentGuard(wheel, LIMITS, VirtualClock()).zero(within_s=2.0)
     assert wheel.sent == [0.0] * 4
 
 
 def test_zero_gives_up_in_time_without_raising() -> None:
     """A wheel that never confirms: False, after more than one try."""
     wheel = ScriptedWheel(*["timeout"] * 100)
-    assert not CurrentGuard(wheel, LIMITS).zero(within_s=0.2)
+    assert not CurrentGuard(wheel, LIMITS, VirtualClock()).zero(within_s=0.2)
     assert 2 <= len(wheel.sent) < 20
 
 
 def test_zero_never_raises_when_the_line_is_lost() -> None:
     """A line that fails gives False, and leaves the guard in doubt of what flows."""
-    guard = CurrentGuard(ScriptedWheel(DriverError("gone")), LIMITS)
+    guard = CurrentGuard(ScriptedWheel(DriverError("gone")), LIMITS, VirtualClock())
     assert not guard.zero()
     assert guard.doubtful
 

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rw_ekf import console
+from rw_ekf.clock import VirtualClock
 from rw_ekf.control.commanders import controller_of
 from rw_ekf.records import ActiveAlarm, IssuedCommand, WheelSample, WheelState
 from rw_ekf.settings.schema import CommandSection
@@ -55,7 +56,7 @@ def test_the_line_is_never_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPat
     """At every width, and after a change of it, each refresh stays in its row; legend and units are said once."""
     screen = Screen(monkeypatch)
     screen.columns = columns
-    line = StatusLine(Notes(), 600.0, lambda time_s: "coast-downs", every_s=0.0)
+    line = StatusLine(Notes(), VirtualClock(), 600.0, lambda time_s: "coast-downs", every_s=0.0)
     shown(line, 1000.0, alarms=2)
     legend, _, first = screen.take().rpartition("\n\r")
     refreshes = [first]
@@ -81,7 +82,7 @@ def test_the_line_is_never_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPat
 def test_log_lines_go_above_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is logged meanwhile stands in a row of its own, and the changing line comes back below it."""
     screen = Screen(monkeypatch)
-    line = StatusLine(Notes(), None, every_s=0.0)
+    line = StatusLine(Notes(), VirtualClock(), None, every_s=0.0)
     shown(line, 5.0)
     screen.take()
     console.STATUS.say("said")
@@ -91,7 +92,7 @@ def test_log_lines_go_above_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
     """No terminal: an event of the log with elapsed and total time, phase, state, speed, current, estimates, alarms."""
     notes = Notes()
-    line = StatusLine(notes, 30.0, lambda time_s: "creep", log_every_s=0.0)
+    line = StatusLine(notes, VirtualClock(), 30.0, lambda time_s: "creep", log_every_s=0.0)
     shown(line, 7.0)
     shown(line, 7.1)
     assert notes.events == ["running", "running"]
@@ -102,14 +103,14 @@ def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
     assert told["motor_gain"] == "15.20(2) rad/s^2/A"
     assert (told["phase"], told["state"], told["alarms"]) == ("creep", "tracking", 0)
     silent = Notes()
-    shown(StatusLine(silent, None), 7.0)
+    shown(StatusLine(silent, VirtualClock(), None), 7.0)
     assert silent.events == []
 
 
 def test_a_wheel_whose_clock_leaps_has_not_run_longer() -> None:
     """A leap of an hour, a step back and another segment count as no time."""
     notes = Notes()
-    line = StatusLine(notes, None, log_every_s=0.0)
+    line = StatusLine(notes, VirtualClock(), None, log_every_s=0.0)
     for time_s in (10.0, 10.5, 3610.5, 3611.0, 11.0, 11.5):
         shown(line, time_s)
     assert notes.said[-1][1]["elapsed_s"] == 1.5

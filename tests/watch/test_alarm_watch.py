@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
 
+from rw_ekf.clock import VirtualClock
 from rw_ekf.live.alarm_watch import AlarmWatch
 from rw_ekf.records import ActiveAlarm, Tick, WheelSample
 from rw_ekf.watch.alarms import DRAG_SPIKE, RESIDUAL, Alarm
@@ -54,7 +55,7 @@ def fed(*news: Alarm | Exception) -> tuple[AlarmWatch, Notes, tuple[ActiveAlarm,
     """The watch, what it logged, and the alarms that are on at the end."""
     notes = Notes()
     active: tuple[ActiveAlarm, ...] = ()
-    watch = AlarmWatch(Told(*news), notes, now=lambda: NOON)
+    watch = AlarmWatch(Told(*news), notes, VirtualClock(NOON))
     for _ in news:
         active = watch.step(tick_of(WheelSample(100.0, 1.0)))
     return watch, notes, active
@@ -74,10 +75,11 @@ def test_times_of_the_log_become_hours_of_the_day() -> None:
 
 def test_a_wheel_six_times_as_fast_was_disturbed_after_the_run_began() -> None:
     """A simulated wheel's clock may run faster than the day's: 60 s of it ago are 10 s of ours."""
-    notes, hours = Notes(), iter([NOON, NOON + timedelta(seconds=100)])
-    watch = AlarmWatch(Told(None, replace(residual(), since_s=540.0)), notes, now=lambda: next(hours))
+    notes, clock = Notes(), VirtualClock(NOON)
+    watch = AlarmWatch(Told(None, replace(residual(), since_s=540.0)), notes, clock)
     for time_s in (0.0, 600.0):
         watch.step(tick_of(WheelSample(time_s, 1.0)))
+        clock.sleep(100.0)
     assert notes.said[0][1]["since_utc"] == "2024-05-17T12:01:30Z"
 
 

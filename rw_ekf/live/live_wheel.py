@@ -1,17 +1,19 @@
-"""A wheel on a line as a source of samples at a steady rate: pacing, silence, a lost link, reconnection."""
+"""A wheel on a line as a source of readings at a steady rate: pacing, silence, segments, commands."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 from rw_ekf.errors import DriverError
-from rw_ekf.live.guard import CurrentGuard, SafetyLimits
+from rw_ekf.live.connection import Connection, Note, Opener
+from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
+from rw_ekf.live.timing import LoopTiming, SampleTime
 from rw_ekf.records import (
+    Clock,
     Controller,
     IssuedCommand,
     LinkCounters,
@@ -22,40 +24,7 @@ from rw_ekf.records import (
     WheelSample,
 )
 
-_REOPEN_EVERY_S = 0.5
-_LAST_TRY_S = 2.0
 _REOPEN_SILENT_S = 5.0  # a port that stays open but says nothing is opened anew, so often
-_RATE_AFTER_S = 10.0  # sooner, milliseconds of jitter would pass for a clock that runs at another rate
-_LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
-
-Note = Callable[..., None]
-
-
-@dataclass
-class LoopTiming:
-    """When the ticks came (the `loop` object of `run --json`)."""
-
-    ticks: int = 0
-    overruns: int = 0
-    late_ms_max: float = 0.0
-    late_ms: list[float] = field(default_factory=list)
-
-    def note(self, late_s: float) -> None:
-        """Note one tick that began late_s after its time."""
-        late = 1e3 * max(late_s, 0.0)
-        if len(self.late_ms) < _LATENESS_KEPT:
-            self.late_ms.append(late)
-        else:
-            self.late_ms[self.ticks % _LATENESS_KEPT] = late
-        self.ticks += 1
-        self.late_ms_max = max(self.late_ms_max, late)
-
-    def percentile_ms(self, share: float) -> float:
-        """Percentile of the lateness [ms], nearest rank; 0.0 before the first tick."""
-        if not self.late_ms:
-            return 0.0
-        ordered = sorted(self.late_ms)
-        return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 class LiveWheel:
@@ -71,10 +40,11 @@ class LiveWheel:
 
     def __init__(
         self,
-        open_wheel: Callable[[WheelDriver | None], WheelDriver],
+        open_wheel: Opener,
         limits: SafetyLimits,
         rate_hz: float,
         stop: StopSignal,
+        clock: Clock,
         *,
         writes: bool = True,
         note: Note = lambda event, **context: None,
@@ -83,54 +53,58 @@ class LiveWheel:
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
-        note: receives named events for the log, e.g. note("link_lost", reason="..."). check: judges every reading; the
-        usual one has no model, and knows only what the wheel says of itself. speed_step_rad_s: noise or resolution.
+        check: judges every reading; the usual one has no model, and knows only what the wheel says of itself.
+        speed_step_rad_s: noise or resolution of a reading.
         """
-        self._open = open_wheel
-        self._limits = limits
+        self._connection = Connection(open_wheel, limits, clock, note, writes=writes, speed_step_rad_s=speed_step_rad_s)
+        self._silence_s = limits.silence_s
         self._period_s = 1.0 / rate_hz
         self._stop = stop
+        self._clock = clock
         self._writes = writes
         self._note = note
         self.timing = LoopTiming()
-        self.driver = open_wheel(None)
-        self.guard = CurrentGuard(self.driver, limits, speed_step_rad_s=speed_step_rad_s)
         self.check = check if check is not None else TelemetryCheck(note, writes=writes)
         self.check.attached(self.driver.identity)
         self.halted: str | None = None  # why the run must not go on
-        self.lost = False
         self.silent = False  # no telemetry for longer than limits.silence_s
-        self._heard_s = time.monotonic()
-        self._last: WheelSample | None = None
-        self._last_tick_s = 0.0
-        self._began: tuple[WheelSample, float] | None = None  # first sample of the segment, and its tick
+        self._time = SampleTime()
+        self._heard_s = clock.monotonic()
         self._told_A: float | None = None  # the last current that the log and the filter were told of
-        self._broken = False
+        self._broken = False  # the line was lost since the last reading
         self._breaks = 0
         self._zeroed_after_s: float | None = None  # in silence: the zero was confirmed, so long after the tick
         self._unknown_since_zero = False  # in silence: a zero may have been taken before the one that was confirmed
         self._repeating = False  # replies come, but their time stands still
-        self._retry_at = 0.0
         self._reopened_s = 0.0
         self._changed_for: str | None = None
-        if writes:
-            self.guard.zero()
+
+    @property
+    def driver(self) -> WheelDriver:
+        """The wheel on its present line."""
+        return self._connection.driver
 
     @property
     def link(self) -> LinkCounters:
         """Counters of the line, over all reconnections."""
         return self.driver.link
 
+    @property
+    def lost(self) -> bool:
+        """Whether the line is down, or the wheel silent."""
+        return self._connection.lost or self.silent
+
     def readings(self, duration_s: float | None = None) -> Iterator[Reading]:
         """Readings, one per tick, until a stop is asked for or `duration_s` of samples have come.
 
         Time counts as the samples tell it, and by the host's clock where none come.
         """
-        deadline = told_s = time.monotonic()
+        clock = self._clock
+        deadline = told_s = clock.monotonic()
         covered_s = 0.0
         before: WheelSample | None = None
-        while not self._stop.wait(deadline - time.monotonic()):
-            now = time.monotonic()
+        while not self._stop.wait(deadline - clock.monotonic(), clock):
+            now = clock.monotonic()
             self.timing.note(now - deadline)
             reading = self._read(now)
             if self.halted is not None:
@@ -144,7 +118,7 @@ class LiveWheel:
                 if self.halted is not None:
                     return
             deadline += self._period_s
-            after = time.monotonic()
+            after = clock.monotonic()
             if after > deadline:
                 self.timing.overruns += 1
             if after - deadline > self._period_s:  # skip the ticks that are past, keep the phase
@@ -158,7 +132,7 @@ class LiveWheel:
         if tick.link is not LinkState.ANSWERED:
             return self._command_of_a_missed_tick()
         try:
-            command = self.guard.write(controller(tick), tick.sample, self.check.hold)
+            command = self._connection.guard.write(controller(tick), tick.sample, self.check.hold)
         except DriverError as error:
             self._lose(error)
             return None
@@ -173,21 +147,15 @@ class LiveWheel:
     def halt(self, why: str) -> None:
         """End the run for a reason that forbids to drive the wheel on: zero now, and no sample any more."""
         self.halted = self.halted or why
-        if self._writes and not self.lost:
-            self.guard.zero(within_s=0.0)
+        if not self._connection.lost:
+            self._connection.zero(within_s=0.0)
 
     def close(self) -> bool:
         """Command zero (unless this run never writes) and release the line; True if the wheel confirmed zero."""
-        confirmed = True
-        if self._writes:
-            confirmed = not self.lost and self.guard.zero()
-            if not confirmed:
-                confirmed = self._zero_over_new_line()
-        self.driver.close()
-        return confirmed
+        return self._connection.close()
 
     def _read(self, tick_s: float) -> Reading | None:
-        if self.lost and not self._reconnect():
+        if not self._connection.is_up():
             return None
         try:
             sample = self.driver.read(0.5 * self._period_s)
@@ -197,26 +165,23 @@ class LiveWheel:
         self._repeating = sample is not None and not self._is_later(sample)
         if sample is None or self._repeating:
             return self._missed(tick_s)
-        now = time.monotonic()
+        now = self._clock.monotonic()
         if self.silent:
             self._note("telemetry_back", silent_s=round(now - self._heard_s, 2))
-        unsure = (self._broken or self.guard.doubtful) and not self._as_told(sample)
-        if (unsure or self._unknown_since_zero) and self._last is not None:
+        unsure = (self._broken or self._connection.guard.doubtful) and not self._as_told(sample)
+        if (unsure or self._unknown_since_zero) and self._time.last is not None:
             self._breaks += 1
-        self._heard_s, self._last_tick_s = now, tick_s
+        self._heard_s = now
         self.silent = self._broken = self._unknown_since_zero = False
         self._zeroed_after_s = None
-        restarted = sample.news is not None and sample.news[0] == "wheel_restarted"
-        if restarted and self._writes:  # set up anew: whatever it carries, the way up starts from zero
-            self.guard.zero(within_s=0.0)
+        if sample.news is not None and sample.news[0] == "wheel_restarted":
+            self._connection.zero(within_s=0.0)  # set up anew: whatever it carries, the way up starts from zero
         sample = replace(sample, segment=sample.segment + self._breaks)
         sample, alive = self.check.judge(sample, self.driver.identity)
         if alive:  # what it was while nothing could be believed of it is not known
             self._breaks += 1
             sample = replace(sample, segment=sample.segment + 1)
-        self._last = sample
-        if self._began is None or self._began[0].segment != sample.segment:
-            self._began = sample, tick_s
+        self._time.note(sample, tick_s)
         if self.check.other_wheel is not None:
             self.halt(self.check.other_wheel)
             return None
@@ -224,7 +189,7 @@ class LiveWheel:
 
     def _is_later(self, sample: WheelSample) -> bool:
         """Whether a reading was taken after the one before it."""
-        last = self._last
+        last = self._time.last
         return last is None or sample.segment + self._breaks != last.segment or sample.time_s > last.time_s
 
     def _missed(self, tick_s: float) -> Reading | None:
@@ -232,42 +197,37 @@ class LiveWheel:
 
         In silence there is one only where the current changes: when the wheel confirms the zero.
         """
-        quiet_s = time.monotonic() - self._heard_s
-        if quiet_s > self._limits.silence_s:
+        now = self._clock.monotonic()
+        quiet_s = now - self._heard_s
+        if quiet_s > self._silence_s:
             if not self.silent:
-                doing = "writing zero, retrying" if self._writes else "waiting"
-                why = "one reply is repeated, its time stands still" if self._repeating else "no reply"
-                self._note("silence", seconds=round(quiet_s, 2), why=why, doing=doing)
-                if self._repeating:
-                    self.check.found(
-                        "telemetry_repeats",
-                        "telemetry repeated one reply whose time stood still: that is silence, and zero was written",
-                    )
+                self._say_silent(quiet_s)
             self.silent = True
-            if min(quiet_s - self._limits.silence_s, time.monotonic() - self._reopened_s) > _REOPEN_SILENT_S:
-                self._reopened_s = time.monotonic()
+            if min(quiet_s - self._silence_s, now - self._reopened_s) > _REOPEN_SILENT_S:
+                self._reopened_s = now
                 self._lose(DriverError("the port is open but the wheel says nothing; opening it anew"))
                 return None
             known = self._zeroed_after_s is not None
             if not self._writes:
                 return None
-            if not self.guard.zero(within_s=0.0):
+            if not self._connection.zero(within_s=0.0):
                 self._unknown_since_zero = self._unknown_since_zero or not known
                 return None
             if known:
                 return None
-            self._zeroed_after_s = time.monotonic() - tick_s
-        if self._last is None:
-            return None
-        passed_s = (tick_s - self._last_tick_s) * self._clock_rate()
-        sample = WheelSample(self._last.time_s + passed_s, None, segment=self._last.segment)
-        return Reading(sample, LinkState.SILENT if self.silent else LinkState.MISSED)
+            self._zeroed_after_s = self._clock.monotonic() - tick_s
+        sample = self._time.missing(tick_s)
+        return None if sample is None else Reading(sample, LinkState.SILENT if self.silent else LinkState.MISSED)
 
-    def _clock_rate(self) -> float:
-        """Seconds of the samples' time per second of the host's, once there are enough to tell."""
-        if self._began is None or self._last is None or self._last_tick_s - self._began[1] < _RATE_AFTER_S:
-            return 1.0
-        return (self._last.time_s - self._began[0].time_s) / (self._last_tick_s - self._began[1])
+    def _say_silent(self, quiet_s: float) -> None:
+        doing = "writing zero, retrying" if self._writes else "waiting"
+        why = "one reply is repeated, its time stands still" if self._repeating else "no reply"
+        self._note("silence", seconds=round(quiet_s, 2), why=why, doing=doing)
+        if self._repeating:
+            self.check.found(
+                "telemetry_repeats",
+                "telemetry repeated one reply whose time stood still: that is silence, and zero was written",
+            )
 
     def _command_of_a_missed_tick(self) -> IssuedCommand | None:
         if self._zeroed_after_s is None:
@@ -283,36 +243,5 @@ class LiveWheel:
         return said is not None and self._told_A is not None and math.isclose(said, self._told_A, abs_tol=1e-7)
 
     def _lose(self, error: DriverError) -> None:
-        if not self.lost:
-            self._note("link_lost", reason=str(error))
-        self.lost = self._broken = True
-        self._retry_at = time.monotonic()
-
-    def _reconnect(self) -> bool:
-        if time.monotonic() < self._retry_at:
-            return False
-        self._retry_at = time.monotonic() + _REOPEN_EVERY_S
-        try:
-            self.driver = self._open(self.driver)
-        except DriverError:
-            return False
-        self.guard.driver = self.driver
-        self.lost = False
-        if self._writes:
-            self.guard.zero()
-        self._note("link_back", reconnects=self.driver.link.reconnects)
-        return True
-
-    def _zero_over_new_line(self) -> bool:
-        """Last resort on the way out: a line that was pulled out may be back within a moment."""
-        end_s = time.monotonic() + _LAST_TRY_S
-        while True:
-            try:
-                self.driver = self._open(self.driver)
-                break
-            except DriverError:
-                if time.monotonic() >= end_s:
-                    return False
-                time.sleep(0.1)
-        self.guard.driver = self.driver
-        return self.guard.zero(1.0)
+        self._connection.lose(error)
+        self._broken = True
