@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rw_ekf.filter.identifiability import report, rounded
+from rw_ekf.filter.identifiability import report
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
+from rw_ekf.numbers import plus_minus
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rpm_from_rad_s
 
@@ -83,7 +84,7 @@ def torques_text(values: FrictionParameters, stds: FrictionParameters, inertia_k
     """
     milli = 1.0e3 * inertia_kg_m2
     dry = (("Coulomb", values.coulomb, stds.coulomb), ("static", values.static, stds.static))
-    shown = [f"{name} {rounded(milli * value, milli * std)} mN m" for name, value, std in dry]
+    shown = [f"{name} {plus_minus(milli * value, milli * std)} mN m" for name, value, std in dry]
     return f"as torques: {', '.join(shown)} ({inertia_text(inertia_kg_m2, inertia_from)})"
 
 
@@ -97,7 +98,7 @@ def entry_text(entry: Mapping[str, Any], belief: Belief, setup: FilterSetup) -> 
     width = max(len(name) for name in PARAMETER_NAMES)
     lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief.core, prior.core)]
     lines += [
-        f"  {name}: {rounded(item['value'], item['std'])} {item['unit']}" for name, item in entry["effects"].items()
+        f"  {name}: {plus_minus(item['value'], item['std'])} {item['unit']}" for name, item in entry["effects"].items()
     ]
     if setup.inertia_kg_m2 is not None:
         core = belief.core

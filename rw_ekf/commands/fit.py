@@ -207,7 +207,7 @@ def _noise_document(noise: NoisePosterior | None) -> dict[str, Any] | None:
 
 
 def _print(document: dict[str, Any], reports: list[Any], noise: NoisePosterior | None, torques: str | None) -> None:
-    from rw_ekf.filter.identifiability import rounded
+    from rw_ekf.numbers import plus_minus
 
     lines = [f"{document['log']}: {document['samples']} samples, {document['method']}"]
     lines += [f"  {item.name:<10}  {item.text()}" for item in reports]
@@ -220,9 +220,9 @@ def _print(document: dict[str, Any], reports: list[Any], noise: NoisePosterior |
         )
     if noise is not None:
         shown = document["noise"]
-        q = rounded(shown["acceleration_noise_rpm_per_sqrt_s"], shown["acceleration_noise_std_rpm_per_sqrt_s"])
+        q = plus_minus(shown["acceleration_noise_rpm_per_sqrt_s"], shown["acceleration_noise_std_rpm_per_sqrt_s"])
         limit = f"below {shown['acceleration_noise_limit_rpm_per_sqrt_s']:.2g} with 95 %"
-        lines.append(f"  speed noise {rounded(shown['speed_noise_rpm'], shown['speed_noise_std_rpm'])} rpm")
+        lines.append(f"  speed noise {plus_minus(shown['speed_noise_rpm'], shown['speed_noise_std_rpm'])} rpm")
         unsure = "" if noise.acceleration_noise_seen else "; the log could do without any, this much allows for it"
         lines.append(f"  acceleration noise {q} rpm/sqrt(s), {limit}{unsure}")
     lines += [f"  warning: {text}" for text in document["warnings"]]

@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
+from rw_ekf.diagnosis.judge.investigation import investigate
+from rw_ekf.diagnosis.judge.metrics import performance
 from rw_ekf.diagnosis.judge.verdict import Verdict
 from rw_ekf.diagnosis.prepare.preparation import prepare, unfit
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
-from rw_ekf.diagnosis.records import Diagnosis
-from rw_ekf.diagnosis.search.look import judge, look
+from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.diagnosis.search.searched_part import richer_part
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.likelihood import work
 from rw_ekf.logs.wheel_log import WheelLog
@@ -46,14 +48,14 @@ def diagnose_log(
     if model is not None and model.effects.terms:
         refuse_runaway_model(source.log, input_of_log(source.log), configuration, model)
     advance("fitting the base model")
-    prepared = prepare(source, configuration, model, split)
+    prepared = richer_part(prepare(source, configuration, model, split))
     prepared.work.start_clock()
-    found = look(prepared, advance)
+    found = investigate(prepared, advance)
     if split == "blocks" and not found.new_ids and found.left and not prepared.work.has(work.OTHER_PART):
         prepared.work.leave_out("a search of the other part of the record")
     elif split == "blocks" and not found.new_ids and found.left:
         # What acts may have acted in the held-out blocks alone: then they are searched, and the others held out.
-        other = look(found.prepared.swapped(), advance)
+        other = investigate(found.prepared.swapped(), advance)
         if other.new_ids:
             found = other
     advance("judging on the held-out part")
@@ -65,12 +67,12 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     source = source_of([log])
     if unfit(source.log, input_of_log(source.log)) is not None:
         return None
-    prepared = prepare(source, None, None, split)
+    prepared = richer_part(prepare(source, None, None, split))
     search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, lambda text: None)
     fit = prepared.base
     for name in effect_ids:
         fit = search.told(fit, name)
-    figure: float | None = judge(prepared, fit, None).figures["free_run_rms_rpm"]
+    figure: float | None = performance(prepared, fit).figures["free_run_rms_rpm"]
     return figure
 
 

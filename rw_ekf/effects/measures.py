@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 from rw_ekf.model.effect import RecordFacts
+from rw_ekf.numbers import plus_minus
 
 STEADY_SHARE = 0.005  # of dry friction: a steady effect below it changes nothing that anybody would act on
 SOUGHT_SHARE = 0.01  # the same for effects found by searching many onsets, orders or frequencies
@@ -67,22 +66,6 @@ def lacks_reversal(facts: RecordFacts) -> str | None:
 def lacks_current(facts: RecordFacts) -> str | None:
     """Why a coast-down shows nothing; None if the motor was driven."""
     return None if facts.top_current_A > 0.0 else "needs a motor current; there is none in the record"
-
-
-def plus_minus(value: float, std: float) -> str:
-    """Value and standard deviation with the digits that mean something: "3.02 +- 0.14"."""
-    if not math.isfinite(value) or not math.isfinite(std) or std <= 0.0:
-        return f"{value:.3g}"
-    exponent = math.floor(math.log10(max(abs(value), std)))
-    if not -4 <= exponent < 6:
-        scale = 10.0**exponent
-        return f"({plus_minus(value / scale, std / scale)})e{exponent:+d}" if scale > 0.0 else f"{value:.3g}"
-    first = math.floor(math.log10(std))
-    leading_one = std / 10.0**first < 1.95
-    decimals = max(leading_one - first, 0)
-    if decimals > 5 - exponent:
-        return f"{value:.{max(5 - exponent, 0)}f} +- {std:.1g}"
-    return f"{value:.{decimals}f} +- {std:.{decimals}f}"
 
 
 def of_coulomb(size_rad_s2: float, std_rad_s2: float, facts: RecordFacts) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_current, plus_minus, top_drive
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_current, top_drive
 from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.numbers import plus_minus
 
 
 class MotorSaturation(StaticEffect):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.measures import dry_scale, lacks_reversal, plus_minus
+from rw_ekf.effects.measures import dry_scale, lacks_reversal
 from rw_ekf.model.effect import Candidate, Coefficient, FrictionMemoryEffect, RecordFacts, Shape
 from rw_ekf.model.memory_flow import bristle_flow
+from rw_ekf.numbers import plus_minus
 
 _DAMPINGS = (0.3, 0.0)  # LuGre as it mostly is, and Dahl
 _LARGEST = 1.0e3

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rw_ekf.effects.measures import plus_minus
 from rw_ekf.model.effect import Candidate, Coefficient, ReadingEffect, RecordFacts, Shape
+from rw_ekf.numbers import plus_minus
 from rw_ekf.units import rpm_from_rad_s
 
 

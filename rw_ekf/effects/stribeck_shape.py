@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, plus_minus
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect, Term
 from rw_ekf.model.friction import LAW_CODES
+from rw_ekf.numbers import plus_minus
 
 _LAW_NAMES = {code: name for name, code in LAW_CODES.items()}
 _LARGEST_SLOPE = 2.0 / math.e  # of Gauss's g by the logarithm of omega_s, at |omega| = omega_s

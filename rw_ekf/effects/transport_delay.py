@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current, plus_minus
+from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current
 from rw_ekf.model.effect import Candidate, Coefficient, DelayEffect, RecordFacts, Shape
+from rw_ekf.numbers import plus_minus
 
 
 class TransportDelay(DelayEffect):

@@ -1,12 +1,12 @@
-"""What a run taught of each parameter: its sigma against the prior's, and how to print it without false digits."""
+"""What a run taught of each parameter: its sigma against the prior's."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from rw_ekf.filter.belief import Belief
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.numbers import plus_minus
 
 _LEARNED = 0.5  # posterior sigma below this share of the prior's: the data spoke
 _KNOWN_BEFORE = 0.1  # a prior this sharp is knowledge, whatever the run says
@@ -31,10 +31,10 @@ class ParameterReport:
     def text(self) -> str:
         """`15.21 +- 0.02 rad/s^2/A`, or that this run does not tell."""
         if not self.identifiable and self.prior_std <= _KNOWN_BEFORE * abs(self.value):
-            return f"{rounded(self.value, self.std)} {self.unit}, known before; this run adds little"
+            return f"{plus_minus(self.value, self.std)} {self.unit}, known before; this run adds little"
         if not self.identifiable:
             return f"not identifiable from this run (sigma {self.std:.2g} {self.unit}, {self.prior_std:.2g} before it)"
-        return f"{rounded(self.value, self.std)} {self.unit}"
+        return f"{plus_minus(self.value, self.std)} {self.unit}"
 
 
 def report(belief: Belief, prior: Belief) -> list[ParameterReport]:
@@ -45,13 +45,3 @@ def report(belief: Belief, prior: Belief) -> list[ParameterReport]:
         learned = std <= _LEARNED * before and std <= _KNOWN * abs(value)
         found.append(ParameterReport(name, value, std, before, learned))
     return found
-
-
-def rounded(value: float, std: float) -> str:
-    """Value and sigma with the digits that sigma allows: two of sigma's, the value to the same place."""
-    if not (math.isfinite(value) and math.isfinite(std)) or std <= 0.0:
-        return f"{value:.6g}"
-    place = 1 - math.floor(math.log10(std))
-    if 0 <= place <= 7:
-        return f"{value:.{place}f} +- {std:.{place}f}"
-    return f"{value:.{max(1, place + 1 + math.floor(math.log10(max(abs(value), std))))}g} +- {std:.2g}"

@@ -49,6 +49,13 @@ def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
     return -rows[:, 5], rows[:, 3] + rows[:, 4]
 
 
+def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Array:
+    """Piecewise linear functions on `count` even knots from low to high, (n, count); constant beyond the ends."""
+    knots = np.linspace(low, high, count)
+    place = np.clip((values - low) / max(high - low, 1.0e-300) * (count - 1), 0.0, count - 1.0)
+    return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(knots.size)))
+
+
 def structure(fit: Fit, prior: Prior) -> Structure:
     """Test the fit of a model without effects for what the commonest effects would add."""
     frame = fit.frame

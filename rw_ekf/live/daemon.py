@@ -16,7 +16,6 @@ from rw_ekf.control.commanders import controller_of
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.filter.identifiability import rounded
 from rw_ekf.live.alarm_watch import AlarmWatch, alarm_watch_of
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.follow import following
@@ -29,6 +28,7 @@ from rw_ekf.live.timing import LoopTiming
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
+from rw_ekf.numbers import plus_minus
 from rw_ekf.records import Clock, LinkCounters, Reading, Sink
 from rw_ekf.sinks.sign_sink import SignSink
 from rw_ekf.sinks.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, Unwritten
@@ -184,7 +184,7 @@ def run_daemon(
         if live.halted is None and gain + _SURE * gain_std < 0.0:
             check.found(
                 "negative_gain",
-                f"the motor gain is estimated as {rounded(gain, gain_std)} rad/s^2/A, and no "
+                f"the motor gain is estimated as {plus_minus(gain, gain_std)} rad/s^2/A, and no "
                 "wheel has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
             )
         model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rw_ekf.errors import ConfigError
-from rw_ekf.filter.identifiability import rounded
+from rw_ekf.numbers import plus_minus
 from rw_ekf.records import Tick
 from rw_ekf.watch.sign_watch import SignWatch
 
@@ -67,7 +67,7 @@ class SignSink:
         ended = " Zero was written and the run ended." if self._halt is not None else ""
         speed, current = self._scales()
         return (
-            f"a positive current turns the wheel backward: its motor gain is {rounded(gain, std)} rad/s^2/A. One "
+            f"a positive current turns the wheel backward: its motor gain is {plus_minus(gain, std)} rad/s^2/A. One "
             f"sign in the wire map is wrong: turn the one at {current} or the one at {speed}, whichever is not as the "
             f"wheel has it; readings cannot tell which.{ended}"
         )
@@ -77,7 +77,7 @@ class SignSink:
         speed, current = self._scales()
         size = f"{factor:.3g} times" if factor > 1.0 else f"1/{1.0 / factor:.3g} of"
         return (
-            f"the motor gain is {rounded(gain, std)} rad/s^2/A, {size} what {self._expectation}: is a scale of "
+            f"the motor gain is {plus_minus(gain, std)} rad/s^2/A, {size} what {self._expectation}: is a scale of "
             f"the wire map wrong, {current} or {speed}? If the wheel is like that, give filter.prior.motor_gain, and "
             "wheel.inertia_kg_m2, on which every torque depends"
         )

@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.report.text import diagnosis_text
 from rw_ekf.diagnosis.report.thinning import binned_means, correlation_samples, running_means, thinned_line
-from rw_ekf.diagnosis.report.words import Units, figure_pairs, number_text
+from rw_ekf.diagnosis.report.words import Units, figure_pairs
 from rw_ekf.diagnosis.report.write import write_report
+from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.numbers import number_text
 from tests.diagnosis.example import INERTIA_KG_M2, example, many_samples
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -110,7 +111,7 @@ def test_verdict_and_figures_come_first(found: Diagnosis, tmp_path: Path) -> Non
     figures = f"{number_text(before)} → {number_text(after)}"
     order = [page.text.index(words) for words in ("Effect named", "Viscous friction falls", figures, "Evidence")]
     assert order == sorted(order)
-    assert "viscous_temperature slope_1_K -0.03000 0.00050 1/K" in page.text
+    assert "viscous_temperature slope_1_K -0.0300 0.0005 1/K" in page.text
     assert f"--model {tmp_path}/augmented-model.yaml" in page.text
     assert "transport_delay and actuator_lag look the same in this log; what separates them" in page.text
     assert "needs angle_rad, which is not logged" in page.text
@@ -271,7 +272,7 @@ def test_the_terminal_has_the_verdict_first(found: Diagnosis) -> None:
     arrows = [line.index("->") for line in lines[2:] if " -> " in line and line.startswith("    ")]
     assert len(arrows) == 6
     assert len(set(arrows)) == 1
-    assert "    viscous_temperature: slope_1_K -0.03000 +- 0.00050 1/K" in lines
+    assert "    viscous_temperature: slope_1_K -0.0300 +- 0.0005 1/K" in lines
     assert sum("  p " in line for line in lines) == 5
     assert "  not testable: torque_ripple (needs angle_rad, which is not logged)" in lines
     assert lines[-2] == "  report: runs/d/report.html"

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.metrics import judge_model
+from rw_ekf.diagnosis.judge.metrics import performance
 from rw_ekf.diagnosis.prepare.base_fit import model_of_setup
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.search.searched_part import richer_part
 from rw_ekf.logs.reader import read_log
 from rw_ekf.wheel.model_file import read_model
 
@@ -22,15 +24,7 @@ def frozen_figures(log: str, model_file: Path) -> dict[str, Any]:
     from its first filtered speed.
     """
     model = read_model(model_file)
-    prepared = prepare(source_of([read_log(log)]), None, model, "blocks")
-    judged = judge_model(
-        prepared.whole,
-        model_of_setup(prepared.setup, model.parameters),
-        prepared.base.noise,
-        np.ones(prepared.split.block.size, dtype=np.bool_),
-        prepared.split.block,
-        prepared.base.omit,
-        prepared.seen,
-        None,
-    )
-    return judged.figures
+    prepared = richer_part(prepare(source_of([read_log(log)]), None, model, "blocks"))
+    everything = replace(prepared.split, heldout=np.ones(prepared.split.block.size, dtype=np.bool_))
+    fit = replace(prepared.base, model=model_of_setup(prepared.setup, model.parameters))
+    return performance(replace(prepared, split=everything), fit).figures

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.commands.inputs import read_wheel_model
-from rw_ekf.filter.identifiability import rounded
 from rw_ekf.logs.reader import read_log
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.numbers import plus_minus
 from rw_ekf.pictures import run_picture
 from rw_ekf.replay import replay_log
 from rw_ekf.settings.load import load_configuration
@@ -52,7 +52,7 @@ def print_estimates(entry: dict[str, Any]) -> None:
 
 def estimate_text(entry: dict[str, Any], name: str) -> str:
     """A parameter with the digits that its sigma allows."""
-    return rounded(entry["state"][name], entry["std"][name])
+    return plus_minus(entry["state"][name], entry["std"][name])
 
 
 def print_verdict(document: dict[str, Any]) -> None:
@@ -91,7 +91,7 @@ def print_truth(lot: Lot, runs: Sequence[tuple[str, dict[str, Any]]], found: dic
         state = effects[lot.effect]
         off = (state["value"] - lot.value) / state["std"]
         print(
-            f"   now a state of the filter: {rounded(state['value'], state['std'])} {state['unit']}, "
+            f"   now a state of the filter: {plus_minus(state['value'], state['std'])} {state['unit']}, "
             f"off by {off:+.1f} sigma"
         )
     return named

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.diagnosis.prepare.quantisation import Lattice
-from rw_ekf.diagnosis.search.look import Found
+from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.model.effect import Term
 from rw_ekf.wheel.table import EffectSet

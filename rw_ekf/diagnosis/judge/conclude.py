@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.diagnosis.judge.augmented_model import augmented_model
-from rw_ekf.diagnosis.judge.metrics import Judged
+from rw_ekf.diagnosis.judge.candidate_entries import candidate_entries
+from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.lattice import Lattice, find_lattice
+from rw_ekf.diagnosis.judge.metrics import Performance, performance
 from rw_ekf.diagnosis.judge.residual_tests import residual_tests
 from rw_ekf.diagnosis.judge.verdict import (
     Verdict,
@@ -19,11 +22,8 @@ from rw_ekf.diagnosis.judge.verdict import (
     separation,
 )
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.prepare.quantisation import Lattice, find_lattice
-from rw_ekf.diagnosis.records import Diagnosis, ModelTrace
-from rw_ekf.diagnosis.report.candidates_document import candidate_entries
+from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
-from rw_ekf.diagnosis.search.look import Found, judge
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from rw_ekf.wheel.model_file import refusal_of
@@ -44,11 +44,11 @@ def _lattice(found: Found) -> Lattice | None:
     prepared, fit = found.prepared, found.whole
     if GRID.id in prepared.base.model.effects.ids:
         return None
-    judged = judge(prepared, fit, None)
-    innovation = judged.trace.one_step_error_rad_s
+    performed = performance(prepared, fit)
+    innovation = performed.trace.one_step_error_rad_s
     speed = prepared.data.speed_rad_s
     lattice = find_lattice(
-        speed, speed - innovation, judged.predicted_std_rad_s, fit.noise.variance, prepared.split.heldout,
+        speed, speed - innovation, performed.predicted_std_rad_s, fit.noise.variance, prepared.split.heldout,
         0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM,
     )  # fmt: skip
     if lattice is None or lattice.statistic + lattice.heldout_statistic < 0.0:
@@ -61,10 +61,10 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     lattice = _lattice(found)
     prepared, selection = found.prepared, found.selection
     inertia = prepared.setup.inertia_kg_m2 if configuration is None else configuration.wheel.inertia_kg_m2
-    before = judge(prepared, selection.base, inertia)
+    before = performance(prepared, selection.base, inertia)
     names = found.new_ids
     unexplained = found.is_unexplained
-    after = judge(prepared, selection.final, inertia) if names else before
+    after = performance(prepared, selection.final, inertia) if names else before
     quantised = lattice is not None and not unexplained
     verdict = _verdict(found, lattice if quantised else None, before, after)
     chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
@@ -136,7 +136,7 @@ def _not_written(refusal: str | None) -> list[str]:
     return [] if refusal is None else [f"no model was written, because none could read it: {refusal}"]
 
 
-def _verdict(found: Found, lattice: Lattice | None, before: Judged, after: Judged) -> Verdict:
+def _verdict(found: Found, lattice: Lattice | None, before: Performance, after: Performance) -> Verdict:
     facts, names, left = found.prepared.facts, found.new_ids, found.left
     if found.is_unexplained:
         along = ", ".join(item.name for item in left[:2])

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.diagnosis.judge.ahead import simulate_ahead
-from rw_ekf.diagnosis.records import ModelTrace
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.likelihood.fitting import Fit, likelihood, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference, run_frozen
@@ -27,7 +28,7 @@ _TURNS, _MEMORY_TURNS = 2, 5  # of smoothing a reference under another model
 
 
 @dataclass(frozen=True)
-class Judged:
+class Performance:
     """A model's figures on the held-out part, and its traces over the whole record."""
 
     figures: dict[str, Any]
@@ -35,35 +36,27 @@ class Judged:
     predicted_std_rad_s: Float64Array  # of the speed before each reading, (n,)
 
 
-def judge_model(
-    whole: Record,
-    model: Model,
-    noise: Noise,
-    heldout: BoolArray,
-    block: Int64Array,
-    omit: BoolArray,
-    reference: Reference,
-    inertia_kg_m2: float | None,
-) -> Judged:
-    """Run the model, frozen, over the record; figures from the samples in `heldout` (n,), cut at changes of `block`."""
-    data = whole.data.with_speed(np.where(omit, np.nan, whole.data.speed_rad_s))
+def performance(prepared: Prepared, fit: Fit, inertia_kg_m2: float | None = None) -> Performance:
+    """Run a fit's model, frozen, over the record; figures from the held-out samples, cut where blocks change."""
+    whole, split, model, noise = prepared.whole, prepared.split, fit.model, fit.noise
+    data = whole.data.with_speed(np.where(prepared.base.omit, np.nan, whole.data.speed_rad_s))
     ready = replace(data, temperature_degC=whole.temperature_degC, angle_rad=whole.angle_rad)
     run = run_frozen(ready, model, noise, whole.constants)
-    free = _free_run(whole, model, run.states, block)
-    observed = _observed_acceleration(whole, model, noise, omit, reference)
-    errors = {seconds: _horizon(whole, model, run.states, heldout, seconds) for seconds in (1.0, 20.0)}
-    speed = data.speed_rad_s
+    free = _free_run(whole, model, run.states, split.block)
+    observed = _observed_acceleration(whole, model, noise, prepared.base.omit, prepared.seen)
+    errors = {seconds: _horizon(whole, model, run.states, split.heldout, seconds) for seconds in (1.0, 20.0)}
+    heldout = split.heldout
     figures = {
         "one_step_rms_rpm": _rms_rpm(run.innovation_rad_s[heldout]),
         "horizon_1s_rms_rpm": _rms_rpm(errors[1.0]),
         "horizon_20s_rms_rpm": _rms_rpm(errors[20.0]),
-        "free_run_rms_rpm": _rms_rpm((speed - free)[heldout]),
+        "free_run_rms_rpm": _rms_rpm((data.speed_rad_s - free)[heldout]),
         "nis_mean": _mean(run.nis[heldout]),
         "torque_rms_mNm": None if inertia_kg_m2 is None else _scaled(_rms(observed[heldout]), 1e3 * inertia_kg_m2),
     }
     trace = ModelTrace(run.innovation_rad_s, free, observed, run.innovation_rad_s / np.sqrt(run.innovation_variance))
     predicted = np.sqrt(np.maximum(run.innovation_variance - noise.variance, 0.0))
-    return Judged(figures, trace, predicted)
+    return Performance(figures, trace, predicted)
 
 
 def _free_run(whole: Record, model: Model, states: Float64Array, block: Int64Array) -> Float64Array:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.search.evidence import INFLATION
 from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.significance import INFLATION
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
-from rw_ekf.likelihood.structure import slopes_by_torque
+from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import RecordFacts
 
 
@@ -29,13 +29,6 @@ class Dependence:
     statistic: float  # chi-square gain, profiled over the noises as an effect's is
     freedom: int
     p_value: float
-
-
-def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Array:
-    """Piecewise linear functions on `count` even knots from low to high, (n, count); constant beyond the ends."""
-    knots = np.linspace(low, high, count)
-    place = np.clip((values - low) / max(high - low, 1.0e-300) * (count - 1), 0.0, count - 1.0)
-    return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(knots.size)))
 
 
 def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]:

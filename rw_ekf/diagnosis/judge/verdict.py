@@ -6,13 +6,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.judge.residual_map import Dependence
-from rw_ekf.diagnosis.report.words import number_text
 from rw_ekf.diagnosis.search.confounding import quantity_of, separates
 from rw_ekf.diagnosis.search.trial import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts, Term
+from rw_ekf.numbers import number_text
 from rw_ekf.units import rad_s_from_rpm
 
 _FIGURES = (
@@ -113,8 +112,3 @@ def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *
         change = f"{number_text(rad_s_from_rpm(old))} -> {number_text(rad_s_from_rpm(new))}"
         return f"{words} {change} rad/s (or m/s) on {seconds:.0f} s held out"
     return f"nothing held out to judge it by in {seconds:.0f} s"
-
-
-def left_over(found: list[Dependence], limit: float) -> list[Dependence]:
-    """Dependences that noise does not explain."""
-    return [item for item in found if item.p_value < limit]

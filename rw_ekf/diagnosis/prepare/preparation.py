@@ -14,7 +14,6 @@ from rw_ekf.diagnosis.prepare.conditions import REFERENCE_DEGC, facts_of, filled
 from rw_ekf.diagnosis.prepare.gross_errors import gross_errors
 from rw_ekf.diagnosis.prepare.source import Source
 from rw_ekf.diagnosis.prepare.split import Kind, Split, running_time, split_record
-from rw_ekf.diagnosis.search.scorer import information
 from rw_ekf.filter.belief import Belief, prior_around
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.fitting import Fit
@@ -182,10 +181,9 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
     starts = tuple(float(data.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = replace(facts, timing_doubt_s=source.timing_doubt_s, log_starts_s=starts)
-    ready = Prepared(
+    return Prepared(
         source, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
     )
-    return ready if kind == "halves" else _richer(ready)
 
 
 def _aged(model: WheelModel) -> Belief:
@@ -217,18 +215,6 @@ def _references(data: FilterInput, split: Split, parameters: FrictionParameters,
     blind = data.with_speed(np.where(split.fit, data.speed_rad_s, np.nan))
     bare = model_of_setup(setup, parameters).base
     return [read_reference(blind, noise), smoothed_by_filter(data, split.fit, bare, setup.constants, noise)]
-
-
-def _richer(prepared: Prepared) -> Prepared:
-    """Search the part that can say more, by its excitation alone, and hold out the other."""
-    other = prepared.swapped()
-    if int(other.split.fit.sum()) > 2 * int(prepared.split.fit.sum()):
-        return prepared  # a long record, of which only some blocks are searched
-    parts = [
-        information(p.base.frame, p.prior, prepared.base.noise.variance, prepared.facts) for p in (prepared, other)
-    ]
-    ratios = [math.log(parts[1][name] / parts[0][name]) for name in parts[0] if parts[0][name] > 0.0 < parts[1][name]]
-    return other if ratios and sum(ratios) > 0.0 else prepared
 
 
 def _with_base(prepared: Prepared, model: Model) -> Prepared:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from rw_ekf.diagnosis.records import Diagnosis
+    from rw_ekf.diagnosis.result import Diagnosis
 
 # Okabe and Ito's vermilion and blue: far apart for every kind of colour vision, and in grey.
 BEFORE, AFTER = "#c8500a", "#0067b1"

@@ -7,7 +7,6 @@ import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rw_ekf.diagnosis.records import Diagnosis
 from rw_ekf.diagnosis.report.advice import excitation_of, next_steps
 from rw_ekf.diagnosis.report.style import STYLE
 from rw_ekf.diagnosis.report.tables import (
@@ -22,8 +21,10 @@ from rw_ekf.diagnosis.report.tables import (
     table,
     tiles,
 )
-from rw_ekf.diagnosis.report.words import Units, figure_pairs, number_text, verdict_of
+from rw_ekf.diagnosis.report.words import Units, figure_pairs, verdict_of
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.documents import inertia_text
+from rw_ekf.numbers import number_text
 
 
 def page(

@@ -34,7 +34,7 @@ from rw_ekf.diagnosis.report.words import (
 
 if TYPE_CHECKING:
     from rw_ekf.arrays import BoolArray, Float64Array
-    from rw_ekf.diagnosis.records import Diagnosis
+    from rw_ekf.diagnosis.result import Diagnosis
     from rw_ekf.logs.wheel_log import WheelLog
 
 _BARS: dict[Standing, str] = {"added": AFTER, "related": "#7fb2dc", "rejected": "#b4bac2", "untestable": "#b4bac2"}

@@ -32,7 +32,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
-    from rw_ekf.diagnosis.records import Diagnosis
+    from rw_ekf.diagnosis.result import Diagnosis
 
 
 _MOST_BINS, _FEWEST_BINS = 28, 10

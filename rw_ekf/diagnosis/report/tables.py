@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.diagnosis.report.words import (
-    MISSING,
     FigurePair,
     Units,
     gain_text,
-    number_text,
     p_value_text,
     parameter_text,
     percent_text,
@@ -22,6 +20,7 @@ from rw_ekf.diagnosis.report.words import (
     standing_of,
     statistic_text,
 )
+from rw_ekf.numbers import MISSING, number_text
 
 _MOST_SPANS = 12
 
@@ -96,6 +95,9 @@ def parameter_table(document: Mapping[str, Any]) -> str:
                 value = text.removesuffix(unit).rstrip() if unit else text
                 fixed = parameter.get("std") is None
                 found, _, sigma = value.partition(" +- ")
+                if found.startswith("("):  # (1.23 +- 0.03)e-6
+                    sigma, _, power = sigma.partition(")")
+                    found, sigma = f"{found[1:]}{power}", f"{sigma}{power}"
                 cells = [html.escape(v) for v in (candidate["effect"], name, found, sigma, unit)]
                 cells[3] = cells[3] or ("fixed" if fixed else MISSING)
                 rows.append(("", cells))

@@ -11,7 +11,6 @@ from rw_ekf.diagnosis.report.words import (
     Units,
     figure_pairs,
     gain_text,
-    number_text,
     p_value_text,
     parameter_text,
     percent_text,
@@ -21,6 +20,7 @@ from rw_ekf.diagnosis.report.words import (
     untestable_reasons,
     verdict_of,
 )
+from rw_ekf.numbers import number_text
 
 _OTHERS = 5
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from rw_ekf.filter.identifiability import rounded
+from rw_ekf.numbers import MISSING, number_of, number_text, plus_minus
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm
 
 Standing = Literal["added", "related", "rejected", "untestable"]
@@ -18,7 +18,6 @@ VERDICTS = {
     "unexplained": "Unexplained",
     "insufficient_excitation": "Cannot be judged",
 }
-MISSING = "–"
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def figure_pairs(document: Mapping[str, Any], units: Units) -> list[FigurePair]:
     before, after = document.get("before") or {}, document.get("after") or {}
     pairs = []
     for key, label, note in _FIGURES:
-        values = [_number(metrics.get(key)) for metrics in (before, after)]
+        values = [number_of(metrics.get(key)) for metrics in (before, after)]
         unit = "mNm" if key.endswith("_mNm") else ""
         if key.endswith("_rpm"):
             unit = units.speed
@@ -132,7 +131,7 @@ def ranked(candidates: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Those that were tested: what was added first, then by falling statistic."""
 
     def rank(candidate: Mapping[str, Any]) -> tuple[bool, float]:
-        statistic = _number(candidate.get("statistic"))
+        statistic = number_of(candidate.get("statistic"))
         return standing_of(candidate) != "added", math.inf if statistic is None else -statistic
 
     return sorted((c for c in candidates if standing_of(c) != "untestable"), key=rank)
@@ -148,21 +147,9 @@ def untestable_reasons(candidates: Sequence[Mapping[str, Any]]) -> dict[str, lis
     return reasons
 
 
-def number_text(value: object, digits: int = 3) -> str:
-    """Three significant digits, no exponent where a person does without; a dash for what is missing."""
-    number = _number(value)
-    if number is None:
-        return MISSING
-    text = f"{number:.{digits}g}"
-    size = abs(float(text))
-    if not 1.0e-4 <= size < 1.0e6:
-        return text
-    return f"{number:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
-
-
 def percent_text(value: object) -> str:
     """A signed percentage; a dash for what is missing."""
-    number = _number(value)
+    number = number_of(value)
     if number is None:
         return MISSING
     return "0 %" if abs(number) < 0.05 else f"{number:+.{0 if abs(number) >= 10.0 else 1}f} %".replace("-", "−")
@@ -172,7 +159,7 @@ def gain_text(candidate: Mapping[str, Any]) -> str:
     """What a candidate does to the held-out error, signed as the figures are; a spike's is that inside the event."""
     from rw_ekf.effects.catalogue import CATALOGUE
 
-    gain = _number(candidate.get("heldout_gain_percent"))
+    gain = number_of(candidate.get("heldout_gain_percent"))
     if gain is None:
         return MISSING
     effect = CATALOGUE.get(str(candidate.get("effect")))
@@ -181,7 +168,7 @@ def gain_text(candidate: Mapping[str, Any]) -> str:
 
 def statistic_text(value: object) -> str:
     """A test statistic: no decimals where it is large, one where it is not."""
-    number = _number(value)
+    number = number_of(value)
     if number is None:
         return MISSING
     rounded_number = round(number, 0 if abs(number) >= 100.0 else 1) + 0.0  # no "-0.0"
@@ -190,7 +177,7 @@ def statistic_text(value: object) -> str:
 
 def p_value_text(value: object) -> str:
     """A p-value to one digit; a dash for what is missing."""
-    number = _number(value)
+    number = number_of(value)
     if number is None:
         return MISSING
     return "< 1e-16" if number < 1.0e-16 else f"{number:.1g}" if number < 0.1 else f"{number:.2f}"
@@ -198,16 +185,9 @@ def p_value_text(value: object) -> str:
 
 def parameter_text(parameter: Mapping[str, Any]) -> str:
     """`-0.0301 +- 0.0010 1/K`; a name or a fixed constant without a sigma."""
-    value, std, unit = parameter.get("value"), _number(parameter.get("std")), str(parameter.get("unit") or "")
-    number = _number(value)
+    value, std, unit = parameter.get("value"), number_of(parameter.get("std")), str(parameter.get("unit") or "")
+    number = number_of(value)
     if number is None:
         return str(value) if isinstance(value, str) else MISSING
-    text = number_text(number, 4) if std is None else rounded(number, std)
+    text = number_text(number, 4) if std is None else plus_minus(number, std)
     return f"{text} {unit}".rstrip()
-
-
-def _number(value: object) -> float | None:
-    """A finite number, or None."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) else None

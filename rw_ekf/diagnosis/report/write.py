@@ -6,11 +6,11 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from rw_ekf.diagnosis.records import Diagnosis
 from rw_ekf.diagnosis.report.page import page
 from rw_ekf.diagnosis.report.pictures import evidence_picture, speed_picture
 from rw_ekf.diagnosis.report.residual import residual_picture
 from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import finite
 from rw_ekf.logs.atomic import atomic_path, write_text

@@ -13,13 +13,12 @@ from typing import Literal
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.judge.residual_map import hats
-from rw_ekf.diagnosis.search.evidence import p_value
 from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.significance import p_value
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import Record
-from rw_ekf.likelihood.structure import slopes_by_torque
+from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import Effect, RecordFacts
 
 Quantity = Literal["speed", "time", "temperature"]

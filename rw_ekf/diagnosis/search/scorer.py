@@ -12,14 +12,13 @@ from collections.abc import Callable
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, analytic, hypotheses
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, hypotheses
 from rw_ekf.likelihood.fitting import LEAST_RATIO
 from rw_ekf.likelihood.frame import Frame, Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts
 
 _RATIOS_BELOW = 6
 _SCREENED = 24
@@ -54,7 +53,7 @@ class Scorer:
             self.places = frame.innovation_at
             if beside is not None:
                 A = np.concatenate((A, frame.whitened(value, variance, beside)[1]), axis=1)
-            Q = _basis(A, prior, frame.model)
+            Q = basis(A, prior, frame.model)
             self.restrictions.append(_restriction(A, prior))
             left = r - Q @ (Q.T @ r)
             self.bases.append(Q)
@@ -199,31 +198,6 @@ def powers(frequency_Hz: Float64Array, time_s: Float64Array, values: Float64Arra
     return power
 
 
-def information(frame: Frame, prior: Prior | None, variance: float, facts: RecordFacts) -> dict[str, float]:
-    """How much a part of a record can say of each simple linear effect: its squared length beside the model's own.
-
-    No residual enters: this is about excitation alone.
-    """
-    places: list[tuple[type[Effect], Candidate]] = [
-        (effect, effect.candidates(facts)[0])
-        for effect in CATALOGUE.values()
-        if issubclass(effect, StaticEffect)
-        and effect.linear
-        and effect.components == 1
-        and not effect.local_in_time
-        and effect.untestable(facts) is None
-    ]
-    if not places:
-        return {}
-    group = analytic(frame, places)
-    columns = np.concatenate([h.columns for h in group], axis=1)
-    _, A, _ = frame.whitened(LEAST_RATIO, variance, columns)
-    _, own, _ = frame.whitened(LEAST_RATIO, variance, frame.columns, frame.memory_columns)
-    Q = _basis(own, prior, frame.model)
-    lengths = np.einsum("ij,ij->j", A - Q @ (Q.T @ A), A)
-    return {h.effect.id: float(length) for h, length in zip(group, lengths, strict=True)}
-
-
 def _restriction(A: Float64Array, prior: Prior | None) -> float:
     """Half the log-determinant of the information on the model's own vector."""
     normal = A.T @ A
@@ -247,7 +221,7 @@ def _ratios(ratio: float) -> list[float]:
     return [math.exp(v) for v in sorted({*steps.tolist(), top + 1.0})]
 
 
-def _basis(A: Float64Array, prior: Prior | None, model: Model) -> Float64Array:
+def basis(A: Float64Array, prior: Prior | None, model: Model) -> Float64Array:
     """Orthonormal columns (n, p) of the span of A, a priori counted as rows that are then cut off."""
     weights = np.linalg.norm(A, axis=0)
     weights[weights == 0.0] = 1.0

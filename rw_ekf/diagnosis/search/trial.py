@@ -39,6 +39,12 @@ class Selection:
     whole_record: list[str] = field(default_factory=list)  # ids sought there, held-out part included
     constructed: dict[str, set[str]] = field(default_factory=dict)  # chosen id -> rivals no likelihood decides about
 
+    @property
+    def new_ids(self) -> list[str]:
+        """Effects of the final model that the base did not have."""
+        before = set(self.base.model.effects.ids)
+        return [name for name in self.final.model.effects.ids if name not in before]
+
 
 def terms_in(model: Model) -> set[tuple[str, float]]:
     """What is in a model: ids, each order or frequency of a periodic one for itself."""

@@ -1,26 +1,23 @@
-"""Look at a record: search a part, then the whole, confirm on what was held out, map what is left."""
+"""Investigate a record: search a part, then the whole, confirm on what was held out, map what is left."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rw_ekf.diagnosis.judge.metrics import Judged, heldout_likelihood, judge_model
+from rw_ekf.diagnosis.judge.confirmation import confirm, veto
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
-from rw_ekf.diagnosis.judge.verdict import left_over
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
-from rw_ekf.diagnosis.search.event import event_gain
-from rw_ekf.diagnosis.search.evidence import (
+from rw_ekf.diagnosis.search.selection import Search
+from rw_ekf.diagnosis.search.significance import (
     EXPLAINED_SHARE,
     INDISTINGUISHABLE,
     LOCAL_P,
     MAP_P,
     WHOLE_P,
 )
-from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import IMPOSSIBLE, Selection, determined, matters, possible
 from rw_ekf.diagnosis.search.wander import wandering
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
@@ -30,18 +27,6 @@ from rw_ekf.likelihood.fitting import Fit
 Advance = Callable[[str], object]
 Figures = dict[str, Any]
 
-_WORST_GAIN_PERCENT = -2.0  # an effect that matters does not make the free run worse; a small one may not better it
-_VETOED = (
-    ("one_step_rms_rpm", "one-step error"),
-    ("horizon_1s_rms_rpm", "error 1 s ahead"),
-    ("horizon_20s_rms_rpm", "error 20 s ahead"),
-    ("free_run_rms_rpm", "free-run error"),
-)
-# Share by which a held-out figure may grow, and factor by which NIS may be further from 1: for an effect whose free run
-# gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
-_WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
-_REAL_GAIN = 0.05
-_LEAST_EVENT = 4.0  # of twice the log-likelihood on the seconds left out of an event: two sigma
 _GOES_WITH_TIME = ("time", "temperature")
 _LEAST_SIGMAS_OF_PART = 1.0  # what the whole record found, one part must know at least so well
 
@@ -59,12 +44,12 @@ class Found:
     @property
     def left(self) -> list[Dependence]:
         """What noise does not explain in the map."""
-        return left_over(self.dependences, MAP_P)
+        return [item for item in self.dependences if item.p_value < MAP_P]
 
     @property
     def new_ids(self) -> list[str]:
         """Effects that the record asks for beyond the model it was given."""
-        return new_ids(self.selection)
+        return self.selection.new_ids
 
     @property
     def is_unexplained(self) -> bool:
@@ -84,36 +69,36 @@ class Found:
         return explained / (explained + most) if explained > 0.0 else 0.0
 
 
-def look(prepared: Prepared, advance: Advance) -> Found:
+def investigate(prepared: Prepared, advance: Advance) -> Found:
     """Search the fit part, then the whole record for what one part shows too little of; keep what is confirmed.
 
     What goes with time waits where time goes with speed or temperature. If the laws of those then leave structure, the
     search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
     because there a curve of time would take the place of whatever law of speed is missing.
     """
-    found = _look(prepared, advance, stationary_first=True)
+    found = _investigated(prepared, advance, stationary_first=True)
     again = found.is_unexplained and found.search.set_aside and prepared.work.has(work.RIVALS)
     if again and not one_and_the_same(found.whole, "time", "speed"):
-        other = _look(prepared, advance, stationary_first=False)
+        other = _investigated(prepared, advance, stationary_first=False)
         if other.new_ids and not other.is_unexplained:
             return other
     return found
 
 
-def _look(prepared: Prepared, advance: Advance, *, stationary_first: bool) -> Found:
+def _investigated(prepared: Prepared, advance: Advance, *, stationary_first: bool) -> Found:
     search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
     search.stationary_first = stationary_first
     selection = search.run(prepared.base)
-    if new_ids(selection):
+    if selection.new_ids:
         search.with_rivals(selection)
         _settle_rivals(search, selection)
-        _confirm(prepared, search, selection, new_ids(selection))
+        confirm(prepared, search, selection, selection.new_ids)
     if prepared.work.has(work.WIDEN):
         _widen(prepared, search, selection, advance)
     else:
         prepared.work.leave_out("the search of the whole record for what a part shows too little of")
     _drop_trifles(search, selection)
-    _veto(prepared, search, selection)
+    veto(prepared, search, selection)
     advance("mapping the residual")
     found = _mapped(prepared, search, selection)
     if not found.left and found.new_ids:
@@ -126,7 +111,7 @@ def _look(prepared: Prepared, advance: Advance, *, stationary_first: bool) -> Fo
 
 def _drop_trifles(search: Search, selection: Selection) -> None:
     """Drop what the searched part has next to nothing of, or impossibly much, once all else is in the model."""
-    for name in new_ids(selection):
+    for name in selection.new_ids:
         if not matters(selection.final.model, name, search.facts):
             selection.trials[name].decision = "too small to matter"
             selection.final = search.without(selection.final, name)
@@ -158,7 +143,7 @@ def _with_wandering_friction(found: Found) -> Found:
     trials = {**selection.trials, WANDERING.id: tried.trial}
     changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
     changed.final = search.pruned(changed.final, changed)
-    _confirm(prepared, search, changed, [WANDERING.id])
+    confirm(prepared, search, changed, [WANDERING.id])
     if WANDERING.id not in changed.final.model.effects.ids:
         return found
     changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
@@ -198,15 +183,9 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
             selection.trials[name].decision = "not confirmed: the searched part knows no size of it"
     before = set(fit.model.effects.ids)
     selection.final = fit
-    _confirm(prepared, search, selection, [name for name in names if name in before])
+    confirm(prepared, search, selection, [name for name in names if name in before])
     selection.rivals |= {name: fits for name, fits in wide.rivals.items() if name in selection.final.model.effects.ids}
     selection.whole_record = [name for name in names if name in selection.final.model.effects.ids]
-
-
-def new_ids(selection: Selection) -> list[str]:
-    """Effects of the final model that the base did not have."""
-    before = set(selection.base.model.effects.ids)
-    return [name for name in selection.final.model.effects.ids if name not in before]
 
 
 def _settle_rivals(search: Search, selection: Selection) -> None:
@@ -236,69 +215,3 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
         others = [fit for _, other, fit in near if other != winner]
         if others:
             selection.rivals[winner] = others
-
-
-def _confirm(prepared: Prepared, search: Search, selection: Selection, names: list[str]) -> None:
-    """Drop what worsens the held-out part, by its likelihood or by its free run; an event is not judged there."""
-    for name in names:
-        if CATALOGUE[name].local_in_time:
-            continue
-        less = search.without(selection.final, name)
-        with_it = heldout_likelihood(prepared.heldout, selection.final, prepared.seen)
-        likelier = with_it > heldout_likelihood(prepared.heldout, less, prepared.seen)
-        gain = gain_over(prepared, less, selection.final)
-        if not likelier or (gain is not None and gain < _WORST_GAIN_PERCENT):
-            selection.trials[name].decision = "not confirmed on the held-out part"
-            selection.final = less
-
-
-def _veto(prepared: Prepared, search: Search, selection: Selection) -> None:
-    """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first."""
-    for name in reversed(new_ids(selection)):
-        less = search.without(selection.final, name)
-        before, after = judge(prepared, less, None).figures, judge(prepared, selection.final, None).figures
-        free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
-        gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
-        worse = worsened(before, after, *(_WORST if gained else _WORSE))
-        if worse is None and CATALOGUE[name].local_in_time:
-            gain = event_gain(search.on_whole(selection.final), name, prepared.prior, prepared.seen)
-            if gain is not None and gain.statistic < _LEAST_EVENT:
-                worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
-        if worse is not None:
-            selection.trials[name].decision = f"not confirmed: on the held-out part {worse}"
-            selection.final = less
-
-
-def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:
-    """Which held-out figure an effect makes worse, by more than a share, or NIS by more than a factor; in words."""
-    for key, words in _VETOED:
-        old, new = before.get(key), after.get(key)
-        if old and new and new > (1.0 + share) * old:
-            return f"the {words} grows by {100.0 * (new / old - 1.0):.2g} %"
-    old, new = before.get("nis_mean"), after.get("nis_mean")
-    if old and new and abs(math.log(new)) > abs(math.log(old)) + math.log(nis):
-        return f"NIS goes from {old:.3g} to {new:.3g}"
-    return None
-
-
-def judge(prepared: Prepared, fit: Fit, inertia: float | None) -> Judged:
-    """Figures on the held-out part, and traces, of a fit."""
-    return judge_model(
-        prepared.whole,
-        fit.model,
-        fit.noise,
-        prepared.split.heldout,
-        prepared.split.block,
-        prepared.base.omit,
-        prepared.seen,
-        inertia,
-    )
-
-
-def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
-    """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller."""
-    before, after = judge(prepared, less, None).figures, judge(prepared, more, None).figures
-    key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
-    if not before[key] or after[key] is None:
-        return None
-    return float(100.0 * (1.0 - after[key] / before[key]))

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from rw_ekf.diagnosis.judge.metrics import Judged
+from rw_ekf.diagnosis.judge.confirmation import gain_over
+from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.lattice import Lattice
+from rw_ekf.diagnosis.judge.metrics import Performance
 from rw_ekf.diagnosis.judge.verdict import (
     Verdict,
     described,
 )
-from rw_ekf.diagnosis.prepare.quantisation import Lattice
 from rw_ekf.diagnosis.search.candidates import testable
 from rw_ekf.diagnosis.search.event import event_gain
-from rw_ekf.diagnosis.search.evidence import threshold
-from rw_ekf.diagnosis.search.look import Found, gain_over
+from rw_ekf.diagnosis.search.significance import threshold
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term, size_of
 
 
 def candidate_entries(
-    found: Found, lattice: Lattice | None, verdict: Verdict, before: Judged, after: Judged
+    found: Found, lattice: Lattice | None, verdict: Verdict, before: Performance, after: Performance
 ) -> list[dict[str, Any]]:
     """One entry for every effect of the catalogue, strongest first."""
     facts, selection = found.prepared.facts, found.selection
@@ -78,7 +79,7 @@ def _explained_by_what_stands(entries: list[dict[str, Any]]) -> None:
             entry["decision"] = f"looks like {names[0]}: {said.get(names[0], 'not confirmed')}"
 
 
-def _gain(found: Found, name: str, before: Judged, after: Judged) -> float | None:
+def _gain(found: Found, name: str, before: Performance, after: Performance) -> float | None:
     """Percent by which the held-out error falls when the effect is added to the others.
 
     Of one effect that was added alone it is what the figures before and after say.
@@ -86,7 +87,7 @@ def _gain(found: Found, name: str, before: Judged, after: Judged) -> float | Non
     if CATALOGUE[name].local_in_time:
         gain = event_gain(found.whole, name, found.prepared.prior, found.prepared.seen)
         return None if gain is None else gain.percent
-    errors = [judged.figures.get("free_run_rms_rpm") for judged in (before, after)]
+    errors = [performed.figures.get("free_run_rms_rpm") for performed in (before, after)]
     if found.new_ids == [name] and errors[0] and errors[1] is not None:
         return float(100.0 * (1.0 - errors[1] / errors[0]))
     final = found.selection.final

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from rw_ekf.effects.measures import plus_minus
+from rw_ekf.numbers import plus_minus
 
 
 @pytest.mark.parametrize(
