@@ -165,7 +165,7 @@ def _beside_other_stribeck_speeds(data: FilterInput, setup: FilterSetup, run: Fi
     parts = [(2.0 / 3.0, run.mean, run.covariance)]
     for sign in (-1.0, 1.0):
         omega_s = setup.stribeck_speed_rad_s * math.exp(sign * math.sqrt(3.0) * spread)
-        there = setup.constants._replace(omega_s=omega_s, near_zero_speed=6.0 * omega_s)
+        there = setup.constants.with_stribeck_speed(omega_s)
         other = filter_log(data, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
         parts.append((1.0 / 6.0, other.mean, other.covariance))
     mean = sum((weight * x for weight, x, _ in parts), np.zeros_like(run.mean))

@@ -14,7 +14,7 @@ class ActuatorLag(CurrentEffect):
 
     id = "actuator_lag"
     equation = "tau dI/dt = I_command - I"
-    source = "contract, section 7; first-order current loop"
+    source = "inductance and resistance of the winding behind a current controller: a first-order loop"
     coefficient = Coefficient("time_constant_s", "s", 0.0, 60.0, "time constant of the current loop")
     excitation = "many changes of current: `rw-ekf excite P2`"
     confounded: ClassVar[dict[str, str]] = {

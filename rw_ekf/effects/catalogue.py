@@ -11,7 +11,7 @@ from typing import Any
 import rw_ekf.effects
 from rw_ekf.model.effect import Effect, ReadingEffect, StribeckEffect, WanderingEffect
 
-# Order of the contract's table, section 7; what is not here comes behind, by alphabet.
+# Order of the table in docs/contract.md; what is not here comes behind, by alphabet.
 CONTRACT_IDS = (
     "offset_torque", "viscous_asymmetry", "quadratic_drag", "cubic_drag", "viscous_temperature", "coulomb_temperature",
     "motor_gain_temperature", "motor_saturation", "current_deadzone", "actuator_lag", "transport_delay",

@@ -20,7 +20,7 @@ class CoulombDrift(WanderingEffect):
 
     id = "coulomb_drift"
     equation = "f = sgn(omega) a tau [1 - exp(-(t - start)/tau)]; a (t - start) for tau = 0, or for one piece of a line"
-    source = "contract, section 7"
+    source = "run-in of the race, lubricant that finds its place or starves"
     coefficient = Coefficient("rate_rad_s3", "rad/s^3", -1.0e6, 1.0e6, "rise of dry friction per second at the start")
     constants = (
         Coefficient("time_constant_s", "s", 0.0, 1.0e9, "tau, in which it settles; 0 for a straight line"),

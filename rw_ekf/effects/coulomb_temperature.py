@@ -27,7 +27,7 @@ class CoulombTemperature(StaticEffect):
 
     id = "coulomb_temperature"
     equation = "f = a (T - 20 degC) c sgn(omega)"
-    source = "contract, section 7"
+    source = "preload of the bearing that follows the expansion of shaft and housing; the boundary film"
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of Coulomb friction per kelvin")
     needs = ("temperature_degC",)
     excitation = "reversals, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"

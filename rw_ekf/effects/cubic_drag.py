@@ -13,7 +13,7 @@ class CubicDrag(StaticEffect):
 
     id = "cubic_drag"
     equation = "f = a omega^3"
-    source = "contract, section 7"
+    source = "drag that grows faster or slower than viscous: lubricant that churns, or shears thinner when fast"
     coefficient = Coefficient("coefficient_s_rad2", "s/rad^2", -1.0e6, 1.0e6, "drag per cubed speed; above 0 brakes")
     excitation = "coast-downs from high speed: `rw-ekf excite identification`"
     shown_against = "speed"

@@ -14,7 +14,7 @@ class CurrentDeadzone(StaticEffect):
 
     id = "current_deadzone"
     equation = "f = k sgn(I) min(|I|, a)"
-    source = "contract, section 7"
+    source = "blanking time of a switching amplifier, dry friction between motor and rotor"
     coefficient = Coefficient("width_A", "A", 0.0, 1.0e6, "largest current without torque")
     excitation = "currents of both signs at several levels, and coast-downs: `rw-ekf excite identification`"
     shown_against = "current"

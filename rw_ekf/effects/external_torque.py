@@ -24,7 +24,7 @@ class ExternalTorque(PeriodicEffect):
 
     id = "external_torque"
     equation = "f = a sin(2 pi frequency (t - reference) + phase)"
-    source = "contract, section 7"
+    source = "vibration of the structure, a pump, a controller that hunts"
     coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "amplitude of the sine")
     constants = (
         Coefficient("frequency_Hz", "Hz", 0.0, 1.0e6, "periods per second", step_share=1.0e-4, reach_share=0.02),

@@ -29,7 +29,7 @@ class MotorGainTemperature(StaticEffect):
 
     id = "motor_gain_temperature"
     equation = "f = -a (T - 20 degC) k I"
-    source = "contract, section 7; remanence of the magnets, resistance where a voltage drives"
+    source = "remanence of the magnets, resistance where a voltage drives"
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of motor gain per kelvin")
     needs = ("temperature_degC",)
     excitation = "strong currents, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"

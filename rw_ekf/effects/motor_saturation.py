@@ -14,7 +14,7 @@ class MotorSaturation(StaticEffect):
 
     id = "motor_saturation"
     equation = "f = a |I| k I"
-    source = "contract, section 7"
+    source = "iron that saturates: less flux per ampere at strong currents"
     coefficient = Coefficient("slope_1_A", "1/A", 0.0, 1.0e6, "relative loss of motor gain per ampere")
     excitation = "short strong currents beside weak ones: `rw-ekf excite identification`"
     shown_against = "current"

@@ -14,7 +14,7 @@ class OffsetTorque(StaticEffect):
 
     id = "offset_torque"
     equation = "f = a"
-    source = "contract, section 7"
+    source = "offset of the current amplifier, Coulomb friction unequal by direction, a steady torque from outside"
     coefficient = Coefficient("torque_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "constant torque; above 0 slows forward")
     excitation = "turning both ways: `rw-ekf excite P2`"
     shown_against = "speed"

@@ -13,7 +13,7 @@ class QuadraticDrag(StaticEffect):
 
     id = "quadratic_drag"
     equation = "f = a omega |omega|"
-    source = "contract, section 7; aerodynamic drag of the rotor in its case"
+    source = "aerodynamic drag of the rotor in its case"
     coefficient = Coefficient("coefficient_1_rad", "1/rad", -1.0e3, 1.0e3, "drag per squared speed; above 0 brakes")
     excitation = "high speed with coast-downs: `rw-ekf excite identification`"
     shown_against = "speed"

@@ -12,7 +12,7 @@ class SpeedQuantisation(ReadingEffect):
 
     id = "speed_quantisation"
     equation = "y = a round((omega + noise)/a)"
-    source = "contract, section 7; Widrow & Kollar 2008, uniform quantisation noise"
+    source = "Widrow & Kollar 2008, uniform quantisation noise"
     coefficient = Coefficient("grid_rad_s", "rad/s", 0.0, 1.0e6, "distance between neighbouring readings")
     excitation = "none: the values themselves show it, once they change"
 

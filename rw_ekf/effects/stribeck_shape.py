@@ -24,7 +24,7 @@ class StribeckShape(StribeckEffect):
 
     id = "stribeck_shape"
     equation = "f = sgn(omega) (s - c) [g(|omega|/a) - g_0(|omega|/omega_s)]"
-    source = "contract, section 7; [CK13 (1)], [F12, introduction]"
+    source = "[CK13 (1)], [F12, introduction]"
     coefficient = Coefficient("speed_rad_s", "rad/s", 1.0e-9, 1.0e6, "Stribeck speed, in place of the configured one")
     constants = (Coefficient("law", "", 0.0, 2.0, "code of the law: 0 gauss, 1 tustin, 2 lorentz", whole=True),)
     excitation = "dwells at half to five Stribeck speeds (2 to 20 rpm of a wheel): `rw-ekf excite identification`"

@@ -22,7 +22,7 @@ class TorqueRipple(PeriodicEffect):
 
     id = "torque_ripple"
     equation = "f = a sin(order angle + phase)"
-    source = "contract, section 7"
+    source = "cogging at the slots, commutation, imbalance under gravity"
     coefficient = Coefficient("amplitude_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "amplitude of the sine")
     constants = (
         Coefficient("order", "-", 1.0e-3, 1.0e4, "periods per turn"),

@@ -14,7 +14,7 @@ class TransportDelay(DelayEffect):
 
     id = "transport_delay"
     equation = "I(t) = I_command(t - a)"
-    source = "contract, section 7"
+    source = "commands that wait on the line or in the drive, readings stamped late"
     coefficient = Coefficient("delay_s", "s", 0.0, 60.0, "delay beyond the one that the log states")
     excitation = "many changes of current: `rw-ekf excite P2`"
     confounded: ClassVar[dict[str, str]] = {

@@ -14,7 +14,7 @@ class ViscousAsymmetry(StaticEffect):
 
     id = "viscous_asymmetry"
     equation = "f = a |omega|"
-    source = "contract, section 7"
+    source = "preload and flow of lubricant that differ by the direction of turning"
     coefficient = Coefficient("difference_1_s", "1/s", -1.0e3, 1.0e3, "viscous friction more forward, less backward")
     excitation = "high speed in both directions: `rw-ekf excite identification`"
     shown_against = "speed"

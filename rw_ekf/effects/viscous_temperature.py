@@ -28,7 +28,7 @@ class ViscousTemperature(StaticEffect):
 
     id = "viscous_temperature"
     equation = "f = a (T - 20 degC) b omega"
-    source = "contract, section 7; viscosity of the lubricant"
+    source = "viscosity of the lubricant"
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of viscous friction per kelvin")
     needs = ("temperature_degC",)
     excitation = "high speed, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"

@@ -1,6 +1,10 @@
 """The numbers that steer the filter, in SI, as one flat named tuple that Python and numba both read."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
+
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 
 
 class FilterConstants(NamedTuple):
@@ -23,3 +27,7 @@ class FilterConstants(NamedTuple):
     stuck_variance: float  # speed variance kept while the wheel is believed stuck [rad^2/s^2]
     max_gap_s: float  # a longer interval re-seeds the speed
     reseed_after: int  # this many gated samples in a row re-seed the speed
+
+    def with_stribeck_speed(self, omega_s: float) -> FilterConstants:
+        """The same beside another Stribeck speed [rad/s]."""
+        return self._replace(omega_s=omega_s, near_zero_speed=FAST_STRIBECK_SPEEDS * omega_s)

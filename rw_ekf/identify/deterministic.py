@@ -17,10 +17,10 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.model.state import FrictionParameters
 
 _COAST_SECONDS = 5.0
-_FAST_IN_STRIBECK_SPEEDS = 6.0
 _REST_STDS = 4.0
 
 
@@ -50,7 +50,7 @@ def deterministic(
     Raises FilterError where there is no coast-down of five seconds: then the method has nothing to stand on.
     """
     speed = data.speed_rad_s
-    fast = np.abs(speed) > _FAST_IN_STRIBECK_SPEEDS * omega_s
+    fast = np.abs(speed) > FAST_STRIBECK_SPEEDS * omega_s
     largest = float(np.max(np.abs(current_A))) if current_A.size else 0.0
     coasting = fast & (np.abs(current_A) <= 1.0e-3 * largest)
     coast = _stretches(data, coasting, _COAST_SECONDS)

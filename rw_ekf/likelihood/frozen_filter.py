@@ -14,6 +14,7 @@ from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
 from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, state_vector
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.wheel.table import ABSENT
 
 _OPEN_GATE = 1.0e30
@@ -30,7 +31,7 @@ def run_frozen(
     steered = without_drift(constants)._replace(
         omega_s=model.omega_s,
         law=model.law,
-        near_zero_speed=6.0 * model.omega_s,
+        near_zero_speed=FAST_STRIBECK_SPEEDS * model.omega_s,
         gate=_OPEN_GATE,
         speed_variance=max(noise.variance - model.effects.reading_variance, 1.0e-3 * noise.variance),
         acceleration_noise=noise.ratio * noise.variance / data.period_s,

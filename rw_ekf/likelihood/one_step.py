@@ -17,6 +17,7 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
@@ -238,9 +239,9 @@ def predict(
         np.zeros((n if with_rows else 0, table.size * (1 if table.memory_at == ABSENT else 2))),
     )
     record.work.charge(pass_units(int(np.count_nonzero(record.follows)), table, slopes=with_slopes, rows=with_rows))
-    near = 6.0 * omega_s
+    near = FAST_STRIBECK_SPEEDS * omega_s
     if table.stribeck_at != ABSENT:
-        near = max(near, 6.0 * float(parameters[table.stribeck_at - 1]))
+        near = max(near, FAST_STRIBECK_SPEEDS * float(parameters[table.stribeck_at - 1]))
     memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(parameters[2]), reference.memory_spread)
     # A column of a table has another layout, for which numba would compile the pass anew.
     speed, spread, memory = map(np.ascontiguousarray, (reference.speed, reference.spread, reference.memory))

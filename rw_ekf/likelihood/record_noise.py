@@ -126,7 +126,7 @@ def _fit(data: FilterInput, constants: FilterConstants, prior: Belief, *, guesse
     tried = []
     for ratio in _STRIBECK_RATIOS:
         omega_s = ratio * constants.omega_s
-        there = constants._replace(omega_s=omega_s, near_zero_speed=6.0 * omega_s)
+        there = constants.with_stribeck_speed(omega_s)
         tried.append((fit_log(data, there, prior, least_squares(data, there, prior.core).parameters), there))
     best, there = max(tried, key=lambda item: item[0].noises.log_evidence)
     return fit_log(data, there, prior, best.parameters, stribeck_speed_std=_STRIBECK_STD * there.omega_s)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Contribution = tuple[float, float, float, float, float, float]
 Shape = tuple[float, float, float]
 NO_SHAPE: Shape = (0.0, 0.0, 0.0)
-REFERENCE_DEGC = 20.0  # temperature effects are relative to this (contract, section 7)
+REFERENCE_DEGC = 20.0  # temperature effects are relative to this
 
 
 class Coefficient(NamedTuple):

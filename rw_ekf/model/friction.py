@@ -17,8 +17,13 @@ TUSTIN = 1  # exp(-|u|)      [F12, introduction]
 LORENTZ = 2  # 1 / (1 + u^2)  [F12, introduction]
 LAW_CODES = {"gauss": GAUSS, "tustin": TUSTIN, "lorentz": LORENTZ}
 
+# In Stribeck speeds: beyond the first the Stribeck term has no slope left to speak of (Gauss: 2e-16) and the wheel is
+# fast; below the second it creeps, and its friction is not known better than by half of c.
+FAST_STRIBECK_SPEEDS = 6.0
+CREEP_STRIBECK_SPEEDS = 3.0
+
 # Beyond this many Stribeck speeds g is below 3e-16 and the drift is linear in v. Lorentz's tail never ends.
-_FAR_GAUSS = 6.0
+_FAR_GAUSS = FAST_STRIBECK_SPEEDS
 _FAR_TUSTIN = 36.0
 _FAR_LORENTZ = 1.0e300
 

@@ -12,41 +12,41 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.model.friction import CREEP_STRIBECK_SPEEDS
 from rw_ekf.watch.evidence import Evidence
 
 
-class Dependence(NamedTuple):
-    """A column: the name in an alarm, and the torque it stands for."""
+class Torque(NamedTuple):
+    """A torque that the residual may follow: the name in an alarm, and its law."""
 
     name: str
     torque: str
 
 
-DEPENDENCES = (
-    Dependence("dry friction", "sgn(omega)"),
-    Dependence("speed", "omega"),
-    Dependence("current", "I"),
-    Dependence("direction", "1"),
-    Dependence("speed", "|omega|"),
-    Dependence("speed", "omega |omega|"),
-    Dependence("low speed", "sgn(omega) exp(-|omega| / 3 omega_s)"),
-    Dependence("current", "I |I|"),
-    Dependence("change of current", "dI/dt"),
-    Dependence("temperature", "(T - mean) sgn(omega)"),
-    Dependence("temperature", "(T - mean) omega"),
-    Dependence("temperature", "(T - mean) I"),
-    Dependence("time", "(t - mean) sgn(omega)"),
+TORQUES = (
+    Torque("dry friction", "sgn(omega)"),
+    Torque("speed", "omega"),
+    Torque("current", "I"),
+    Torque("direction", "1"),
+    Torque("speed", "|omega|"),
+    Torque("speed", "omega |omega|"),
+    Torque("low speed", "sgn(omega) exp(-|omega| / 3 omega_s)"),
+    Torque("current", "I |I|"),
+    Torque("change of current", "dI/dt"),
+    Torque("temperature", "(T - mean) sgn(omega)"),
+    Torque("temperature", "(T - mean) omega"),
+    Torque("temperature", "(T - mean) I"),
+    Torque("time", "(t - mean) sgn(omega)"),
 )
 MODEL_TERMS = 3
-_LOW_SPEED = 3.0  # Stribeck speeds
 
 
 class Responses:
     """The filter's response to every torque, carried from block to block."""
 
     def __init__(self, stribeck_speed_rad_s: float) -> None:
-        self._low_speed = _LOW_SPEED * stribeck_speed_rad_s
-        self._g = np.zeros(len(DEPENDENCES))
+        self._low_speed = CREEP_STRIBECK_SPEEDS * stribeck_speed_rad_s
+        self._g = np.zeros(len(TORQUES))
         self._left = 0.0  # of the response after the last update
         self._current_A = 0.0
         self._samples = 0

@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rw_ekf.model.friction import CREEP_STRIBECK_SPEEDS
 from rw_ekf.records import IssuedCommand, Outcome, Tick, WheelSample, WheelState
 
 # Break-away friction is the parameter the estimator knows worst, and is too sure of (docs/filter.md): what happens at
 # low speed under a drive hardly above it is no evidence of anything else.
-_CREEP_SPEED = 3.0  # Stribeck speeds
 _CREEP_DRIVE = 0.25  # of Coulomb friction, beyond break-away, ...
 _CREEP_SIGMAS = 3.0  # ... or as many of its standard deviations
 _LONGEST_STEP_IN_PERIODS = 3.5  # after a longer one the watch begins anew: the line, not the wheel, is in question
@@ -45,7 +45,7 @@ class EvidenceReader:
     def __init__(self, speed_variance: float, period_s: float, stribeck_speed_rad_s: float) -> None:
         """speed_variance: R of the filter [rad^2/s^2]; period_s: nominal, of the loop."""
         self._speed_variance = speed_variance
-        self._creep_speed = _CREEP_SPEED * stribeck_speed_rad_s
+        self._creep_speed = CREEP_STRIBECK_SPEEDS * stribeck_speed_rad_s
         self._longest_s = _LONGEST_STEP_IN_PERIODS * period_s
         self._last: WheelSample | None = None
         self._belief: WheelState | None = None

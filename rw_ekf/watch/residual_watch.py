@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.watch.alarms import RESIDUAL, Alarm
-from rw_ekf.watch.dependences import DEPENDENCES, Responses
+from rw_ekf.watch.dependences import TORQUES, Responses
 from rw_ekf.watch.evidence import Evidence
 from rw_ekf.watch.residual_window import (
     LAGS,
@@ -162,8 +162,8 @@ class ResidualWatch:
             return Verdict(0.0, IN_TIME, None, 0.0, 0.0, 1.0, window.begin_s)
         finding = largest_dependence(window, slow_too=len(blocks) >= _SLOW_BLOCKS)
         white, ratio = whiteness(window), spread(window)
-        name: str = DEPENDENCES[finding.column].name
-        torque: str | None = DEPENDENCES[finding.column].torque
+        name: str = TORQUES[finding.column].name
+        torque: str | None = TORQUES[finding.column].torque
         way = math.copysign(1.0, window.score[finding.column])
         weight = [way * float(b.score[finding.column]) for b in blocks]
         dependent = finding.deviation / self._threshold

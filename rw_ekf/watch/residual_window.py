@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.watch.dependences import DEPENDENCES, MODEL_TERMS
+from rw_ekf.watch.dependences import MODEL_TERMS, TORQUES
 
 LAGS = 8
 _CLIP = 4.0  # standard deviations that one reading may speak with
-_SLOW = [i for i, d in enumerate(DEPENDENCES) if d.name in ("temperature", "time")]
+_SLOW = [i for i, d in enumerate(TORQUES) if d.name in ("temperature", "time")]
 _COLLINEAR = 0.02  # share of a torque that must be left beside the model's own
 _BETTER = 1.1  # what the model lacks must explain more than a change of what it has by this, ...
 _BETTER_BY = 10.0  # ... and by this in chi-square
@@ -118,7 +118,7 @@ def deviation_of(window: BlockSums, finding: Finding) -> float:
 def deviation_of_name(window: BlockSums, name: str) -> float:
     """The largest deviation of all dependences that go by a name; 0 for a name that is none of theirs."""
     alone, beside = explained(window)
-    chi_square = max((max(alone[i], beside[i]) for i, d in enumerate(DEPENDENCES) if d.name == name), default=0.0)
+    chi_square = max((max(alone[i], beside[i]) for i, d in enumerate(TORQUES) if d.name == name), default=0.0)
     return math.sqrt(float(chi_square)) / spread(window)
 
 
@@ -135,7 +135,7 @@ def without_largest(blocks: Sequence[BlockSums], weight: Sequence[float]) -> Blo
 
 def explained(window: BlockSums) -> tuple[Float64Array, Float64Array]:
     """Chi-square that each dependence explains, (q,) each: alone, and beside the model's own terms (0 for these)."""
-    size = len(DEPENDENCES)
+    size = len(TORQUES)
     information, score = window.information, window.score
     diagonal = np.diag(information)
     seen = diagonal > 0.0

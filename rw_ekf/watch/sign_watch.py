@@ -25,6 +25,7 @@ import math
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.model.friction import CREEP_STRIBECK_SPEEDS
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import IssuedCommand, Tick, WheelSample
 
@@ -39,7 +40,6 @@ _OUTSIDE_SHARE = 0.3
 _WANDER_SHARE = 0.1
 _ERROR_SHARE = 0.15
 _MOVES = 4.0  # noises or steps of a reading: a piece that never gets so far from zero may be one of a wheel at rest
-_SLOW = 3.0  # below so many Stribeck speeds the friction of a piece is not known better than by half of c
 _INNOVATIONS_KEPT = 20.0
 
 
@@ -57,7 +57,7 @@ class SignWatch:
         self._expected, self._coulomb = k, c
         self._step = step_rad_s
         self._at_rest = _MOVES * step_rad_s
-        self._slow = _SLOW * stribeck_speed_rad_s + 2.0 * step_rad_s
+        self._slow = CREEP_STRIBECK_SPEEDS * stribeck_speed_rad_s + 2.0 * step_rad_s
         self._x = np.array([0.0, b, c, 0.0])
         self._P = np.diag([(10.0 * k) ** 2, (2.0 * b) ** 2 + 1.0e-12, c * c, (_OUTSIDE_SHARE * c) ** 2])
         self._nis = 1.0

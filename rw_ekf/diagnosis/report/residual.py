@@ -45,7 +45,7 @@ _FEW_HELDOUT = 200  # below so many held-out samples the whole record is shown
 
 
 @dataclass(frozen=True)
-class Dependence:
+class Panel:
     """One panel: the residual against one quantity."""
 
     title: str
@@ -76,7 +76,7 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     if not series or len(diagnosis.log) == 0:
         return None
     sign = np.sign(diagnosis.log.speed_rad_s)
-    panels = dependences(diagnosis, units)
+    panels = panels_of(diagnosis, units)
     means = [[_means(panel, one, sign) for one in series] for panel in panels]
     if not any(found.count.size for row in means for found in row):
         return None
@@ -105,7 +105,7 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     return png(figure)
 
 
-def _marked(diagnosis: Diagnosis, panels: list[Dependence], means: list[list[BinnedMeans]]) -> set[int]:
+def _marked(diagnosis: Diagnosis, panels: list[Panel], means: list[list[BinnedMeans]]) -> set[int]:
     """Panels whose title is bold: those of the causes that are named; without a name, the largest dependence."""
     verdict = diagnosis.document.get("verdict") or {}
     if verdict.get("kind") == "adequate":
@@ -143,7 +143,7 @@ def _series(diagnosis: Diagnosis, units: Units) -> list[Series]:
     ]
 
 
-def dependences(diagnosis: Diagnosis, units: Units) -> list[Dependence]:
+def panels_of(diagnosis: Diagnosis, units: Units) -> list[Panel]:
     """What the residual is drawn against: what this log has, and what it varies in."""
     log, time = diagnosis.log, time_axis(diagnosis.log)
     everything = np.ones(len(log), dtype=bool)
@@ -152,25 +152,25 @@ def dependences(diagnosis: Diagnosis, units: Units) -> list[Dependence]:
     slow = _low_speed(diagnosis) / units.speed_scale
     drive = "current" if units.wheel else "drive"
     panels = [
-        Dependence("time", time.label, time.values, everything, time.values[0], time.values[-1], in_time=True),
-        _dependence("speed", f"speed [{units.speed}]", speed, judged),
-        Dependence(
+        Panel("time", time.label, time.values, everything, time.values[0], time.values[-1], in_time=True),
+        _panel("speed", f"speed [{units.speed}]", speed, judged),
+        Panel(
             "low speed", f"|speed| [{units.speed}], residual along the motion", np.abs(speed), judged, 0.0, slow,
             along_motion=True,
         ),
-        _dependence(drive, f"{drive} [{units.current}]", log.current_A / units.current_scale, judged),
+        _panel(drive, f"{drive} [{units.current}]", log.current_A / units.current_scale, judged),
     ]  # fmt: skip
     if diagnosis.angle_rad is not None:
         angle = np.where(np.isfinite(diagnosis.angle_rad), diagnosis.angle_rad, np.nan)
         turn = np.degrees(np.mod(angle, 2.0 * np.pi))
         label = "angle within a turn [deg]" if diagnosis.angle_is_logged else "angle within a turn, integrated [deg]"
-        panels.append(Dependence("angle", label, turn, judged, 0.0, 360.0, finest=True))
+        panels.append(Panel("angle", label, turn, judged, 0.0, 360.0, finest=True))
     if diagnosis.temperature_degC is not None:
-        panels.append(_dependence("temperature", "temperature [°C]", diagnosis.temperature_degC, judged))
+        panels.append(_panel("temperature", "temperature [°C]", diagnosis.temperature_degC, judged))
     return [panel for panel in panels if panel.high > panel.low]
 
 
-def _dependence(title: str, label: str, x: Float64Array, mask: BoolArray) -> Dependence:
+def _panel(title: str, label: str, x: Float64Array, mask: BoolArray) -> Panel:
     """A range that single stray readings do not widen."""
     known = x[mask & np.isfinite(x)]
     low, high = (
@@ -178,7 +178,7 @@ def _dependence(title: str, label: str, x: Float64Array, mask: BoolArray) -> Dep
         if known.size
         else (0.0, 0.0)
     )
-    return Dependence(title, label, x, mask, low, high)
+    return Panel(title, label, x, mask, low, high)
 
 
 def _low_speed(diagnosis: Diagnosis) -> float:
@@ -190,7 +190,7 @@ def _low_speed(diagnosis: Diagnosis) -> float:
     return min(low, 0.25 * top)
 
 
-def _means(panel: Dependence, one: Series, sign: Float64Array) -> BinnedMeans:
+def _means(panel: Panel, one: Series, sign: Float64Array) -> BinnedMeans:
     values = one.values * sign if panel.along_motion else one.values
     independent = np.count_nonzero(panel.mask) / one.correlation
     bins = _MOST_BINS if panel.finest else int(np.clip(independent / _INDEPENDENT_IN_BIN, _FEWEST_BINS, _MOST_BINS))
@@ -211,7 +211,7 @@ def _scatter(values: Float64Array) -> float:
     return float(np.percentile(np.abs(known), 95.0)) if known.size else 0.0
 
 
-def _draw(axis: Any, panel: Dependence, one: Series, found: BinnedMeans, sign: Float64Array, shown: Int64Array) -> Any:
+def _draw(axis: Any, panel: Panel, one: Series, found: BinnedMeans, sign: Float64Array, shown: Int64Array) -> Any:
     """Faint points, and the means over them."""
     index = shown[panel.mask[shown]]
     points = (one.values * sign if panel.along_motion else one.values)[index]
@@ -222,7 +222,7 @@ def _draw(axis: Any, panel: Dependence, one: Series, found: BinnedMeans, sign: F
     )  # fmt: skip
 
 
-def _dress(axis: Any, panel: Dependence, row: list[BinnedMeans], units: Units, extent: float, *, marked: bool) -> None:
+def _dress(axis: Any, panel: Panel, row: list[BinnedMeans], units: Units, extent: float, *, marked: bool) -> None:
     """Title with the size of the structure in the means, to a hundredth of the scale; bold where it is marked."""
     plain(axis)
     axis.axhline(0.0, color=GREY, lw=0.8, zorder=1)
