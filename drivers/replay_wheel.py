@@ -1,4 +1,4 @@
-"""A record as if it were a wheel: yields its samples at once, lets nobody command anything."""
+"""A record as if it were a wheel: yields its samples at once, takes no commands."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def run_picture(
 ) -> None:
     """Write a PNG of one replayed log. `columns` are those of `replay --out`; truth: parameters, drawn dashed.
 
-    wheel_units: rpm and mA; otherwise as the log has them, for a plant that is no wheel.
+    wheel_units: rpm and mA; otherwise as the log has them, for a plant that is not a wheel.
     """
     import matplotlib as mpl
 

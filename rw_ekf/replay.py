@@ -154,7 +154,7 @@ def _refuse_runaway(run: FilterRun) -> None:
 
 
 def _beside_other_stribeck_speeds(data: FilterInput, setup: FilterSetup, run: FilterRun) -> Belief:
-    """What is believed at the end, a Stribeck speed that nobody gave not taken for known.
+    """What is believed at the end, a Stribeck speed that was not given not taken as known.
 
     The filter runs at three speeds, those of Gauss and Hermite's rule for log omega_s (0 and +- sqrt(3) sigma, weights
     2/3 and 1/6), and the moments of the three beliefs are those of their mixture.

@@ -48,7 +48,9 @@ class FilterSetup:
     effects: EffectSet = NO_EFFECTS
     inertia_from: str = ""  # "configuration", "model", or "assumed": what stands behind every torque
     fit_of_record: LogFit | None = None  # where the noises came from the record
-    stribeck_speed_std: float = 0.0  # where nobody gave the Stribeck speed and the record had to; 0: it is given
+    stribeck_speed_std: float = (
+        0.0  # where the Stribeck speed was not given and the record had to tell it; 0: it is given
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -62,13 +62,13 @@ def beyond_wire(configuration: Configuration, wire_map: WireMap) -> list[tuple[t
     told = {field.name for register in wire_map.readable() for field in register.fields}
     if configuration.command.profile == "none" and not told & {"current_command", "current"}:
         text = f"command.profile is none, but the wire map {name!r} has no current_command or current in its telemetry"
-        found.append((("command", "profile"), f"{text}: without one of them nobody knows what drives the wheel."))
+        found.append((("command", "profile"), f"{text}: without one of them it is not known what drives the wheel."))
     temperatures = [f for register in wire_map.readable() for f in register.fields if f.name == "temperature"]
     hottest = max((field.si_range[1] for field in temperatures), default=None)
     limit_degC = configuration.limits.temperature_degC
     if hottest is None and "temperature_degC" in configuration.limits.model_fields_set:
         text = f"limits.temperature_degC is {limit_degC:g} degC, but the wire map {name!r} has no temperature in its"
-        text += " telemetry, so that nobody would keep it: drop the limit, or add the register to the map."
+        text += " telemetry, so that it could not be kept: drop the limit, or add the register to the map."
         found.append((("limits", "temperature_degC"), text))
     if hottest is not None and limit_degC > hottest:
         text = f"limits.temperature_degC is {limit_degC:g} degC, but the wire map {name!r} carries temperatures"

@@ -182,7 +182,7 @@ class SerialWheel:
         return True
 
     def doubt_identity(self) -> None:
-        """It may be another wheel that answers from now on: ask before the next sample. Until it says, it is nobody."""
+        """Another wheel may answer from now on: ask before the next sample. Until it says, it has no identity."""
         if self.identity is not None and self.identity.serial_number is not None:
             self._expected, self.identity = self.identity, None
 
@@ -231,7 +231,7 @@ def open_serial_wheel(
 
     probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
     segments go on from it. exclusive: refuse a port that another process has locked. Raises DriverError: no such port,
-    busy, no permission, nobody answers.
+    busy, no permission, no answer.
     """
     if previous is not None:
         previous.close()

@@ -12,7 +12,7 @@ SLACK_SHARE = 0.02
 # A clock is taken to run as the host's unless its first two seconds show that it does not, by more than this.
 FIXED_AFTER_S = 2.0
 SAME_RATE = 0.005
-# A clock that has jumped so often within so many readings is no clock.
+# A clock that has jumped so often within so many readings is not a clock.
 MOST_JUMPS = 3
 AMONG_READINGS = 20
 

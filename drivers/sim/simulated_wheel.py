@@ -72,7 +72,7 @@ class SimulatedWheel:
         return IssuedCommand(current_A, self._delay_s)
 
     def close(self) -> None:
-        """End the simulation; a wheel nobody drives any more keeps its last current."""
+        """End the simulation; a wheel that is no longer driven keeps its last current."""
         self._closed = True
 
     @property

@@ -33,7 +33,7 @@ class ActuatorLag(CurrentEffect):
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:
-        """A tenth of the record, 10 s at most: what is slower is no current loop."""
+        """A tenth of the record, 10 s at most: what is slower is not a current loop."""
         return min(0.1 * facts.duration_s, LONGEST_LAG_S)
 
     @staticmethod

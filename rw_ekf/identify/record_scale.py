@@ -1,6 +1,6 @@
 """What a record says of itself before any fit: its noise, its scales, and a prior wide enough to start from.
 
-Used where no configuration speaks for the plant: a foreign machine may be of another size altogether (docs/logs.md).
+Used where no configuration describes the plant: a foreign machine may be of another size altogether (docs/logs.md).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def measure(data: FilterInput) -> RecordScale:
     """Read the scales off a record; never raises on poor data, falls back on the default wheel's.
 
     Rough: where the wheel hardly moves the parameters come out far off, so that a record which does not look like the
-    default wheel here may be one all the same (`rw_ekf.likelihood.record_noise` decides).
+    default wheel here may be one nevertheless (`rw_ekf.likelihood.record_noise` decides).
     """
     speed_noise = speed_noise_of(data.time_s, data.speed_rad_s, data.segment)
     rough = rough_parameters(data, speed_noise)

@@ -1,6 +1,6 @@
-"""What noises a record has, and its Stribeck speed where nobody gave it: a fit of the part where the wheel moves most.
+"""A record's noises, and its Stribeck speed where it was not given: a fit of the part where the wheel moves most.
 
-Used where no configuration speaks: a filter that is told too little torque noise believes itself far too much (its NIS
+Used without a configuration: a filter that is told too little torque noise believes itself far too much (its NIS
 stays at 1.0 to 1.2 meanwhile), so that the noise has to come from the record, and never as zero.
 """
 
@@ -76,7 +76,7 @@ def is_foreign(data: FilterInput, scale: RecordScale) -> bool:
 
     The four parameters are fitted with a prior so wide that it says nothing, and once more with motor gain and Coulomb
     friction held within the band of the default wheel's class. Foreign is what the band makes clearly less likely, each
-    fit at its own best noises: a wheel that hardly moves, whatever its best parameters, is no evidence.
+    fit at its own best noises: a wheel that hardly moves, whatever its best parameters, proves nothing.
     """
     part = busiest(data, _SAMPLES)
     if int(np.isfinite(part.speed_rad_s).sum()) < _FEWEST:

@@ -157,7 +157,7 @@ class PortClaim:
         file = os.fstat(descriptor)
         wrong = None
         if not stat.S_ISREG(file.st_mode) or file.st_nlink != 1:
-            wrong = "something that is no plain file stands there"
+            wrong = "something that is not a plain file stands there"
         elif file.st_uid != os.geteuid():
             wrong = f"user {user_name(file.st_uid)} has put a file there"
         if wrong is not None:

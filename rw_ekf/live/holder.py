@@ -126,6 +126,6 @@ def _not_believed(claim: Claim) -> str:
     if facts is not None:
         named = f"{facts.described} ({' '.join(facts.arguments[:2])[:60]})"
     return (
-        f"{claim.described} is locked and names {named}, but that is no daemon that holds it: it was not "
-        "signalled. Remove the file if nobody knows it"
+        f"{claim.described} is locked and names {named}, but that is not a daemon that holds it: it was not "
+        "signalled. Remove the file if nothing uses the port"
     )

@@ -27,7 +27,7 @@ class ProcessFacts:
 
     pid: int
     uid: int  # effective
-    start_ticks: int  # when it began, since boot: with the number it names one process for ever
+    start_ticks: int  # when it began, since boot: with the number it names one process for all time
     stopped: bool  # by a signal or a debugger
     arguments: tuple[str, ...]
 

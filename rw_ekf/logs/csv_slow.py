@@ -100,7 +100,7 @@ def _append(file: CsvFile, name: str, columns: list[list[Any]], lines: list[int]
 
 
 def _check_quotes(file: CsvFile, name: str, row: tuple[int, list[str]]) -> None:
-    """Raise LogError if the last row is no row but the rest of the file, swallowed by a quote that nobody closed."""
+    """Raise LogError if the last row is really the rest of the file, swallowed by a quote that was never closed."""
     line, cells = row
     if len(cells) != len(file.names) and any("\n" in cell or "\r" in cell for cell in cells):
         raise LogError(f"{name}: line {line}: a quote is opened and never closed: remove it")

@@ -34,7 +34,7 @@ def check_skeleton(data: bytes) -> None:
         elif kind == _MATRIX:
             _check_matrix(body[start:end], order, 0)
         else:
-            raise ValueError(f"an element at byte {position} has type {kind}, which is no variable")
+            raise ValueError(f"an element at byte {position} has type {kind}, which is not a variable")
         position = following
 
 
@@ -45,7 +45,7 @@ def _check_compressed(data: memoryview, order: str) -> None:
         raise ValueError(f"a compressed variable is damaged ({error})") from None
     kind, start, end, _ = _element(inner, 0, order)
     if kind != _MATRIX:
-        raise ValueError(f"a compressed element has type {kind}, which is no variable")
+        raise ValueError(f"a compressed element has type {kind}, which is not a variable")
     _check_matrix(inner[start:end], order, 0)
 
 

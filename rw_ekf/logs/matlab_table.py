@@ -84,7 +84,7 @@ def _columns_of(value: Any, name: str, variable: str, layout: str) -> list[tuple
         return _vectors({field: record[field] for field in array.dtype.names})
     if array.dtype.kind not in "fiub" or array.ndim != 2:
         hint = "; it is a cell array: use `layout: cells`" if array.dtype.kind == "O" else ""
-        raise LogError(f"{name}: variable '{variable}' is no matrix of numbers{hint}")
+        raise LogError(f"{name}: variable '{variable}' is not a matrix of numbers{hint}")
     matrix = array.T if layout == "columns" else array
     return [("", row) for row in matrix]
 
@@ -93,7 +93,7 @@ def _cells(array: Any, name: str, variable: str) -> list[tuple[str, Any]]:
     """Join the cells of each channel end to end; the segment's number becomes a column."""
     if array.dtype.kind != "O" or array.ndim != 2 or 0 in array.shape:
         raise LogError(
-            f"{name}: variable '{variable}' is no cell array (channels x segments): `layout: cells` needs one"
+            f"{name}: variable '{variable}' is not a cell array (channels x segments): `layout: cells` needs one"
         )
     channels, segments = array.shape
     joined: list[list[Any]] = [[] for _ in range(channels)]

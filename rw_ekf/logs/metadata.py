@@ -51,7 +51,7 @@ def read_metadata(log: str | Path) -> RunMetadata | None:
     document = load_yaml(path)
     data = document.data
     if not isinstance(data, dict) or not isinstance(data.get("first_sample_utc"), str):
-        raise ConfigError(f"{document.where()}: first_sample_utc is missing: this is no metadata of a run")
+        raise ConfigError(f"{document.where()}: first_sample_utc is missing: these are not the metadata of a run")
     known = {name: data[name] for name in ("first_sample_utc", "source", "version", "configuration") if name in data}
     try:
         identity = None if data.get("identity") is None else WheelIdentity(**data["identity"])

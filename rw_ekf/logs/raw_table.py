@@ -75,7 +75,7 @@ def number_or_none(text: str) -> float | None:
     stripped = text.strip()
     if not stripped or stripped.lower() in {"nan", "+nan", "-nan"}:
         return float("nan")
-    if "_" in stripped:  # Python's float() takes 1_000; nobody's instrument writes it
+    if "_" in stripped:  # Python's float() takes 1_000; no instrument writes it
         return None
     try:
         return float(stripped)

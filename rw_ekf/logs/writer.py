@@ -63,7 +63,7 @@ class RowWriter:
         """
         if self._descriptor is None:
             raise OSError(errno.EBADF, "it is closed", str(self.path))
-        if os.fstat(self._descriptor).st_nlink == 0:  # the system goes on taking lines that nobody will ever read
+        if os.fstat(self._descriptor).st_nlink == 0:  # the system goes on taking lines that will never be read
             raise OSError(errno.ENOENT, "it has been removed", str(self.path))
         line = (",".join(map(cell, values)) + "\n").encode()
         done = 0

@@ -1,7 +1,7 @@
-"""What a model of a wheel can be: bounds on its numbers, wide enough for every machine that is known of.
+"""What a model of a wheel can be: bounds on its numbers, wide enough for every known machine.
 
 The smallest rotors (1e-9 kg m^2 at 1 mN m/A) have a motor gain of 1e6 rad/s^2/A, a carriage driven by newtons 0.01 and
-less. Ten times beyond is nobody's machine but a slip of the pen, or damage, and from there on numbers overflow.
+less. Ten times beyond is a slip of the pen or damage, and from there on numbers overflow.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The configuration: one frozen model per section, each key with its unit, default, range and meaning.
 
 The descriptions are shown to users (docs/configuration.md, `rw-ekf check-config`, messages for missing keys); the
-unit stands in brackets at their end. Types are strict: a boolean or a text is no number, an integer is a fine float.
+unit stands in brackets at their end. Types are strict: a boolean or a text is not a number, an integer is a fine float.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class WatchSection(Section):
 
     enabled: bool = Field(True, description="whether the daemon watches its own residual")
     false_alarms_per_1000_h: float = Field(
-        1.0, gt=0, le=1e3, description="false alarms put up with on a healthy wheel; sets the thresholds [1/1000 h]"
+        1.0, gt=0, le=1e3, description="false alarms accepted on a healthy wheel; sets the thresholds [1/1000 h]"
     )
     window_s: float = Field(
         600.0, ge=60, le=86_400, description="longest stretch of residual that is judged at once [s]"

@@ -3,7 +3,7 @@
 Differences from plain PyYAML, each of which has bitten someone: a repeated key is an error (PyYAML: the last one wins
 silently); `1e-5` is a number (PyYAML: text); only `true` and `false` are booleans (PyYAML: also on, off, yes, no);
 `.nan` and `.inf` are refused; dates stay text. Anchors and aliases work; merge keys (`<<`) and tags are refused.
-Size, number of values (aliases written out) and depth are bounded, so that no file takes for ever or fills the memory.
+Size, number of values (aliases written out) and depth are bounded, so that no file takes hours or fills the memory.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def _read_text(path: Path) -> str:
         with path.open("rb") as stream:
             content = stream.read(_MAX_BYTES + 1)
         if len(content) > _MAX_BYTES:
-            raise ConfigError(f"{path}: longer than {_MAX_BYTES} bytes: this is no file of settings")
+            raise ConfigError(f"{path}: longer than {_MAX_BYTES} bytes: this is not a file of settings")
         return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None

@@ -14,7 +14,7 @@ from rw_ekf.watch.evidence import Evidence
 _WANDER = (
     0.01  # of the first amplitude, per sqrt(s): follows a decay of half a minute, and averages over some ten seconds
 )
-_CLIP = 4.0  # standard deviations that one reading may speak with
+_CLIP = 4.0  # standard deviations that one reading counts for at most
 
 
 class DragTracker:

@@ -12,7 +12,7 @@ from rw_ekf.model.friction import CREEP_STRIBECK_SPEEDS
 from rw_ekf.records import IssuedCommand, Outcome, Tick, WheelSample, WheelState
 
 # Break-away friction is the parameter the estimator knows worst, and is too sure of (docs/filter.md): what happens at
-# low speed under a drive hardly above it is no evidence of anything else.
+# low speed under a drive hardly above it is not evidence of anything else.
 _CREEP_DRIVE = 0.25  # of Coulomb friction, beyond break-away, ...
 _CREEP_SIGMAS = 3.0  # ... or as many of its standard deviations
 _LONGEST_STEP_IN_PERIODS = 3.5  # after a longer one the watch begins anew: the line, not the wheel, is in question

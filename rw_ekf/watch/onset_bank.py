@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from rw_ekf.watch.evidence import Evidence
 
-_CLIP = 4.0  # standard deviations that one reading may speak with: no single wild one, nor two or three, raise an alarm
+_CLIP = 4.0  # standard deviations that one reading counts for at most: three wild ones raise no alarm
 _PER_OCTAVE = 4  # onsets kept per doubling of age
 _THIN_EVERY = 6  # samples
 

@@ -2,7 +2,7 @@
 
 The innovations are those of an estimator that adapts: what it can absorb it will. What is left is regressed on the
 filter's response to the torques of `dependences`; correlation in time and size are tested beside. One event, a late
-break-away say, is no structure: what is found must be there without its two largest blocks too.
+break-away say, is not structure: what is found must be there without its two largest blocks too.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ IN_TIME = "none, it is correlated in time"
 
 
 class Verdict(NamedTuple):
-    """What a window says: `excess` above 1 is no noise."""
+    """What a window says: `excess` above 1 is not noise."""
 
     excess: float
     dependence: str

@@ -13,7 +13,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.watch.dependences import MODEL_TERMS, TORQUES
 
 LAGS = 8
-_CLIP = 4.0  # standard deviations that one reading may speak with
+_CLIP = 4.0  # standard deviations that one reading counts for at most
 _SLOW = [i for i, d in enumerate(TORQUES) if d.name in ("temperature", "time")]
 _COLLINEAR = 0.02  # share of a torque that must be left beside the model's own
 _BETTER = 1.1  # what the model lacks must explain more than a change of what it has by this, ...

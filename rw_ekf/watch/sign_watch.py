@@ -110,7 +110,7 @@ class SignWatch:
         """Take one turn of the loop."""
         last, sample = self._last, tick.sample
         following, self._command = self._command, tick.command
-        if sample.speed_rad_s is None:  # the piece goes on over it: the currents are known all the same
+        if sample.speed_rad_s is None:  # the piece goes on over it: the currents are known nevertheless
             if last is not None and following is not None:
                 self._current_over(sample.time_s - self._at_s, following)
                 self._at_s = sample.time_s
@@ -141,7 +141,7 @@ class SignWatch:
             self._from_rad_s = sample.speed_rad_s
 
     def _current_over(self, dt: float, following: IssuedCommand) -> None:
-        """Add the charge of an interval; a command that nobody confirmed spoils the piece."""
+        """Add the charge of an interval; a command that was not confirmed spoils the piece."""
         before = following.current_A if self._in_force_A is None else self._in_force_A
         late = min(max(following.delay_s, 0.0), max(dt, 0.0))
         self._charge += before * late + following.current_A * (dt - late)

@@ -157,7 +157,7 @@ class SpikeWatch:
         return []
 
     def _remember(self, time_s: float) -> None:
-        """Note what began like a spike and was none: the like of it is no news for a while."""
+        """Remember what began like a spike and was none: for a while its like is not reported."""
         lately = self._usual_rad_s2 if time_s < self._usual_until_s else 0.0
         self._usual_rad_s2 = max(self._course.amplitude_rad_s2, lately)
         self._usual_until_s = time_s + _USUAL_S

@@ -8,14 +8,14 @@ still turns at that speed v, or it is stuck. If it is alive, the torque at v is 
 
 with phi = da/d(k, b, c, s), P their covariance and R the friction (model: [CK13 (1), (4)]). The last two terms are
 what a wheel may have beyond the model; at rest, where friction is known worst, a half of R stands in place of a
-tenth. A belief in a gain or a friction that is negative, by more than its sigma, is none of a wheel: the one that the
-estimator started from stands in for it. What the effects of an augmented model add is taken from the estimator's own
-predictions, and half of it doubted. The least that the wheel must have moved, upward and likewise downward, is a
+tenth. No wheel has a gain or a friction that is negative by more than its sigma: there the value that the estimator
+started from is taken. What the effects of an augmented model add is taken from the estimator's own
+predictions, and half of it doubted. The least that the wheel must have moved, upward and, likewise, downward, is a
 cumulative sum ([Page 1954], CUSUM) of the lower bound of (1),
 
     m_i = max(0, m_(i-1) + (a_i - 2 sd(a_i)) dt_i).                                                             (2)
 
-Several steps of the reading in m, and the reading has not moved: it is no measurement of this wheel. At steady speed a
+Several steps of the reading in m, and the reading has not moved: it does not measure this wheel. At steady speed a
 is zero within its bounds, and the sum stays at zero for any length of time, whatever the resolution.
 
 [CK13]: docs/model.md. [Page 1954]: Continuous inspection schemes, Biometrika 41, 100-115.
@@ -58,7 +58,7 @@ class ParameterBelief(NamedTuple):
 class Judged(NamedTuple):
     """What a reading is worth."""
 
-    used: bool  # False: it is no measurement
+    used: bool  # False: it is not a measurement
     stuck: bool  # True: the wheel must not be driven by it
     news: str | None = None  # "stuck" or "alive" where that begins
 
@@ -104,7 +104,7 @@ class StuckWatch:
         self._beyond_now += min(dt_s / _EFFECTS_OVER_S, 1.0) * (beyond - self._beyond_now)
 
     def forget(self) -> None:
-        """A new segment, or a current nobody knows: what came before says nothing about what follows."""
+        """A new segment, or an unknown current: what came before says nothing about what follows."""
         self._value, self._alive_since_s = None, None
 
     def add(

@@ -1,4 +1,4 @@
-"""Thresholds from the false alarms that are put up with: half of them for each watch (docs/watch.md eq. 5, 13)."""
+"""Thresholds from the false alarms that are accepted: half of them for each watch (docs/watch.md eq. 5, 13)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The watch over one run: spikes first, for what a spike does to the residual is no news."""
+"""The watch over one run: spikes first, because what a spike does to the residual is already known."""
 
 from __future__ import annotations
 

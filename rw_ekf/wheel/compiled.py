@@ -34,7 +34,7 @@ def source_digest(modules: list[ModuleType]) -> str:
 
 
 def make_jitable(functions: list[Callable[..., Any]]) -> None:
-    """Let compiled code call these plain Python functions, which stay plain Python for everyone else."""
+    """Let compiled code call these plain Python functions, which stay plain Python otherwise."""
     for function in functions:
         register_jitable(error_model="numpy", nogil=True)(function)
 
@@ -77,7 +77,7 @@ class Kernel:
         try:
             name = cache._cache_file._load_index().get(key)
         except (OSError, EOFError, ValueError, AttributeError, ImportError, pickle.PickleError):
-            return False  # an index that cannot be read is written anew by whoever compiles
+            return False  # an index that cannot be read is written anew when it is compiled
         return name is not None and os.path.exists(cache._cache_file._data_path(name))
 
     def compile(self) -> None:

@@ -169,7 +169,7 @@ def test_matlab_matrix_struct_and_cells(tmp_path: Path) -> None:
     [
         ("variable: gone\n", "has no variable 'gone'; variables: m, c"),
         ("variable: c\n", "use `layout: cells`"),
-        ("variable: m\nlayout: cells\n", "is no cell array"),
+        ("variable: m\nlayout: cells\n", "is not a cell array"),
         ("layout: rows\n", "needs `variable`"),
     ],
 )

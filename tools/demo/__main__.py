@@ -1,6 +1,6 @@
-"""The main job, end to end: a wheel nobody knows, a residual, the effect behind it, a better filter, and the proof.
+"""The main job, end to end: an unknown wheel, a residual, the effect behind it, a better filter, and the proof.
 
-    python -m tools.demo             a wheel drawn by lot
+    python -m tools.demo             a wheel drawn at random
     python -m tools.demo --seed 7    the same wheel again
 
 Nothing here is the product: it starts the product's own commands and compares what they say. Which effect the wheel has
@@ -46,7 +46,7 @@ def main() -> int:
         shutil.rmtree(old, ignore_errors=True)
     OUTPUT.mkdir(exist_ok=True)
 
-    say(f"a simulated wheel in a process of its own: friction and one undeclared effect by lot, seed {lot.seed}")
+    say(f"a simulated wheel in a process of its own: friction and one undeclared effect at random, seed {lot.seed}")
     print("   what it drew stays with it until step 9")
     with simulated_wheel(lot, OUTPUT) as wheel:
         say(

@@ -1,4 +1,4 @@
-"""The demo's wheel, drawn by lot: its friction and one effect, known to the simulator alone until the end."""
+"""The demo's wheel, drawn at random: its friction and one effect, known to the simulator alone until the end."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def main() -> int:
         before, began = _processor_of(process.pid), time.monotonic()
         time.sleep(_SERVED_S)
         share = (_processor_of(process.pid) - before) / (time.monotonic() - began)
-        print(f"a simulated wheel that nobody asks takes {100 * share:.1f} % of a core")
+        print(f"an idle simulated wheel takes {100 * share:.1f} % of a core")
     return 0
 
 

@@ -1,1 +1,1 @@
-"""The proof of the diagnosis on effects that nobody declares to it."""
+"""The proof of the diagnosis on undeclared effects."""

@@ -1,4 +1,4 @@
-"""A second plant that nobody here wrote: MuJoCo's, a wheel on a hinge behind its `dcmotor` actuator.
+"""A second plant, from outside the project: MuJoCo's, a wheel on a hinge behind its `dcmotor` actuator.
 
 What MuJoCo has of its own is used as it is: friction loss (a soft constraint, s = c), LuGre friction with a Stribeck
 curve, cogging, polynomial damping, winding inductance, command delay, and a winding that warms and whose resistance

@@ -1,4 +1,4 @@
-"""Prove the diagnosis on effects that nobody declares to it: simulate, log, diagnose, and tabulate what was named.
+"""Prove the diagnosis on undeclared effects: simulate, log, diagnose, and tabulate what was named.
 
     python -m tools.proof.prove                      all marks: about a thousand logs, hours on two cores
     python -m tools.proof.prove --quick              40 logs
