@@ -20,6 +20,8 @@ from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.numbers import number_text
 from tests.diagnosis.example import INERTIA_KG_M2, example, many_samples
 
+pytestmark = pytest.mark.xdist_group("report")  # one report serves many tests
+
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 ALL_FILES = {
     "augmented-model.yaml",
@@ -68,17 +70,28 @@ def found() -> Diagnosis:
     return example(seed=1)
 
 
-def report(diagnosis: Diagnosis, directory: Path, inertia: float | None = INERTIA_KG_M2, *, wheel: bool = True) -> Page:
-    write_report(directory, diagnosis, inertia_kg_m2=inertia, wheel_units=wheel)
+@pytest.fixture(scope="module")
+def written(found: Diagnosis, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The directory of its report."""
+    directory = tmp_path_factory.mktemp("report") / "new" / "dir"
+    paths = write_report(directory, found, inertia_kg_m2=INERTIA_KG_M2, wheel_units=True)
+    assert {path.name for path in paths} == ALL_FILES
+    return directory
+
+
+def page_of(directory: Path) -> Page:
     return Page((directory / "report.html").read_text(encoding="utf-8"))
 
 
-def test_every_file_is_written_and_named(found: Diagnosis, tmp_path: Path) -> None:
+def report(diagnosis: Diagnosis, directory: Path, inertia: float | None = INERTIA_KG_M2, *, wheel: bool = True) -> Page:
+    write_report(directory, diagnosis, inertia_kg_m2=inertia, wheel_units=wheel)
+    return page_of(directory)
+
+
+def test_every_file_is_written_and_named(written: Path) -> None:
     """All files exist, whole, nothing else is left, and the list that comes back is what stands there."""
-    written = write_report(tmp_path / "new" / "dir", found, inertia_kg_m2=INERTIA_KG_M2, wheel_units=True)
-    assert {path.name for path in (tmp_path / "new" / "dir").iterdir()} == ALL_FILES
-    assert {path.name for path in written} == ALL_FILES
-    for path in written:
+    assert {path.name for path in written.iterdir()} == ALL_FILES
+    for path in written.iterdir():
         if path.suffix == ".png":
             content = path.read_bytes()
             assert content.startswith(b"\x89PNG\r\n")
@@ -86,10 +99,10 @@ def test_every_file_is_written_and_named(found: Diagnosis, tmp_path: Path) -> No
             assert len(content) > 20_000
 
 
-def test_the_page_stands_alone(found: Diagnosis, tmp_path: Path) -> None:
+def test_the_page_stands_alone(written: Path) -> None:
     """No address, script, style sheet or font from outside; the pictures inside are the files beside it."""
-    page = report(found, tmp_path)
-    raw = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = page_of(written)
+    raw = (written / "report.html").read_text(encoding="utf-8")
     assert "http:" not in raw
     assert "https:" not in raw
     assert "url(" not in raw
@@ -99,20 +112,19 @@ def test_the_page_stands_alone(found: Diagnosis, tmp_path: Path) -> None:
     for image, name in zip(page.images, ("speed", "residual", "evidence"), strict=True):
         source = image["src"] or ""
         assert image["alt"]
-        assert (
-            base64.b64decode(source.removeprefix("data:image/png;base64,")) == (tmp_path / f"{name}.png").read_bytes()
-        )
+        picture = base64.b64decode(source.removeprefix("data:image/png;base64,"))
+        assert picture == (written / f"{name}.png").read_bytes()
 
 
-def test_verdict_and_figures_come_first(found: Diagnosis, tmp_path: Path) -> None:
+def test_verdict_and_figures_come_first(found: Diagnosis, written: Path) -> None:
     """Badge, statement and both free-run figures stand before anything else; parameters and commands follow."""
-    page = report(found, tmp_path)
+    page = page_of(written)
     before, after = (found.document[key]["free_run_rms_rpm"] for key in ("before", "after"))
     figures = f"{number_text(before)} → {number_text(after)}"
     order = [page.text.index(words) for words in ("Effect named", "Viscous friction falls", figures, "Evidence")]
     assert order == sorted(order)
     assert "viscous_temperature slope_1_K -0.0300 0.0005 1/K" in page.text
-    assert f"--model {tmp_path}/augmented-model.yaml" in page.text
+    assert f"--model {written}/augmented-model.yaml" in page.text
     assert "transport_delay and actuator_lag look the same in this log; what separates them" in page.text
     assert "needs angle_rad, which is not logged" in page.text
 
@@ -127,14 +139,13 @@ def test_names_from_outside_are_escaped(tmp_path: Path) -> None:
     assert "<b>bold</b> & <i>more" in page.text
 
 
-def test_nan_is_null_in_the_document(found: Diagnosis, tmp_path: Path) -> None:
+def test_nan_is_null_in_the_document(found: Diagnosis, written: Path) -> None:
     """The JSON is strict, NaN is null, and all else is the document unchanged."""
-    report(found, tmp_path)
 
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
 
-    text = (tmp_path / "diagnosis.json").read_text(encoding="utf-8")
+    text = (written / "diagnosis.json").read_text(encoding="utf-8")
     document = json.loads(text, parse_constant=refuse)
     (cubic,) = (c for c in document["candidates"] if c["effect"] == "cubic_drag")
     assert cubic["heldout_gain_percent"] is None
@@ -143,10 +154,10 @@ def test_nan_is_null_in_the_document(found: Diagnosis, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["adequate", "unexplained", "insufficient_excitation"])
-def test_without_a_better_model_what_an_earlier_run_left_is_gone(kind: str, found: Diagnosis, tmp_path: Path) -> None:
+def test_without_a_better_model_what_an_earlier_run_left_is_gone(kind: str, tmp_path: Path) -> None:
     """A stale augmented model (and picture) is removed; the page has the reason and advice, and no command for it."""
-    report(found, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == ALL_FILES
+    for name in ALL_FILES:
+        (tmp_path / name).write_text("of an earlier run", encoding="utf-8")
     poor = example([], kind=kind, seed=2)
     page = report(poor, tmp_path)
     left = {"diagnosis.json", "report.html", "speed.png"}
