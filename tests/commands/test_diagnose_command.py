@@ -19,6 +19,8 @@ from tests.commands.documents import diagnosis_document, replay_document, run_do
 from tests.commands.logs import plant_columns, write_columns
 from tests.live.bench import ROOT, rw_ekf, served_wheel
 
+pytestmark = pytest.mark.xdist_group("diagnose")  # one diagnosis serves many tests
+
 TORQUE_RAD_S2 = 0.03  # 5 % of Coulomb friction; slows forward motion
 FILES = {"diagnosis.json", "report.html", "speed.png", "residual.png", "evidence.png"}
 MODEL = "augmented-model.yaml"

@@ -46,7 +46,7 @@ def test_a_log_that_lost_rows_says_so_and_is_judged_all_the_same(effects: list[s
 def test_held_readings_say_so_and_are_judged_all_the_same(effects: list[str]) -> None:
     """A speed refreshed at 30 Hz in rows at 100 Hz: healthy is adequate, an offset is named."""
     whole, drive = sample_profile(make_profile("P2", seed=33), 100.0)
-    times, currents = np.array(whole[:18_000]), drive[:18_000]
+    times, currents = np.array(whole[:9_000]), drive[:9_000]
     run = simulate_run(parse_effects(effects), currents, times, PlantNoise(0.08, 0.0), seed=34)
     first = np.concatenate(([True], np.diff(np.floor(times * 30.0 + 1e-9)) > 0))
     held = run.measured_speed_rad_s[np.maximum.accumulate(np.where(first, np.arange(times.size), 0))]

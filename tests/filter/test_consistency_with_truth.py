@@ -32,6 +32,8 @@ from tests.truth import (
     run_of,
 )
 
+pytestmark = pytest.mark.xdist_group("monte carlo")  # runs are filtered once
+
 RUNS = 24
 
 

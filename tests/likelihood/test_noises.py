@@ -14,6 +14,8 @@ from rw_ekf.likelihood.noise_posterior import NoisePosterior
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.truth import constants_for, fine_trajectory, run_of
 
+pytestmark = pytest.mark.xdist_group("noises")  # fits are made once
+
 SEEDS = range(8)
 
 
