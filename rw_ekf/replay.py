@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import WILD, Course
 from rw_ekf.errors import BadInputError, FilterError, LogError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
+from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import frozen, without_drift
-from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.likelihood.judgement import judge_fit
@@ -34,7 +36,6 @@ if TYPE_CHECKING:
 _JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
 _JUDGED_PLAIN = 2_000  # the same in plain Python
 _FEW_SAMPLES = 20
-_WILD = 1.0e9  # no machine turns, or is driven, by such numbers: a value beyond it is damage, and would only overflow
 
 
 @dataclass(frozen=True)
@@ -48,27 +49,6 @@ class Replayed:
     consistency: Consistency
     warnings: tuple[str, ...]
     columns: dict[str, Any] | None
-
-
-def input_of_log(log: WheelLog) -> FilterInput:
-    """Turn a log into what the filter reads. Raises LogError for a value that no machine can have."""
-    for name, values in (("speed", log.speed_rad_s), ("current", log.current_A)):
-        wild = np.abs(values) > _WILD
-        if wild.any():
-            row = int(np.argmax(wild))
-            raise LogError(
-                f"{log.name}: a {name} of {values[row]:.3g} at time_s {log.time_s[row]:g} is beyond any machine "
-                f"(above {_WILD:g}): mend or empty that cell"
-            )
-    return FilterInput.of(
-        log.time_s,
-        log.speed_rad_s,
-        log.current_A,
-        log.command_delay_s,
-        log.segment,
-        log.channels.get("temperature_degC"),
-        log.channels.get("angle_rad"),
-    )
 
 
 def replay_log(
@@ -86,10 +66,10 @@ def replay_log(
     with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
     and filterpy; `advance` is then told of every 100 samples done.
     """
-    data = input_of_log(log)
-    if not np.isfinite(data.speed_rad_s).any():
+    course = Course.of_log(log)
+    if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
-    setup = setup_of_record(data, configuration, model)
+    setup = setup_of_record(course, configuration, model)
     if smooth and setup.effects.table().hidden:
         raise BadInputError(
             f"--smooth cannot look back through the hidden state of {', '.join(setup.effects.ids)}: leave it out"
@@ -99,7 +79,7 @@ def replay_log(
             run = _online(log, setup, advance)
         else:
             run = filter_log(
-                data,
+                course,
                 setup.constants,
                 setup.prior.mean,
                 setup.prior.covariance,
@@ -109,27 +89,25 @@ def replay_log(
                 keep_history=smooth,
             )
         _refuse_runaway(run)
-        belief = _beside_other_stribeck_speeds(data, setup, run) if not online else Belief(run.mean, run.covariance)
-        statistics = RunStatistics.of_run(data, run)
-        consistency = judge_log(data, setup, belief)
+        belief = _beside_other_stribeck_speeds(course, setup, run) if not online else Belief(run.mean, run.covariance)
+        statistics = RunStatistics.of_run(course, run)
+        consistency = judge_log(course, setup, belief)
     warnings = [
         *sampling_of(log).remarks(),
         *log.warnings,
         *setup.notes,
-        *_remarks(data, log, setup, statistics),
+        *_remarks(course, log, setup, statistics),
         *consistency.warnings(),
     ]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
 
 
-def refuse_runaway_model(
-    log: WheelLog, data: FilterInput, configuration: Configuration | None, model: WheelModel
-) -> None:
+def refuse_runaway_model(log: WheelLog, course: Course, configuration: Configuration | None, model: WheelModel) -> None:
     """Raise BadInputError where the filter, with that model, goes beyond what any machine does in this log."""
-    setup = setup_of_record(data, configuration, model)
+    setup = setup_of_record(course, configuration, model)
     with _blaming(model, log.name):
-        _refuse_runaway(filter_log(data, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects))
+        _refuse_runaway(filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects))
 
 
 @contextmanager
@@ -149,11 +127,11 @@ def _blaming(model: WheelModel | None, log: str) -> Iterator[None]:
 def _refuse_runaway(run: FilterRun) -> None:
     """Raise FilterError where predictions went beyond what any machine does, gated readings or not."""
     worst = float(np.nanmax(np.abs(run.innovation_rad_s), initial=0.0))
-    if not worst <= _WILD or not np.isfinite(run.covariance).all():
+    if not worst <= WILD or not np.isfinite(run.covariance).all():
         raise FilterError(f"a prediction missed by {worst:.3g} rad/s")
 
 
-def _beside_other_stribeck_speeds(data: FilterInput, setup: FilterSetup, run: FilterRun) -> Belief:
+def _beside_other_stribeck_speeds(course: Course, setup: FilterSetup, run: FilterRun) -> Belief:
     """What is believed at the end, a Stribeck speed that was not given not taken as known.
 
     The filter runs at three speeds, those of Gauss and Hermite's rule for log omega_s (0 and +- sqrt(3) sigma, weights
@@ -166,16 +144,14 @@ def _beside_other_stribeck_speeds(data: FilterInput, setup: FilterSetup, run: Fi
     for sign in (-1.0, 1.0):
         omega_s = setup.stribeck_speed_rad_s * math.exp(sign * math.sqrt(3.0) * spread)
         there = setup.constants.with_stribeck_speed(omega_s)
-        other = filter_log(data, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
+        other = filter_log(course, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
         parts.append((1.0 / 6.0, other.mean, other.covariance))
     mean = sum((weight * x for weight, x, _ in parts), np.zeros_like(run.mean))
     covariance = sum((w * (P + np.outer(x - mean, x - mean)) for w, x, P in parts), np.zeros_like(run.covariance))
     return Belief(mean, covariance)
 
 
-def judge_log(
-    data: FilterInput, setup: FilterSetup, belief: Belief, most_samples: int = _JUDGED_SAMPLES
-) -> Consistency:
+def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: int = _JUDGED_SAMPLES) -> Consistency:
     """Whether what a fit of the four parameters leaves of the log is noise (docs/decisions/0012).
 
     Judged at the log's own noises, where a wrong model does not pass for a noisy one; that the noises are other than
@@ -183,12 +159,12 @@ def judge_log(
     """
     if setup.fit_of_record is not None:
         return judge_fit(setup.fit_of_record, setup.constants)
-    head = busiest(data, most_samples)
+    head = busiest(course, most_samples)
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
         return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters
     if setup.effects.terms:
-        head = data.head(most_samples)
+        head = course.window(0, most_samples)
         mean, covariance = frozen(found, belief.mean)
         run = filter_log(head, without_drift(setup.constants), mean, covariance, setup.effects)
         return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
@@ -197,7 +173,7 @@ def judge_log(
     return judge_fit(fit_log(head, setup.constants, setup.prior.core, start), setup.constants)
 
 
-def judge_now(data: FilterInput, setup: FilterSetup, belief: Belief) -> tuple[Consistency, int]:
+def judge_now(course: Course, setup: FilterSetup, belief: Belief) -> tuple[Consistency, int]:
     """`judge_log` without ever waiting for a compiler, and the samples it looked at.
 
     Where the cache of compiled routines is cold, the same functions run as plain Python over fewer samples: some four
@@ -208,9 +184,9 @@ def judge_now(data: FilterInput, setup: FilterSetup, belief: Belief) -> tuple[Co
 
     needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.terms else compile_ahead.FIT
     if not compile_ahead.cold(needed):
-        return judge_log(data, setup, belief), min(_JUDGED_SAMPLES, data.time_s.size)
+        return judge_log(course, setup, belief), min(_JUDGED_SAMPLES, course.time_s.size)
     with interpreted():
-        return judge_log(data, setup, belief, _JUDGED_PLAIN), min(_JUDGED_PLAIN, data.time_s.size)
+        return judge_log(course, setup, belief, _JUDGED_PLAIN), min(_JUDGED_PLAIN, course.time_s.size)
 
 
 def rows_of_log(log: WheelLog) -> Iterator[tuple[WheelSample, IssuedCommand]]:
@@ -236,9 +212,9 @@ def _value(values: Float64Array | None, i: int) -> float | None:
     return None if values is None or np.isnan(values[i]) else float(values[i])
 
 
-def _remarks(data: FilterInput, log: WheelLog, setup: FilterSetup, statistics: RunStatistics) -> list[str]:
+def _remarks(course: Course, log: WheelLog, setup: FilterSetup, statistics: RunStatistics) -> list[str]:
     said = []
-    present = int(np.isfinite(data.speed_rad_s).sum())
+    present = int(np.isfinite(course.speed_rad_s).sum())
     if present < _FEW_SAMPLES:
         said.append(f"only {present} speed readings: the estimates are little more than the prior")
     refused = statistics.gate_finding(setup.constants.gate)

@@ -10,6 +10,7 @@ import numpy as np
 
 from rw_ekf import __version__
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import (
     DEFAULT_PRIOR,
     SECONDS_PER_HOUR,
@@ -19,7 +20,6 @@ from rw_ekf.filter.belief import (
     with_prior_table,
 )
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
@@ -112,16 +112,16 @@ def setup_of_configuration(
 
 
 def setup_of_record(
-    data: FilterInput, configuration: Configuration | None = None, model: WheelModel | None = None
+    course: Course, configuration: Configuration | None = None, model: WheelModel | None = None
 ) -> FilterSetup:
     """Start for a log: from the configuration if there is one, else from the model, else from the record itself."""
-    period = data.period_s
+    period = course.period_s
     if configuration is not None:
         return setup_of_configuration(configuration, model, period)
     from rw_ekf.identify.record_scale import default_scale, measure
     from rw_ekf.likelihood.record_noise import is_foreign, noise_of_record
 
-    scale = measure(data)
+    scale = measure(course)
     if model is not None:
         given = model.acceleration_noise
         noise = NoiseModel(
@@ -140,13 +140,13 @@ def setup_of_record(
             effects=model.effects,
             inertia_from="model",
         )
-    if not scale.like_default_wheel and not is_foreign(data, scale):
+    if not scale.like_default_wheel and not is_foreign(course, scale):
         scale = default_scale(scale.noise.speed_noise_rad_s)
     if not scale.like_default_wheel:
-        return _foreign_setup(data, scale, period)
+        return _foreign_setup(course, scale, period)
     omega_s = scale.stribeck_speed_rad_s
     noise = scale.noise
-    found = noise_of_record(data, filter_constants(noise, omega_s, nominal_period_s=period), scale.prior)
+    found = noise_of_record(course, filter_constants(noise, omega_s, nominal_period_s=period), scale.prior)
     if found is not None:
         noise = NoiseModel(found.speed_noise_rad_s, found.acceleration_noise)
     constants = filter_constants(noise, omega_s, nominal_period_s=period)
@@ -228,7 +228,7 @@ def model_of(
     )
 
 
-def _foreign_setup(data: FilterInput, scale: RecordScale, period: float) -> FilterSetup:
+def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterSetup:
     """Noises, prior and Stribeck speed from the record of a machine that is not the default wheel; says so."""
     from rw_ekf.identify.units_guess import question_of_units, times
     from rw_ekf.likelihood.record_noise import noise_of_record
@@ -236,14 +236,14 @@ def _foreign_setup(data: FilterInput, scale: RecordScale, period: float) -> Filt
     noise, omega_s, spread = scale.noise, scale.stribeck_speed_rad_s, 0.0
     parameters = scale.rough
     first = filter_constants(noise, omega_s, nominal_period_s=period)
-    found = noise_of_record(data, first, scale.prior, guessed_stribeck=True)
+    found = noise_of_record(course, first, scale.prior, guessed_stribeck=True)
     if found is not None:
         parameters = found.fit.parameters
         omega_s, spread = found.stribeck_speed_rad_s, found.stribeck_speed_std
         noise = NoiseModel(
             found.speed_noise_rad_s, max(found.acceleration_noise, 1e-3 * found.speed_noise_rad_s), scale=parameters
         )
-    driven = bool(np.any(data.pieces.current_A))
+    driven = bool(np.any(course.pieces.current_A))
     gain, coulomb = (parameters.motor_gain / CK13_STATISTICAL.motor_gain, parameters.coulomb / CK13_STATISTICAL.coulomb)
     sizes = f"Coulomb friction {times(coulomb)} a wheel's" if coulomb > 0.0 else "no Coulomb friction"
     if driven and gain > 0.0:

@@ -10,7 +10,8 @@ from rw_ekf.records import Estimate, Outcome
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
-    from rw_ekf.filter.log_filter import FilterInput, FilterRun
+    from rw_ekf.course.course import Course
+    from rw_ekf.filter.filter_run import FilterRun
 
 _NIS_95 = 3.841458820694124  # chi-square(1)
 _FALSE_ALARM = 1.0e-3  # of the finding that the gate refuses too much
@@ -54,23 +55,23 @@ class RunStatistics:
         self.nis_inside_95 += test.nis <= _NIS_95
 
     @classmethod
-    def of_run(cls, data: FilterInput, run: FilterRun) -> RunStatistics:
+    def of_run(cls, course: Course, run: FilterRun) -> RunStatistics:
         """Statistics of a compiled pass."""
         import numpy as np
 
         from rw_ekf.filter import decisions
 
-        same = np.diff(data.segment) == 0
+        same = np.diff(course.segment) == 0
         used = run.outcome == decisions.UPDATED
         innovation = run.innovation_rad_s[used]
         nis = innovation**2 / run.innovation_variance[used]
         tested = np.isfinite(run.innovation_rad_s)
         return cls(
-            samples=int(data.time_s.size),
-            missing=int(np.count_nonzero(np.isnan(data.speed_rad_s))),
+            samples=int(course.time_s.size),
+            missing=int(np.count_nonzero(np.isnan(course.speed_rad_s))),
             rejected=int(np.count_nonzero(tested & ~used)),
             reseeded=int(np.count_nonzero(run.outcome == decisions.RESEEDED)),
-            duration_s=float(np.diff(data.time_s)[same].sum()),
+            duration_s=float(np.diff(course.time_s)[same].sum()),
             used=int(used.sum()),
             innovation_sum=float(innovation.sum()),
             innovation_squares=float(innovation @ innovation),

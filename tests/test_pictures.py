@@ -15,12 +15,12 @@ from tests.truth import run_of
 def test_a_replayed_log_becomes_a_png_with_its_curves(tmp_path: Path) -> None:
     """A PNG is written whole, for a wheel and for a foreign plant, gaps and a rejected reading included."""
     run = run_of("S3", 1)
-    speed = run.data.speed_rad_s.copy()
+    speed = run.course.speed_rad_s.copy()
     speed[100:110] = np.nan
     speed[300] += 100.0
     n = speed.size
     log = WheelLog(
-        "s3.csv", run.data.time_s, speed, run.current_A, "current_command_A", np.zeros(n), np.zeros(n, np.int64)
+        "s3.csv", run.course.time_s, speed, run.current_A, "current_command_A", np.zeros(n), np.zeros(n, np.int64)
     )
     replayed = replay_log(log, with_columns=True)
     assert replayed.columns is not None

@@ -15,9 +15,9 @@ from numba import njit
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.simulation import simulate, stretches
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
@@ -141,9 +141,9 @@ class Run:
     parameters: FrictionParameters
 
     @property
-    def data(self) -> FilterInput:
+    def course(self) -> Course:
         """The run as the filter sees it."""
-        return FilterInput.of(self.time_s, self.reading_rad_s, self.current_A)
+        return Course.of(self.time_s, self.reading_rad_s, self.current_A)
 
 
 @lru_cache(maxsize=400)
@@ -189,9 +189,9 @@ def prior_drawn_around(truth: FrictionParameters, seed: int, share: float = 0.5)
 
 def cramer_rao_std(run: Run, noise_rpm: float, law: str = "gauss") -> Float64Array:
     """Lower bound of the standard deviations of k, b, c, s from one run, its first speed unknown, no prior."""
-    runs = stretches(run.data, 2.0)
+    runs = stretches(run.course, 2.0)
     _, jacobian = simulate(
-        run.data, runs, run.speed_rad_s[:1], run.parameters, OMEGA_S, LAW_CODES[law], with_jacobian=True
+        run.course, runs, run.speed_rad_s[:1], run.parameters, OMEGA_S, LAW_CODES[law], with_jacobian=True
     )
     return bound_from(jacobian, noise_rpm)
 

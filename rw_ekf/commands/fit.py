@@ -19,8 +19,8 @@ from rw_ekf.commands.inputs import (
 )
 
 if TYPE_CHECKING:
+    from rw_ekf.course.course import Course
     from rw_ekf.filter.belief import Belief
-    from rw_ekf.filter.log_filter import FilterInput
     from rw_ekf.likelihood.noise_posterior import NoisePosterior
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.starting_point import FilterSetup
@@ -52,12 +52,12 @@ def execute(args: argparse.Namespace) -> int:
 
     from rw_ekf import compile_ahead
     from rw_ekf.console import progress
+    from rw_ekf.course.course import Course
     from rw_ekf.documents import FIT_SCHEMA, physical, torques_text
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
-    from rw_ekf.replay import input_of_log
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
     from rw_ekf.wheel.model_file import refusal_of
 
@@ -70,14 +70,14 @@ def execute(args: argparse.Namespace) -> int:
     else:
         ignored = None
     (log,) = read_logs([args.log], args.columns)
-    data = input_of_log(log)
-    readings = int(np.count_nonzero(np.isfinite(data.speed_rad_s)))
+    course = Course.of_log(log)
+    readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < 10:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     make_ready(compile_ahead.FIT)
-    setup = setup_of_record(data, configuration, prior_model)
+    setup = setup_of_record(course, configuration, prior_model)
     with progress("fit", None, " evaluations") as bar:
-        belief, found, quality, warnings = _fit(args.method, data, log, setup, bar.update)
+        belief, found, quality, warnings = _fit(args.method, course, log, setup, bar.update)
     warnings = [*warnings, *([ignored] if ignored else [])]
     noise = found if args.noise else None
     reports = report(belief, setup.prior)
@@ -123,26 +123,26 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _fit(
-    method: str, data: FilterInput, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
+    method: str, course: Course, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
 ) -> tuple[Any, NoisePosterior, dict[str, Any], list[str]]:
     """Belief, noises, what is worth knowing of how it was reached, warnings."""
     from rw_ekf.likelihood.log_fit import fit_log
 
     if method == "deterministic":
-        belief, quality, said = _deterministic(data, log, setup)
-        noises = fit_log(data, setup.constants, setup.prior.core, belief.parameters, advance=advance).noises
+        belief, quality, said = _deterministic(course, log, setup)
+        noises = fit_log(course, setup.constants, setup.prior.core, belief.parameters, advance=advance).noises
         return belief, noises, quality, said
-    return _least_squares(data, log, setup, advance)
+    return _least_squares(course, log, setup, advance)
 
 
-def _deterministic(data: FilterInput, log: WheelLog, setup: FilterSetup) -> tuple[Belief, dict[str, Any], list[str]]:
+def _deterministic(course: Course, log: WheelLog, setup: FilterSetup) -> tuple[Belief, dict[str, Any], list[str]]:
     import numpy as np
 
     from rw_ekf.filter.belief import Belief
     from rw_ekf.identify.deterministic import deterministic
 
     noise = math.sqrt(setup.constants.speed_variance)
-    found = deterministic(data, log.current_A, setup.stribeck_speed_rad_s, noise, setup.prior)
+    found = deterministic(course, log.current_A, setup.stribeck_speed_rad_s, noise, setup.prior)
     quality = {"coast_down_s": found.coast_down_s, "driven_s": found.driven_s, "break_aways": found.break_aways}
     said = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
     if found.driven_s == 0.0:
@@ -152,7 +152,7 @@ def _deterministic(data: FilterInput, log: WheelLog, setup: FilterSetup) -> tupl
 
 
 def _least_squares(
-    data: FilterInput, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
+    course: Course, log: WheelLog, setup: FilterSetup, advance: Callable[[], object]
 ) -> tuple[Belief, NoisePosterior, dict[str, Any], list[str]]:
     """Free run first [CK13], for its valley; then the same readings weighed with torque noise as well."""
     import numpy as np
@@ -164,9 +164,9 @@ def _least_squares(
     from rw_ekf.likelihood.log_fit import fit_log
     from rw_ekf.units import rpm_from_rad_s
 
-    free_run = least_squares(data, setup.constants, setup.prior, advance=advance)
+    free_run = least_squares(course, setup.constants, setup.prior, advance=advance)
     found = fit_log(
-        data, setup.constants, setup.prior.core, free_run.parameters,
+        course, setup.constants, setup.prior.core, free_run.parameters,
         stribeck_speed_std=setup.stribeck_speed_std, advance=advance,
     )  # fmt: skip
     covariance = np.zeros((5, 5))

@@ -92,9 +92,10 @@ def _said_while_running(outcome: RunOutcome) -> list[str]:
 
 def _warnings(outcome: RunOutcome) -> list[str]:
     """Judge the log that was just written; a run's own numbers never fail because of this."""
+    from rw_ekf.course.course import Course
     from rw_ekf.errors import RwEkfError
     from rw_ekf.logs.reader import read_log
-    from rw_ekf.replay import input_of_log, judge_now
+    from rw_ekf.replay import judge_now
 
     found = _said_while_running(outcome)
     if outcome.lost:
@@ -113,8 +114,8 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         found.append(refused)
     log = shown_path(outcome.files.log)
     try:
-        data = input_of_log(read_log(outcome.files.log))
-        judged, _ = judge_now(data, outcome.setup, outcome.belief)
+        course = Course.of_log(read_log(outcome.files.log))
+        judged, _ = judge_now(course, outcome.setup, outcome.belief)
     except (RwEkfError, ArithmeticError, ValueError, LookupError) as error:
         return [*found, f"the run's log could not be judged: {error}"]
     # A command that is named can be run from here, as it stands.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
 from rw_ekf.diagnosis.judge.investigation import investigate
 from rw_ekf.diagnosis.judge.metrics import performance
@@ -17,7 +18,7 @@ from rw_ekf.diagnosis.search.searched_part import richer_part
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.likelihood import work
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.replay import input_of_log, refuse_runaway_model
+from rw_ekf.replay import refuse_runaway_model
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -42,11 +43,11 @@ def diagnose_log(
     BadInputError for one with which the filter runs away.
     """
     source = source_of([log] if isinstance(log, WheelLog) else log)
-    reason = unfit(source.log, input_of_log(source.log))
+    reason = unfit(source.log, Course.of_log(source.log))
     if reason is not None:
         return _unjudged(source, reason, split)
     if model is not None and model.effects.terms:
-        refuse_runaway_model(source.log, input_of_log(source.log), configuration, model)
+        refuse_runaway_model(source.log, Course.of_log(source.log), configuration, model)
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.work.start_clock()
@@ -65,7 +66,7 @@ def diagnose_log(
 def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:
     """Free-run error [rpm] on the held-out part of a fit that is told the effects; None if it cannot run."""
     source = source_of([log])
-    if unfit(source.log, input_of_log(source.log)) is not None:
+    if unfit(source.log, Course.of_log(source.log)) is not None:
         return None
     prepared = richer_part(prepare(source, None, None, split))
     search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, lambda text: None)

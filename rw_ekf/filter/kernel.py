@@ -12,11 +12,13 @@ import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course import course as _course
+from rw_ekf.course.course import Course
 from rw_ekf.filter import constants as _constants
 from rw_ekf.filter import decisions as _decisions
+from rw_ekf.filter import filter_run as _filter_run
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.decisions import (
     BACKWARD,
@@ -32,6 +34,7 @@ from rw_ekf.filter.decisions import (
     timing,
     within_reach,
 )
+from rw_ekf.filter.filter_run import FilterRun, History
 from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
 from rw_ekf.wheel.equations import EQUATIONS
@@ -41,7 +44,7 @@ from rw_ekf.wheel.transition import transition
 make_jitable([timing, forget, elapse, most_acceleration, within_reach, gating])
 
 # Everything that is compiled into the pass: its cache is stale when one of them changes.
-_MODULES = [*EQUATIONS, _constants, _decisions, sys.modules[__name__]]
+_MODULES = [*EQUATIONS, _course, _constants, _decisions, _filter_run, sys.modules[__name__]]
 
 
 def _seed_speed(x: Float64Array, P: Float64Array, speed: float, variance: float) -> None:
@@ -85,64 +88,36 @@ def _update_joseph(x: Float64Array, P: Float64Array, innovation: float, S: float
             P[j, i] = value
 
 
-def _record(
-    i: int,
-    x: Float64Array,
-    P: Float64Array,
-    row: Float64Array,
-    noise: Float64Array,
-    predicted: Float64Array,
-    covariance: Float64Array,
-    rows: Float64Array,
-    noises: Float64Array,
-) -> None:
+def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Float64Array, noise: Float64Array) -> None:
     """Keep what a smoother needs of step i: the prediction and the transition that led to it."""
     n = x.size
     for j in range(n):  # element by element: an assignment of slices takes numba four seconds longer to compile
-        predicted[i, j] = x[j]
-        rows[i, j] = row[j]
-        noises[i, j] = noise[j]
+        history.predicted[i, j] = x[j]
+        history.row[i, j] = row[j]
+        history.noise[i, j] = noise[j]
         for m in range(n):
-            covariance[i, j, m] = P[j, m]
+            history.covariance[i, j, m] = P[j, m]
 
 
 make_jitable([_seed_speed, _predict_covariance, _update_joseph, _record])
 
 
-def _filter_pass(
-    constants: FilterConstants,
-    table: EffectTable | None,
-    time_s: Float64Array,
-    speed_rad_s: Float64Array,
-    segment: Int64Array,
-    piece_start: Int64Array,
-    piece_duration_s: Float64Array,
-    piece_current_A: Float64Array,
-    piece_begin_s: Float64Array,
-    temperature_degC: Float64Array,
-    angle_rad: Float64Array,
-    x: Float64Array,
-    P: Float64Array,
-    innovation: Float64Array,
-    innovation_variance: Float64Array,
-    outcome: NDArray[np.int8],
-    state_history: Float64Array,
-    std_history: Float64Array,
-    row_history: Float64Array,
-    predicted_history: Float64Array,
-    covariance_history: Float64Array,
-    noise_history: Float64Array,
-) -> None:
+def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun) -> None:
     """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written.
 
-    Without effects (a state of five) table is None, and piece_begin_s, temperature_degC and angle_rad are not read.
+    Without effects (a state of five) table is None, and neither temperature nor angle is read.
     Each test of `table` stands alone: numba then leaves out the branch, and with it two thirds of the compiler's time.
     """
+    time_s, speed_rad_s, segment = course.time_s, course.speed_rad_s, course.segment
+    piece_begin_s, piece_duration_s, piece_current_A = course.pieces
+    piece_start, first_pieces = course.piece_start, course.first_piece
+    temperature_degC, angle_rad = course.temperature_degC, course.angle_rad
+    x, P, innovation, innovation_variance, outcome, states, stds, history = run
     n_samples = time_s.size
     n = x.size
     R = constants.speed_variance
-    keep_state = state_history.shape[0] > 0
-    keep_all = covariance_history.shape[0] > 0
+    keep_state = states.shape[0] > 0
+    keep_all = history.predicted.shape[0] > 0
     noise = np.zeros(n)
     row = np.zeros(n)
     L = np.zeros((n + 2, n))
@@ -150,7 +125,6 @@ def _filter_pass(
     F = np.eye(n)
     product = np.zeros((n, n))
     scratch = np.zeros((3 * n + 6 if n > 5 else 0, n))
-    first_piece = 0  # of the segment
     temperature, angle = 20.0, 0.0  # until known: effects of temperature are relative to 20 degC
     before = 0.0
     seeded = ever_seeded = False
@@ -174,14 +148,12 @@ def _filter_pass(
             if table is not None:
                 for j in range(table.drift.size):
                     noise[5 + j] = table.drift[j] * elapsed
-                if i == 0 or new_segment:
-                    first_piece = piece_start[i]
             if continuous and table is not None:
                 before = x[0]
                 curvature = effect_transition(
                     x, P, table, constants.omega_s, constants.law, constants.near_zero_speed, time_s[last], time_s[i],
                     temperature, angle, piece_begin_s, piece_duration_s, piece_current_A,
-                    first_piece, piece_start[last], piece_duration_s.size, F, scratch,
+                    first_pieces[i], piece_start[last], piece_duration_s.size, F, scratch,
                 )  # fmt: skip
                 for j in range(n):
                     row[j] = F[0, j]
@@ -216,14 +188,14 @@ def _filter_pass(
                 what = RESEEDED if ever_seeded else FIRST
                 _seed_speed(x, P, speed, R)
                 if table is not None:
-                    held = max(piece_start[i] - 1, first_piece)  # in force when the speed was read
+                    held = max(piece_start[i] - 1, first_pieces[i])  # in force when the speed was read
                     if hidden > 0:
                         held = min(held, piece_current_A.size - 1)
                         seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
                 seeded = ever_seeded = True
                 forget(gate_memory)
             if keep_all:
-                _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
+                _record(history, i, x, P, row, noise)
             if what == UPDATED:
                 residual = speed - x[0]
                 S = P[0, 0] + R
@@ -235,13 +207,13 @@ def _filter_pass(
                 elif what == RESEEDED:
                     _seed_speed(x, P, speed, R)
                     if table is not None:
-                        held = max(piece_start[i] - 1, first_piece)
+                        held = max(piece_start[i] - 1, first_pieces[i])
                         if hidden > 0:
                             seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
                     forget(gate_memory)
                     if keep_all:
                         row[:] = 0.0
-                        _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
+                        _record(history, i, x, P, row, noise)
             last = i
             if table is not None:
                 if not math.isnan(temperature_degC[i]):
@@ -252,25 +224,25 @@ def _filter_pass(
             row[:] = 0.0
             row[0] = 1.0
             noise[:] = 0.0
-            _record(i, x, P, row, noise, predicted_history, covariance_history, row_history, noise_history)
+            _record(history, i, x, P, row, noise)
         outcome[i] = what
         if keep_state:
             for j in range(n):
-                state_history[i, j] = x[j]
-                std_history[i, j] = math.sqrt(P[j, j])
+                states[i, j] = x[j]
+                stds[i, j] = math.sqrt(P[j, j])
 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:
     """Arguments of the types that `filter_log` gives."""
     from rw_ekf.filter.belief import DEFAULT_NOISE, filter_constants
 
-    series, whole, cube = np.zeros(0), np.zeros((0, 5)), np.zeros((0, 5, 5))
-    numbers = np.zeros(0, np.int64)
+    series = np.zeros(0)
     return (
-        filter_constants(DEFAULT_NOISE, 1.0), NO_EFFECTS.table() if with_effects else None,
-        series, series, numbers, numbers, *[series] * 6, np.eye(5), series, series, np.zeros(0, np.int8),
-        whole, whole, whole, whole, cube, whole,
-    )  # fmt: skip
+        filter_constants(DEFAULT_NOISE, 1.0),
+        NO_EFFECTS.table() if with_effects else None,
+        Course.of(series, series, series),
+        FilterRun.empty(np.zeros(5), np.eye(5), 0),
+    )
 
 
 filter_pass = compile_cached(_filter_pass, _MODULES, lambda: _example(with_effects=False))

@@ -10,26 +10,19 @@ import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter import decisions as _decisions
+from rw_ekf.filter import filter_run as _filter_run
 from rw_ekf.filter.decisions import UPDATED
-from rw_ekf.filter.log_filter import FilterRun
+from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.wheel import compiled
 
 
-def _smooth_pass(
-    outcome: NDArray[np.int8],
-    innovation: Float64Array,
-    innovation_variance: Float64Array,
-    row: Float64Array,
-    predicted: Float64Array,
-    covariance: Float64Array,
-    means: Float64Array,
-    stds: Float64Array,
-) -> None:
-    """Backward pass; writes the smoothed means (n, 5) and standard deviations (n, 5)."""
+def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> None:
+    """Backward pass; writes the smoothed means (n, m) and standard deviations (n, m)."""
+    innovation, innovation_variance, outcome = run.innovation_rad_s, run.innovation_variance, run.outcome
+    row, predicted, covariance = run.history.row, run.history.predicted, run.history.covariance
     n_samples, n = predicted.shape
     adjoint = np.zeros(n)  # lambda: gradient of the future's log-likelihood by the state
     information = np.zeros((n, n))  # Lambda: its expected curvature
@@ -67,30 +60,21 @@ def _smooth_pass(
 
 
 def _example() -> tuple[Any, ...]:
-    series, whole = np.zeros(0), np.zeros((0, 5))
-    return (np.zeros(0, np.int8), series, series, whole, whole, np.zeros((0, 5, 5)), whole, whole)
+    whole = np.zeros((0, 5))
+    return FilterRun.empty(np.zeros(5), np.eye(5), 0), whole, whole
 
 
-smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, sys.modules[__name__]], _example)
+smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, _filter_run, sys.modules[__name__]], _example)
 
 
 def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:
-    """Smoothed states and standard deviations, (n, 5) each, from a run made with `keep_history=True`.
+    """Smoothed states and standard deviations, (n, m) each, from a run made with `keep_history=True`.
 
     Raises ValueError when the history was not kept.
     """
-    if run.history is None:
+    predicted = run.history.predicted
+    if predicted.shape[0] != run.outcome.size:
         raise ValueError("smoothing needs the forward pass's history: filter_log(..., keep_history=True)")
-    means = np.empty_like(run.history.predicted)
-    stds = np.empty_like(run.history.predicted)
-    smooth_pass(
-        run.outcome,
-        run.innovation_rad_s,
-        run.innovation_variance,
-        run.history.row,
-        run.history.predicted,
-        run.history.covariance,
-        means,
-        stds,
-    )
+    means, stds = np.empty_like(predicted), np.empty_like(predicted)
+    smooth_pass(run, means, stds)
     return means, stds

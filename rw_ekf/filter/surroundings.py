@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rw_ekf.filter.current_schedule import CurrentSchedule
+from rw_ekf.course.current_schedule import CurrentSchedule
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.records import Conditions, WheelSample
 

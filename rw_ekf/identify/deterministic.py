@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.model.state import FrictionParameters
 
@@ -42,63 +42,63 @@ class _Regression:
 
 
 def deterministic(
-    data: FilterInput, current_A: Float64Array, omega_s: float, speed_noise_rad_s: float, prior: Belief
+    course: Course, current_A: Float64Array, omega_s: float, speed_noise_rad_s: float, prior: Belief
 ) -> DeterministicResult:
     """Estimate from dedicated stretches; current_A (n,) is in force from each sample on.
 
     What no stretch shows keeps the prior: k where nothing drives the wheel, T_s where it never starts from rest.
     Raises FilterError where there is no coast-down of five seconds: then the method has nothing to stand on.
     """
-    speed = data.speed_rad_s
+    speed = course.speed_rad_s
     fast = np.abs(speed) > FAST_STRIBECK_SPEEDS * omega_s
     largest = float(np.max(np.abs(current_A))) if current_A.size else 0.0
     coasting = fast & (np.abs(current_A) <= 1.0e-3 * largest)
-    coast = _stretches(data, coasting, _COAST_SECONDS)
+    coast = _stretches(course, coasting, _COAST_SECONDS)
     if not coast:
         raise FilterError(
             "the deterministic method needs a coast-down: five seconds or more without current, well above the "
             f"Stribeck speed ({omega_s:.3g} rad/s). `rw-ekf excite identification` has some; "
             "`--method least-squares` needs none."
         )
-    decay = _regress(data, current_A, coast, speed_noise_rad_s, columns=(1, 2), known=np.zeros(3))
+    decay = _regress(course, current_A, coast, speed_noise_rad_s, columns=(1, 2), known=np.zeros(3))
     b, c = (float(v) for v in decay.solution)
-    driven = _stretches(data, fast & ~coasting, 1.0)
+    driven = _stretches(course, fast & ~coasting, 1.0)
     k, k_std = float(prior.mean[1]), float(prior.std[1])
     if driven:
-        drive = _regress(data, current_A, driven, speed_noise_rad_s, columns=(0,), known=np.array([0.0, b, c]))
+        drive = _regress(course, current_A, driven, speed_noise_rad_s, columns=(0,), known=np.array([0.0, b, c]))
         k = float(drive.solution[0])
         # What b and c may be wrong by moves k: the mean drag over the driven stretch against the mean current.
         k_std = math.hypot(math.sqrt(float(drive.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])) / largest)
-    starts = _break_away(data, current_A, speed_noise_rad_s, k, c) if driven else None
+    starts = _break_away(course, current_A, speed_noise_rad_s, k, c) if driven else None
     static, static_std, count = starts or (float(prior.mean[4]), float(prior.std[4]), 0)
     return DeterministicResult(
         FrictionParameters(k, b, c, static),
         (k_std, math.sqrt(float(decay.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])), static_std),
-        _seconds(data, coast),
-        _seconds(data, driven),
+        _seconds(course, coast),
+        _seconds(course, driven),
         count,
     )
 
 
-def _stretches(data: FilterInput, wanted: BoolArray, least_s: float) -> list[tuple[int, int]]:
+def _stretches(course: Course, wanted: BoolArray, least_s: float) -> list[tuple[int, int]]:
     """Runs of samples first..last (inclusive) with `wanted`, one direction of rotation, one segment, long enough."""
-    sign = np.sign(np.nan_to_num(data.speed_rad_s))
+    sign = np.sign(np.nan_to_num(course.speed_rad_s))
     key = np.where(wanted, sign, 0.0)
-    cut = np.flatnonzero((np.diff(key) != 0.0) | (np.diff(data.segment) != 0)) + 1
+    cut = np.flatnonzero((np.diff(key) != 0.0) | (np.diff(course.segment) != 0)) + 1
     edges = [0, *(int(i) for i in cut), key.size]
     return [
         (a, b - 1)
         for a, b in pairwise(edges)
-        if key[a] != 0.0 and b - a > 3 and data.time_s[b - 1] - data.time_s[a] >= least_s
+        if key[a] != 0.0 and b - a > 3 and course.time_s[b - 1] - course.time_s[a] >= least_s
     ]
 
 
-def _seconds(data: FilterInput, runs: list[tuple[int, int]]) -> float:
-    return float(sum(data.time_s[b] - data.time_s[a] for a, b in runs))
+def _seconds(course: Course, runs: list[tuple[int, int]]) -> float:
+    return float(sum(course.time_s[b] - course.time_s[a] for a, b in runs))
 
 
 def _regress(
-    data: FilterInput,
+    course: Course,
     current_A: Float64Array,
     runs: list[tuple[int, int]],
     speed_noise: float,
@@ -112,8 +112,8 @@ def _regress(
     """
     blocks, targets = [], []
     for j, (first, last) in enumerate(runs):
-        t = data.time_s[first : last + 1]
-        y = data.speed_rad_s[first : last + 1]
+        t = course.time_s[first : last + 1]
+        y = course.speed_rad_s[first : last + 1]
         dt = np.diff(t)
         charge = np.concatenate(([0.0], np.cumsum(current_A[first:last] * dt)))
         turned = np.concatenate(([0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * dt)))
@@ -132,10 +132,10 @@ def _regress(
 
 
 def _break_away(
-    data: FilterInput, current_A: Float64Array, speed_noise: float, k: float, c: float
+    course: Course, current_A: Float64Array, speed_noise: float, k: float, c: float
 ) -> tuple[float, float, int] | None:
     """T_s from starts from rest: between the largest drive that did not move the wheel and the one that did."""
-    resting = np.abs(np.nan_to_num(data.speed_rad_s, nan=np.inf)) < _REST_STDS * speed_noise
+    resting = np.abs(np.nan_to_num(course.speed_rad_s, nan=np.inf)) < _REST_STDS * speed_noise
     brackets = []
     i = 0
     n = resting.size
@@ -146,7 +146,7 @@ def _break_away(
         first = i
         while i < n and resting[i]:
             i += 1
-        if i < n and data.time_s[i - 1] - data.time_s[first] >= 1.0:
+        if i < n and course.time_s[i - 1] - course.time_s[first] >= 1.0:
             held = np.abs(current_A[first : max(first + 1, i - 5)])
             brackets.append((k * float(held.max()), k * float(np.abs(current_A[first:i]).max())))
     usable = [(low, high) for low, high in brackets if high > 0.0]

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.simulation import Stretch, simulate, stretches
 from rw_ekf.model.state import FrictionParameters
 
@@ -81,17 +82,17 @@ class _Problem:
 
     def __init__(
         self,
-        data: FilterInput,
+        course: Course,
         constants: FilterConstants,
         prior: Belief,
         used: BoolArray,
         advance: Callable[[], object],
     ) -> None:
         self.advance = advance
-        self.data = data
+        self.course = course
         self.constants = constants
         self.used = used
-        self.runs: list[Stretch] = stretches(data, constants.max_gap_s)
+        self.runs: list[Stretch] = stretches(course, constants.max_gap_s)
         self.prior_mean = prior.mean[1:]
         factor = np.linalg.cholesky(np.linalg.inv(prior.covariance[1:, 1:]))
         self.prior_root = factor.T  # upper triangular, root' root = P_0^-1   [CK13 (7)]
@@ -99,10 +100,10 @@ class _Problem:
 
     def evaluate(self, p: Float64Array, omega_0: Float64Array) -> _Point:
         simulated, _ = simulate(
-            self.data, self.runs, omega_0, FrictionParameters(*p), self.constants.omega_s, self.constants.law
+            self.course, self.runs, omega_0, FrictionParameters(*p), self.constants.omega_s, self.constants.law
         )
         with np.errstate(over="ignore", invalid="ignore"):  # a step too far: its loss counts as infinite
-            r = (self.data.speed_rad_s - simulated)[self.used] * self.weight
+            r = (self.course.speed_rad_s - simulated)[self.used] * self.weight
             a = self.prior_root @ (self.prior_mean - p)
             loss = float(r @ r + a @ a)
         return _Point(p, omega_0, loss if math.isfinite(loss) else math.inf, simulated)
@@ -110,7 +111,7 @@ class _Problem:
     def linearise(self, at: _Point) -> tuple[list[_Linearised], Float64Array, Float64Array]:
         """QR of every stretch, then the stacked triangular system: (stretches, R (4, 4), z (4,))."""
         simulated, jacobian = simulate(
-            self.data, self.runs, at.omega_0, FrictionParameters(*at.p), self.constants.omega_s, self.constants.law,
+            self.course, self.runs, at.omega_0, FrictionParameters(*at.p), self.constants.omega_s, self.constants.law,
             with_jacobian=True,
         )  # fmt: skip
         self.advance()
@@ -120,7 +121,7 @@ class _Problem:
             use = self.used[run.first : run.last]
             block = np.empty((int(use.sum()), 6))
             block[:, :5] = jacobian[run.first : run.last][use]
-            block[:, 5] = (self.data.speed_rad_s - simulated)[run.first : run.last][use]
+            block[:, 5] = (self.course.speed_rad_s - simulated)[run.first : run.last][use]
             upper = _triangularise(block * self.weight)
             full = np.zeros((6, 6))
             full[: upper.shape[0]] = upper
@@ -144,7 +145,7 @@ class _Problem:
 
     def solve(self, start: Float64Array) -> tuple[_Point, bool, int]:
         """Levenberg-Marquardt from `start` (4,)."""
-        omega_0 = np.array([float(self.data.speed_rad_s[run.first]) for run in self.runs])
+        omega_0 = np.array([float(self.course.speed_rad_s[run.first]) for run in self.runs])
         point = self.evaluate(start, omega_0)
         damping = 1.0e-3
         for iteration in range(1, _MAX_ITERATIONS + 1):
@@ -169,7 +170,7 @@ class _Problem:
 
 
 def least_squares(
-    data: FilterInput,
+    course: Course,
     constants: FilterConstants,
     prior: Belief,
     *,
@@ -182,22 +183,22 @@ def least_squares(
     robust standard deviations from the fit are left out once, if they are fewer than 1 % (spikes, not misfit).
     `advance` is called at every iteration. Raises FilterError when the log has fewer than ten readings.
     """
-    used = np.isfinite(data.speed_rad_s)
+    used = np.isfinite(course.speed_rad_s)
     if int(used.sum()) < 10:
         raise FilterError(f"{int(used.sum())} speed readings are too few to fit four parameters; ten are the least.")
     if starts is None:
-        starts = default_starts(data, constants, prior)
-    problem = _Problem(data, constants, prior, _inside_stretches(data, constants, used), advance)
+        starts = default_starts(course, constants, prior)
+    problem = _Problem(course, constants, prior, _inside_stretches(course, constants, used), advance)
     best, converged, iterations = _best_of(problem, starts)
     outliers = _outliers(problem, best)
     if outliers.size:
         keep = problem.used.copy()
         keep[outliers] = False
-        problem = _Problem(data, constants, prior, keep, advance)
+        problem = _Problem(course, constants, prior, keep, advance)
         # Spikes may have drawn the first fit into another valley, so that the starts are tried again.
         best, converged, iterations = _best_of(problem, [*starts, FrictionParameters(*best.p)])
     _, R, _ = problem.linearise(best)
-    residual = (data.speed_rad_s - best.simulated)[problem.used]
+    residual = (course.speed_rad_s - best.simulated)[problem.used]
     freedom = max(residual.size - 4 - len(problem.runs), 1)
     variance = float(residual @ residual) / freedom
     covariance = _covariance(problem.prior_root, R, variance / constants.speed_variance)
@@ -216,9 +217,9 @@ def least_squares(
     )
 
 
-def default_starts(data: FilterInput, constants: FilterConstants, prior: Belief) -> list[FrictionParameters]:
+def default_starts(course: Course, constants: FilterConstants, prior: Belief) -> list[FrictionParameters]:
     """The filter's own estimate, and two others that differ in T_s: equal to c, and a third above it."""
-    run = filter_log(data, constants, prior.mean, prior.covariance)
+    run = filter_log(course, constants, prior.mean, prior.covariance)
     k, b, c, s = (float(v) for v in run.mean[1:])
     return [FrictionParameters(k, b, c, v) for v in (s, c, 1.35 * c)]
 
@@ -228,15 +229,15 @@ def _best_of(problem: _Problem, starts: list[FrictionParameters]) -> tuple[_Poin
     return min(solved, key=lambda item: item[0].loss)
 
 
-def _inside_stretches(data: FilterInput, constants: FilterConstants, used: BoolArray) -> BoolArray:
+def _inside_stretches(course: Course, constants: FilterConstants, used: BoolArray) -> BoolArray:
     inside = np.zeros(used.size, dtype=bool)
-    for run in stretches(data, constants.max_gap_s):
+    for run in stretches(course, constants.max_gap_s):
         inside[run.first : run.last] = True
     return used & inside
 
 
 def _outliers(problem: _Problem, at: _Point) -> NDArray[np.intp]:
-    residual = np.where(problem.used, problem.data.speed_rad_s - at.simulated, np.nan)
+    residual = np.where(problem.used, problem.course.speed_rad_s - at.simulated, np.nan)
     middle = np.nanmedian(residual)
     spread = 1.4826 * float(np.nanmedian(np.abs(residual - middle)))
     found = np.flatnonzero(np.abs(residual - middle) > _OUTLIER_STDS * max(spread, 1.0 / problem.weight))

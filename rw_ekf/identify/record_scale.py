@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, prior_around
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -34,17 +34,17 @@ class RecordScale:
     rough: FrictionParameters
 
 
-def measure(data: FilterInput) -> RecordScale:
+def measure(course: Course) -> RecordScale:
     """Read the scales off a record; never raises on poor data, falls back on the default wheel's.
 
     Rough: where the wheel hardly moves the parameters come out far off, so that a record which does not look like the
     default wheel here may be one nevertheless (`rw_ekf.likelihood.record_noise` decides).
     """
-    speed_noise = speed_noise_of(data.time_s, data.speed_rad_s, data.segment)
-    rough = rough_parameters(data, speed_noise)
+    speed_noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment)
+    rough = rough_parameters(course, speed_noise)
     if rough is None or _like_default(rough, speed_noise):
         return default_scale(speed_noise, rough)
-    finite = data.speed_rad_s[np.isfinite(data.speed_rad_s)]
+    finite = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
     top = float(np.quantile(np.abs(finite), 0.99))
     sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
     return RecordScale(
@@ -67,20 +67,20 @@ def default_scale(speed_noise: float | None, rough: FrictionParameters | None = 
     )
 
 
-def busiest(data: FilterInput, count: int) -> FilterInput:
+def busiest(course: Course, count: int) -> Course:
     """The `count` samples running in which the speed changes most; all where there are fewer."""
-    n = data.time_s.size
+    n = course.time_s.size
     if n <= count:
-        return data
+        return course
     block = max(count // 20, 1)
     usable = n // block * block
-    speed = data.speed_rad_s[:usable].reshape(-1, block)
+    speed = course.speed_rad_s[:usable].reshape(-1, block)
     read = np.isfinite(speed)
     mean = np.where(read, speed, 0.0).sum(axis=1) / np.maximum(read.sum(axis=1), 1)
     moved = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(mean, prepend=mean[:1])))))
     wide = min(count // block, moved.size - 1)
     at = int(np.argmax(moved[wide:] - moved[:-wide])) * block
-    return data.window(at, at + count)
+    return course.window(at, at + count)
 
 
 def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: Int64Array) -> float | None:
@@ -107,19 +107,19 @@ def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: Int
     return float(sigma)
 
 
-def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionParameters | None:
+def rough_parameters(course: Course, speed_noise: float | None) -> FrictionParameters | None:
     """Regression of speed changes over windows on current, speed and direction integrals; None if it says nothing.
 
     Integrated over a window the model is linear in k, b, c and needs no differentiated speed; the window is long
     enough for the speed to change by many times its noise.
     """
-    data = data.head(_MAX_ROWS)
-    t, y = data.time_s, data.speed_rad_s
+    course = course.window(0, _MAX_ROWS)
+    t, y = course.time_s, course.speed_rad_s
     if t.size < 20:
         return None
     good = np.isfinite(y)
     y = np.interp(np.arange(y.size), np.flatnonzero(good), y[good]) if good.any() else y
-    current = data.mean_current_A[1:]
+    current = course.mean_current_A[1:]
     dt = np.diff(t)
     top = float(np.quantile(np.abs(y), 0.99))
     if not top > 0.0:
@@ -130,11 +130,11 @@ def rough_parameters(data: FilterInput, speed_noise: float | None) -> FrictionPa
     middle = 0.5 * (y[1:] + y[:-1])
     direction = 0.5 * (moving[1:] + moving[:-1])
     # A wheel at rest does not answer to its current: intervals at rest count on neither side.
-    same = (data.segment[1 : t.size] == data.segment[: t.size - 1]) & (dt > 0.0) & turning[1:] & turning[:-1]
+    same = (course.segment[1 : t.size] == course.segment[: t.size - 1]) & (dt > 0.0) & turning[1:] & turning[:-1]
     sums = [np.concatenate(([0.0], np.cumsum(np.where(same, v * dt, 0.0)))) for v in (current, middle, direction)]
     begin = np.arange(0, t.size - lag, max(1, lag // 4))
     end = begin + lag
-    begin, end = (v[data.segment[end] == data.segment[begin]] for v in (begin, end))
+    begin, end = (v[course.segment[end] == course.segment[begin]] for v in (begin, end))
     if begin.size < 8:
         return None
     A = np.column_stack([s[end] - s[begin] for s in sums]) * np.array([1.0, -1.0, -1.0])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.course.course import Course
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
@@ -71,23 +71,23 @@ class Stretch:
     last: int
 
 
-def stretches(data: FilterInput, max_gap_s: float) -> list[Stretch]:
+def stretches(course: Course, max_gap_s: float) -> list[Stretch]:
     """Cut a log where a segment changes or time leaps by more than max_gap_s, dropping leading missing speeds."""
-    n = data.time_s.size
+    n = course.time_s.size
     if n == 0:
         return []
-    cut = np.flatnonzero((np.diff(data.segment) != 0) | (np.diff(data.time_s) > max_gap_s)) + 1
+    cut = np.flatnonzero((np.diff(course.segment) != 0) | (np.diff(course.time_s) > max_gap_s)) + 1
     edges = [0, *(int(i) for i in cut), n]
     found = []
     for a, b in pairwise(edges):
-        present = np.flatnonzero(np.isfinite(data.speed_rad_s[a:b]))
+        present = np.flatnonzero(np.isfinite(course.speed_rad_s[a:b]))
         if present.size:
             found.append(Stretch(a + int(present[0]), b))
     return found
 
 
 def simulate(
-    data: FilterInput,
+    course: Course,
     runs: list[Stretch],
     initial_speeds_rad_s: Float64Array,
     parameters: FrictionParameters,
@@ -97,12 +97,12 @@ def simulate(
     with_jacobian: bool = False,
 ) -> tuple[Float64Array, Float64Array]:
     """Free-run speeds (n,), NaN outside the stretches, and the jacobian (n, 5) or (0, 5)."""
-    n = data.time_s.size
+    n = course.time_s.size
     speeds = np.full(n, np.nan)
     jacobian = np.zeros((n if with_jacobian else 0, 5))
     for run, omega in zip(runs, initial_speeds_rad_s, strict=True):
         simulate_stretch(
             float(omega), *parameters, omega_s, law, run.first, run.last,
-            data.pieces.start, data.pieces.duration_s, data.pieces.current_A, speeds, jacobian,
+            course.piece_start, course.pieces.duration_s, course.pieces.current_A, speeds, jacobian,
         )  # fmt: skip
     return speeds, jacobian

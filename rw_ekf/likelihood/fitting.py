@@ -127,7 +127,7 @@ def smoothed_reference(frame: Frame, correction: Float64Array, noise: Noise) -> 
     with_memory = frame.memory_columns.shape[0] > 0
     if with_memory:
         chain = chain._replace(memory_defect=chain.memory_defect + frame.memory_columns @ correction)
-    smooth(chain, noise.ratio * noise.variance / frame.record.data.period_s, noise.variance, means, variances)
+    smooth(chain, noise.ratio * noise.variance / frame.record.course.period_s, noise.variance, means, variances)
     spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), _LEAST_SPREAD * math.sqrt(noise.variance))
     speed = frame.reference.speed + means[:, 0]
     if not with_memory:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ class Frame:
         """(r, A, sum of log S) at R = scale and q = ratio R / period, over the samples that have an innovation."""
         n, m = columns.shape
         r, A = np.full(n, np.nan), np.zeros((n, m))
-        period = self.record.data.period_s
+        period = self.record.course.period_s
         held = np.zeros((0, m)) if memory_columns is None else memory_columns
         self.record.work.charge(whitening_units(n, m))
         rows = np.ascontiguousarray(columns)  # another layout would be compiled anew, in two seconds
@@ -115,9 +115,9 @@ def linearise(
     resting = record.follows & (centre.end == 0.0)
     extra[resting] += _STUCK_SHARE**2 * noise.variance
     if with_memory and np.isnan(reference.memory).any():  # the first time: the memory carried along is its reference
-        reference = replace(reference, memory=_before(centre.memory_end, record, reference, model))
-    step = np.where(record.follows, np.diff(record.data.time_s, prepend=record.data.time_s[:1]), 0.0)
-    reading = np.where(omit, np.nan, record.data.speed_rad_s - reference.speed)
+        reference = reference._replace(memory=_before(centre.memory_end, record, reference, model))
+    step = np.where(record.follows, np.diff(record.course.time_s, prepend=record.course.time_s[:1]), 0.0)
+    reading = np.where(omit, np.nan, record.course.speed_rad_s - reference.speed)
     chain = Chain(
         record.follows,
         step,

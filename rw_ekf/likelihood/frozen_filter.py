@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from rw_ekf.arrays import BoolArray
+from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import frozen, without_drift
-from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, state_vector
@@ -24,9 +25,9 @@ _SPREAD, _MEMORY_SPREAD = 0.3, 0.1  # of the speed noise and of Coulomb friction
 
 
 def run_frozen(
-    data: FilterInput, model: Model, noise: Noise, constants: FilterConstants, *, keep_history: bool = False
+    course: Course, model: Model, noise: Noise, constants: FilterConstants, *, keep_history: bool = False
 ) -> FilterRun:
-    """Filter `data` with a model that stays as it is; states are kept, and all that a smoother needs on demand."""
+    """Filter `course` with a model that stays as it is; states are kept, and all that a smoother needs on demand."""
     mean, covariance = frozen(model.parameters, state_vector(model.coefficients, model.effects))
     steered = without_drift(constants)._replace(
         omega_s=model.omega_s,
@@ -34,10 +35,10 @@ def run_frozen(
         near_zero_speed=FAST_STRIBECK_SPEEDS * model.omega_s,
         gate=_OPEN_GATE,
         speed_variance=max(noise.variance - model.effects.reading_variance, 1.0e-3 * noise.variance),
-        acceleration_noise=noise.ratio * noise.variance / data.period_s,
+        acceleration_noise=noise.ratio * noise.variance / course.period_s,
         stuck_variance=_STUCK_SHARE * noise.variance,
     )
-    return filter_log(data, steered, mean, covariance, model.effects, keep_states=True, keep_history=keep_history)
+    return filter_log(course, steered, mean, covariance, model.effects, keep_states=True, keep_history=keep_history)
 
 
 def filtered_reference(record: Record, model: Model, noise: Noise, omit: BoolArray) -> Reference:
@@ -47,12 +48,10 @@ def filtered_reference(record: Record, model: Model, noise: Noise, omit: BoolArr
     starts from it may never leave there.
     """
     part = record.follows | np.append(record.follows[1:], False)
-    data = record.data.with_speed(np.where(omit | ~part, np.nan, record.data.speed_rad_s))
-    data = replace(data, temperature_degC=record.temperature_degC, angle_rad=record.angle_rad)
-    run = run_frozen(data, model, Noise(noise.variance, _TRUSTING_RATIO), record.constants)
+    run = run_frozen(record.course.only(part & ~omit), model, Noise(noise.variance, _TRUSTING_RATIO), record.constants)
     at = model.effects.table().memory_state_at
     assert at != ABSENT
-    n = data.time_s.size
+    n = record.course.samples
     return Reference(
         run.states[:, 0].copy(),
         np.full(n, _SPREAD * math.sqrt(noise.variance)),

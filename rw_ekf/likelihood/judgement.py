@@ -22,14 +22,14 @@ from rw_ekf.likelihood.structure import structure
 def judge_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     """Judge a fit; constants: of the filter whose noises are compared with what was found."""
     frame, noises = fit.fit.frame, fit.noises
-    data = frame.record.data
-    ratio = noises.acceleration_noise**2 * data.period_s / noises.speed_noise_rad_s**2
+    course = frame.record.course
+    ratio = noises.acceleration_noise**2 * course.period_s / noises.speed_noise_rad_s**2
     r, A, _ = frame.whitened(ratio, noises.speed_noise_rad_s**2, frame.columns)
     left = r - A @ noises.correction
     found = judge(left, np.ones(left.size), np.ones(left.size, dtype=bool))
     if found.whiteness_p is None:
         return found
     mean, covariance = frozen(fit.parameters)
-    run = filter_log(data, without_drift(constants), mean, covariance)
+    run = filter_log(course, without_drift(constants), mean, covariance)
     told = judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     return replace(found, noise_ratio=told.noise_ratio, structure_p=structure(fit.fit, fit.prior).p_value)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import STRIBECK
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
@@ -28,7 +28,6 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
 
 _PARAMETERS = 4
-_WARMTH_degC = 20.0  # of a record without a temperature; nothing that is fitted here reads it
 _SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
 
 
@@ -62,7 +61,7 @@ class LogFit:
 
 
 def fit_log(
-    data: FilterInput,
+    course: Course,
     constants: FilterConstants,
     prior: Belief,
     start: FrictionParameters,
@@ -70,15 +69,14 @@ def fit_log(
     stribeck_speed_std: float = 0.0,
     advance: Callable[[], object] = lambda: None,
 ) -> LogFit:
-    """Fit the four parameters to all of `data` from `start`; constants give R to begin with and the Stribeck curve.
+    """Fit the four parameters to all of `course` from `start`; constants give R to begin with and the Stribeck curve.
 
     stribeck_speed_std: where the Stribeck speed is a guess, how far it may be off [rad/s]; it is then fitted too, and
     what is not known of it is in the parameters' covariance. The readings must not be all missing.
     """
     noise = float(np.sqrt(constants.speed_variance))
-    n = data.time_s.size
-    everything = np.ones(n, dtype=bool)
-    record = Record.of(data, everything, constants, np.full(n, _WARMTH_degC), np.zeros(n))
+    everything = np.ones(course.samples, dtype=bool)
+    record = Record.of(course, everything, constants)
     bare = Model(start, constants.omega_s, constants.law)
     known = Prior.of(prior.core.mean[1:], prior.core.covariance[1:, 1:])
     model = bare
@@ -89,7 +87,7 @@ def fit_log(
         given = (free.id, constants.omega_s, stribeck_speed_std)
         known = Prior(known.mean, known.root, (given,))
     advance()
-    starts = [read_reference(data, noise), smoothed_by_filter(data, everything, bare, constants, noise)]
+    starts = [read_reference(course, noise), smoothed_by_filter(course, everything, bare, constants, noise)]
     fit = robust_fit(record, model, known, noise, starts)
     advance()
     noises = noise_posterior(fit.frame, known, fit.noise)

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.course import course as _course
+from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.model.state import STATE_SIZE
@@ -27,38 +28,51 @@ from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 _SPREAD = math.sqrt(3.0)
 
 
+class Reference(NamedTuple):
+    """The trajectory that everything is linearised along: smoothed speed and, with a memory, friction; arrays (n,)."""
+
+    speed: Float64Array
+    spread: Float64Array  # standard deviation [rad/s]
+    memory: Float64Array  # friction with a memory [rad/s^2]; NaN where it is not known yet
+    memory_spread: Float64Array
+
+    @classmethod
+    def of_speed(cls, speed: Float64Array, spread: Float64Array) -> Reference:
+        """Of a speed alone."""
+        return cls(speed, spread, np.full(speed.size, np.nan), np.full(speed.size, np.nan))
+
+
+class Prediction(NamedTuple):
+    """One-step predictions of every interval, (n,) at the sample it leads to; 0 where none does."""
+
+    end: Float64Array  # [rad/s]
+    memory_end: Float64Array  # [rad/s^2]
+    slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row, or (0, 4)
+    bend: Float64Array  # curvature neglected near zero speed [rad/s]
+    rows: Float64Array  # (n, m) slopes by the state, (n, 2 m) with those of a memory behind, or (0, m)
+
+
 def _one_step_pass(
     x: Float64Array,
     table: EffectTable,
     omega_s: float,
     law: int,
     near_zero_speed: float,
-    time_s: Float64Array,
+    course: Course,
     follows: BoolArray,
-    first_piece: Int64Array,
-    reference: Float64Array,
-    spread: Float64Array,
-    memory: Float64Array,
-    memory_spread: Float64Array,
-    piece_start: Int64Array,
-    begins: Float64Array,
-    durations: Float64Array,
-    currents: Float64Array,
-    temperature: Float64Array,
-    angle: Float64Array,
-    end: Float64Array,
-    memory_end: Float64Array,
-    slopes: Float64Array,
-    bend: Float64Array,
-    rows: Float64Array,
+    reference: Reference,
+    out: Prediction,
 ) -> None:
-    """Predict sample i + 1 from the reference at i wherever follows[i + 1].
+    """Predict sample i + 1 from the reference at i wherever follows[i + 1]; fill `out`, which holds zeros.
 
-    end[i + 1] [rad/s], memory_end[i + 1] [rad/s^2] for a friction with a memory, whose reference is `memory`, carried
-    on from the interval before where it is NaN. slopes[i + 1] (4,): of speed by speed and memory, of memory by both,
-    statistical near zero over the spreads; an empty array where they are not wanted. bend[i + 1]: the curvature
-    neglected there [rad/s]; rows (n, m) or (0, m): slopes of the speed by the state and, with a memory, of that.
+    A memory is carried on from the interval before where its reference is NaN. Slopes are statistical near zero, over
+    the spreads of the reference; `out` has no rows of slopes, or of rows, where they are not wanted.
     """
+    time_s, temperature, angle = course.time_s, course.temperature_degC, course.angle_rad
+    begins, durations, currents = course.pieces
+    piece_start, first_piece = course.piece_start, course.first_piece
+    speed, spread, memory, memory_spread = reference
+    end, memory_end, slopes, bend, rows = out
     n = table.size
     state = x.copy()
     ended = np.zeros(n)
@@ -74,15 +88,15 @@ def _one_step_pass(
     for i in range(time_s.size - 1):
         if not follows[i + 1]:
             continue
-        state[0] = reference[i]
+        state[0] = speed[i]
         if not follows[i]:
             if table.lag_state_at >= 0:
                 state[table.lag_state_at] = currents[max(piece_start[i] - 1, first_piece[i])]
             if at >= 0:
-                state[at] = math.copysign(x[3], reference[i]) if abs(reference[i]) > omega_s else 0.0
+                state[at] = math.copysign(x[3], speed[i]) if abs(speed[i]) > omega_s else 0.0
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
-        near = abs(reference[i]) < near_zero_speed or reference[i] * reference[i + 1] <= 0.0
+        near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
         written = analytic or (differentiable and not near)
         effect_interval(
             state, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
@@ -121,92 +135,42 @@ def _one_step_pass(
 
 
 def _example() -> tuple[Any, ...]:
-    series, numbers, whole = np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 5))
+    series, whole = np.zeros(0), np.zeros((0, 5))
     return (
-        series, NO_EFFECTS.table(), 1.0, 0, 1.0, series, np.zeros(0, np.bool_), numbers, *[series] * 4, numbers,
-        *[series] * 7, whole, series, whole,
+        series, NO_EFFECTS.table(), 1.0, 0, 1.0, Course.of(series, series, series), np.zeros(0, np.bool_),
+        Reference(*[series] * 4), Prediction(series, series, whole, series, whole),
     )  # fmt: skip
 
 
-one_step_pass = compile_cached(_one_step_pass, [*EQUATIONS, sys.modules[__name__]], _example)
+one_step_pass = compile_cached(_one_step_pass, [*EQUATIONS, _course, sys.modules[__name__]], _example)
 
 
 @dataclass(frozen=True)
 class Record:
-    """A log made ready: conditions filled in, intervals marked. Arrays (n,)."""
+    """A course with its conditions filled in, the intervals that are looked at, and the budget for looking."""
 
-    data: FilterInput
-    follows: BoolArray  # sample i is reached from i - 1 by one interval, within the part that is looked at
-    temperature_degC: Float64Array
-    angle_rad: Float64Array
-    begins_s: Float64Array  # of the pieces
-    first_piece: Int64Array
+    course: Course
+    follows: BoolArray  # (n,) sample i is reached from i - 1 by one interval, within the part that is looked at
     constants: FilterConstants  # of the filter that runs over it
-    log_of: Int64Array  # which of the logs in one diagnosis a sample belongs to, rising from 0
+    log_of: Int64Array  # (n,) which of the logs in one diagnosis a sample belongs to, rising from 0
     work: Work = field(default_factory=unlimited)  # what the diagnosis has cost so far: one count for all its records
 
     @classmethod
     def of(
         cls,
-        data: FilterInput,
+        course: Course,
         part: BoolArray,
         constants: FilterConstants,
-        temperature: Float64Array,
-        angle: Float64Array,
         work: Work | None = None,
         log_of: Int64Array | None = None,
     ) -> Record:
-        """Mark what belongs to `part` (n,); temperature [degC] and angle [rad] (n,) without gaps.
-
-        log_of (n,): see there; all one log by default.
-        """
-        from rw_ekf.filter.current_schedule import begins_of_pieces
-
-        dt = np.diff(data.time_s, prepend=np.nan)
-        same = np.diff(data.segment, prepend=-1) == 0
+        """Mark what belongs to `part` (n,); log_of (n,): see there; all one log by default."""
+        dt = np.diff(course.time_s, prepend=np.nan)
+        same = np.diff(course.segment, prepend=-1) == 0
         follows = same & (dt > 0.0) & (dt <= constants.max_gap_s) & part & np.roll(part, 1)
         follows[:1] = False
-        opens = np.diff(data.segment, prepend=data.segment[:1] - 1) != 0
-        first_piece = data.pieces.start[np.maximum.accumulate(np.where(opens, np.arange(opens.size), 0))]
-        begins = begins_of_pieces(data.time_s, data.pieces)
         logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
-        return cls(
-            data,
-            follows,
-            temperature,
-            angle,
-            begins,
-            first_piece,
-            constants,
-            logs,
-            unlimited() if work is None else work,
-        )
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The trajectory that everything is linearised along: smoothed speed and, with a memory, friction; arrays (n,)."""
-
-    speed: Float64Array
-    spread: Float64Array  # standard deviation [rad/s]
-    memory: Float64Array  # friction with a memory [rad/s^2]; NaN where it is not known yet
-    memory_spread: Float64Array
-
-    @classmethod
-    def of_speed(cls, speed: Float64Array, spread: Float64Array) -> Reference:
-        """Of a speed alone."""
-        return cls(speed, spread, np.full(speed.size, np.nan), np.full(speed.size, np.nan))
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """One-step predictions of every interval, (n,) at the sample it leads to; 0 where none does."""
-
-    end: Float64Array
-    memory_end: Float64Array
-    slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row, or (0, 4)
-    bend: Float64Array
-    rows: Float64Array  # (n, m) slopes by the state, (n, 2 m) with those of a memory behind, or (0, m)
+        return cls(course, follows, constants, logs, unlimited() if work is None else work)
 
 
 def state_vector(parameters: Float64Array, effects: EffectSet) -> Float64Array:
@@ -244,12 +208,10 @@ def predict(
         near = max(near, FAST_STRIBECK_SPEEDS * float(parameters[table.stribeck_at - 1]))
     memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(parameters[2]), reference.memory_spread)
     # A column of a table has another layout, for which numba would compile the pass anew.
-    speed, spread, memory = map(np.ascontiguousarray, (reference.speed, reference.spread, reference.memory))
+    speed, spread, memory = map(np.ascontiguousarray, reference[:3])
     one_step_pass(
-        state_vector(parameters, effects), table, omega_s, law, near, record.data.time_s, record.follows,
-        record.first_piece, speed, spread, memory, memory_spread,
-        record.data.pieces.start, record.begins_s, record.data.pieces.duration_s, record.data.pieces.current_A,
-        record.temperature_degC, record.angle_rad, out.end, out.memory_end, out.slopes, out.bend, out.rows,
+        state_vector(parameters, effects), table, omega_s, law, near, record.course, record.follows,
+        Reference(speed, spread, memory, memory_spread), out,
     )  # fmt: skip
     return out
 

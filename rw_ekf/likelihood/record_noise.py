@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import COULOMB_BAND, GAIN_BAND, RecordScale, busiest, default_scale
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
@@ -43,14 +43,14 @@ class RecordNoise:
 
 
 def noise_of_record(
-    data: FilterInput, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool = False
+    course: Course, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool = False
 ) -> RecordNoise | None:
     """Noises by restricted likelihood; None where the record is too short, or so odd that no fit comes about.
 
     constants: of a first guess; its acceleration noise is kept as the upper limit where the record shows none.
     guessed_stribeck: the Stribeck speed of `constants` is a guess and is fitted too.
     """
-    part = busiest(data, _SAMPLES)
+    part = busiest(course, _SAMPLES)
     if int(np.isfinite(part.speed_rad_s).sum()) < _FEWEST:
         return None
     with contextlib.suppress(FilterError, np.linalg.LinAlgError):
@@ -71,14 +71,14 @@ def noise_of_record(
     return None
 
 
-def is_foreign(data: FilterInput, scale: RecordScale) -> bool:
+def is_foreign(course: Course, scale: RecordScale) -> bool:
     """Whether a record that does not look like the default wheel at first sight is clearly not one.
 
     The four parameters are fitted with a prior so wide that it says nothing, and once more with motor gain and Coulomb
     friction held within the band of the default wheel's class. Foreign is what the band makes clearly less likely, each
     fit at its own best noises: a wheel that hardly moves, whatever its best parameters, proves nothing.
     """
-    part = busiest(data, _SAMPLES)
+    part = busiest(course, _SAMPLES)
     if int(np.isfinite(part.speed_rad_s).sum()) < _FEWEST:
         return not scale.like_default_wheel
     usual = np.array(CK13_STATISTICAL)
@@ -103,16 +103,16 @@ def is_foreign(data: FilterInput, scale: RecordScale) -> bool:
 
 
 def _best(
-    data: FilterInput, scale: RecordScale, starts: list[FrictionParameters], mean: Float64Array, std: Float64Array
+    course: Course, scale: RecordScale, starts: list[FrictionParameters], mean: Float64Array, std: Float64Array
 ) -> LogFit | None:
     """The likeliest fit from several starts, at the default's Stribeck speed and at the record's; None if all fail."""
     prior = Belief(np.array([0.0, *mean]), np.diag([1.0, *np.square(std)]))
     found = []
     for omega_s in (default_scale(None).stribeck_speed_rad_s, scale.stribeck_speed_rad_s):
-        constants = filter_constants(scale.noise, omega_s, nominal_period_s=data.period_s)
+        constants = filter_constants(scale.noise, omega_s, nominal_period_s=course.period_s)
         for start in starts:
             with contextlib.suppress(FilterError, np.linalg.LinAlgError):
-                found.append(fit_log(data, constants, prior, start))
+                found.append(fit_log(course, constants, prior, start))
     return max(found, key=lambda fit: fit.fit.likelihood.value, default=None)
 
 
@@ -120,13 +120,13 @@ def _within(value: float, usual: float, band: tuple[float, float]) -> float:
     return min(max(value, band[0] * usual), band[1] * usual)
 
 
-def _fit(data: FilterInput, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool) -> LogFit:
+def _fit(course: Course, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool) -> LogFit:
     if not guessed_stribeck:
-        return fit_log(data, constants, prior, least_squares(data, constants, prior.core).parameters)
+        return fit_log(course, constants, prior, least_squares(course, constants, prior.core).parameters)
     tried = []
     for ratio in _STRIBECK_RATIOS:
         omega_s = ratio * constants.omega_s
         there = constants.with_stribeck_speed(omega_s)
-        tried.append((fit_log(data, there, prior, least_squares(data, there, prior.core).parameters), there))
+        tried.append((fit_log(course, there, prior, least_squares(course, there, prior.core).parameters), there))
     best, there = max(tried, key=lambda item: item[0].noises.log_evidence)
-    return fit_log(data, there, prior, best.parameters, stribeck_speed_std=_STRIBECK_STD * there.omega_s)
+    return fit_log(course, there, prior, best.parameters, stribeck_speed_std=_STRIBECK_STD * there.omega_s)

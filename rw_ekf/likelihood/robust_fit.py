@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rw_ekf.arrays import BoolArray
+from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frame import Noise, Prior
@@ -19,30 +19,29 @@ _OUTLIER_SHARE = 0.01
 _FILTER_RATIO = 1.0e-3  # q dt / R
 
 
-def read_reference(data: FilterInput, noise_rad_s: float) -> Reference:
+def read_reference(course: Course, noise_rad_s: float) -> Reference:
     """The readings themselves, gaps bridged: no model has had a say in them."""
-    speed = data.speed_rad_s
+    speed = course.speed_rad_s
     index = np.arange(speed.size)
     good = np.isfinite(speed)
     return Reference.of_speed(np.interp(index, index[good], speed[good]), np.full(speed.size, noise_rad_s))
 
 
 def smoothed_by_filter(
-    data: FilterInput, part: BoolArray, model: Model, constants: FilterConstants, noise_rad_s: float
+    course: Course, part: BoolArray, model: Model, constants: FilterConstants, noise_rad_s: float
 ) -> Reference:
     """The speed smoothed by the filter itself, its parameters frozen: near rest only a model tells stick from slip.
 
     model: without hidden states. Readings outside `part` (n,) are not looked at.
     """
-    seen = data.with_speed(np.where(part, data.speed_rad_s, np.nan))
-    run = run_frozen(seen, model, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
+    run = run_frozen(course.only(part), model, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
     means, stds = smooth_log(run)
     return Reference.of_speed(means[:, 0], np.maximum(stds[:, 0], 0.02 * noise_rad_s))
 
 
 def robust_fit(record: Record, model: Model, prior: Prior, noise_rad_s: float, starts: list[Reference]) -> Fit:
     """Fit from each reference, keep the likeliest, leave out the readings that no noise explains, and fit again."""
-    n = record.data.time_s.size
+    n = record.course.time_s.size
     noise = Noise(noise_rad_s**2, 1.0e-2)
     none = np.zeros(n, dtype=bool)
     fits = [fit_model(record, model, prior, reference, noise, none) for reference in starts]

@@ -118,7 +118,7 @@ def _columns(fit: Fit) -> Float64Array:
     speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
     size = np.abs(speed)
     top = max(float(np.quantile(size, 0.99)), 1.0e-9)
-    current = record.data.mean_current_A
+    current = record.course.mean_current_A
     change = np.diff(current, prepend=current[:1])
     change[~record.follows] = 0.0
     time = np.linspace(-1.0, 1.0, n)
@@ -131,8 +131,8 @@ def _columns(fit: Fit) -> Float64Array:
         drive * change,  # a delay, a lag
         dry * time,  # friction that drifts
     ]
-    warmth = record.data.temperature_degC
-    if warmth is not None and np.isfinite(warmth).sum() > n // 2:
+    warmth = record.course.temperature_degC
+    if np.isfinite(warmth).sum() > n // 2:
         warmer = np.where(np.isfinite(warmth), warmth - np.nanmean(warmth), 0.0)
         if np.ptp(warmer) > 0.5:
             found += [dry * warmer, drive * speed * warmer, drive * current * warmer]

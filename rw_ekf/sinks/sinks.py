@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rw_ekf.arrays import Float64Array
-    from rw_ekf.filter.log_filter import FilterRun
+    from rw_ekf.filter.filter_run import FilterRun
     from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 
 
@@ -237,9 +237,10 @@ class ArraySink:
 
     def as_run(self, mean: Float64Array, covariance: Float64Array) -> FilterRun:
         """Return the run, given the estimator's final belief."""
-        from rw_ekf.filter.log_filter import FilterRun
+        from rw_ekf.filter.filter_run import FilterRun, History
 
-        return FilterRun(mean, covariance, self.innovation, self.variance, self.outcome, self.states, self.stds, None)
+        none = History.zeros(0, len(mean))
+        return FilterRun(mean, covariance, self.innovation, self.variance, self.outcome, self.states, self.stds, none)
 
 
 class SyncSink:

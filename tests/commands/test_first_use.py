@@ -13,7 +13,7 @@ import pytest
 
 from rw_ekf import compile_ahead
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.course.course import Course
 from rw_ekf.replay import judge_log, judge_now
 from rw_ekf.starting_point import setup_of_record
 from rw_ekf.wheel.compiled import interpreted
@@ -114,14 +114,14 @@ def test_a_run_ends_without_a_compiler(tmp_path: Path) -> None:
 def test_plain_python_judges_as_the_compiled_routine_does(effects: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """The tests of a log's residual give the same p-values whether the cache is warm or cold."""
     run = simulated(effects, seed=3, samples=900)
-    data = FilterInput.of(run.time_s, run.measured_speed_rad_s, run.current_command_A)
-    setup = setup_of_record(data)
+    course = Course.of(run.time_s, run.measured_speed_rad_s, run.current_command_A)
+    setup = setup_of_record(course)
     with interpreted():
-        warm = judge_log(data, setup, setup.prior)
+        warm = judge_log(course, setup, setup.prior)
         monkeypatch.setattr(compile_ahead, "cold", list)
-        cold, looked_at = judge_now(data, setup, setup.prior)
+        cold, looked_at = judge_now(course, setup, setup.prior)
     assert looked_at == 900
-    compiled = judge_log(data, setup, setup.prior)
+    compiled = judge_log(course, setup, setup.prior)
     assert cold == warm
     assert cold.whiteness_p == pytest.approx(compiled.whiteness_p, rel=1e-6, abs=1e-12)
     assert cold.mean_p == pytest.approx(compiled.mean_p, rel=1e-6, abs=1e-12)
@@ -131,9 +131,8 @@ def test_plain_python_judges_as_the_compiled_routine_does(effects: list[str], mo
 def test_the_head_of_a_log_has_the_pieces_of_its_own_samples() -> None:
     """Cut at any sample, a log with delayed commands still says when each of its pieces of current begins."""
     time_s: Float64Array = 0.1 * np.arange(50, dtype=np.float64)
-    data = FilterInput.of(time_s, np.ones(50), np.sin(time_s), np.full(50, 0.01), np.repeat([0, 1], 25))
-    begins = data.surroundings()[0]
+    course = Course.of(time_s, np.ones(50), np.sin(time_s), np.full(50, 0.01), np.repeat([0, 1], 25))
     for n in (1, 24, 25, 26, 49):
-        head = data.head(n)
-        assert head.surroundings()[0] == pytest.approx(begins[: head.pieces.duration_s.size])
-        assert head.pieces.start[-1] <= head.pieces.duration_s.size
+        head = course.window(0, n)
+        assert head.pieces.begin_s == pytest.approx(course.pieces.begin_s[: head.pieces.duration_s.size])
+        assert head.piece_start[-1] <= head.pieces.duration_s.size

@@ -10,8 +10,8 @@ from drivers.sim.plant_batch import PlantRun, simulate_run
 from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, filter_constants
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, Prior, linearise
 from rw_ekf.likelihood.model import Model
@@ -44,22 +44,20 @@ def simulated(
 
 def record_of(run: PlantRun) -> Record:
     """The whole run as a record, temperature and angle as the plant has them."""
-    data = FilterInput.of(
+    course = Course.of(
         run.time_s, run.measured_speed_rad_s, run.current_command_A, None, None, run.temperature_degC, run.angle_rad
     )
     everything = np.ones(run.time_s.size, dtype=bool)
     return Record.of(
-        data,
+        course,
         everything,
         filter_constants(DEFAULT_NOISE, TRUTH.omega_s, max_gap_s=MAX_GAP_S),
-        run.temperature_degC,
-        run.angle_rad,
     )
 
 
 def first_reference(record: Record, model: Model) -> Reference:
     """The readings smoothed once under a model: along the readings themselves no likelihood means anything."""
-    speed = record.data.speed_rad_s
+    speed = record.course.speed_rad_s
     noise = Noise(RAD_S_PER_RPM**2, 1.0e-2)
     raw = Reference.of_speed(speed.copy(), np.full(speed.size, RAD_S_PER_RPM))
     frame = linearise(record, model, raw, noise, np.zeros(speed.size, dtype=bool), with_columns=False)

@@ -16,14 +16,14 @@ from tests.effects.test_catalogue import WHEEL
 def test_a_current_that_repeats_itself_has_a_frequency(profile: str, expected_Hz: float) -> None:
     """A sine three times over is known to within the record's own resolution."""
     run = simulated(profile=profile, seed=3)
-    found = command_frequency(record_of(run).data)
+    found = command_frequency(record_of(run).course)
     assert found == pytest.approx(expected_Hz, abs=0.2 / float(run.time_s[-1]))
 
 
 @pytest.mark.parametrize("profile", ["identification", "P1", "P2"])
 def test_a_current_that_does_not_repeat_itself_has_none(profile: str) -> None:
     """Profiles of many steps are not periodic."""
-    assert command_frequency(record_of(simulated(profile=profile, seed=3)).data) == 0.0
+    assert command_frequency(record_of(simulated(profile=profile, seed=3)).course) == 0.0
 
 
 def test_harmonics_of_the_command_are_no_place_for_an_external_torque() -> None:

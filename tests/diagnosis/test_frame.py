@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,7 +89,7 @@ def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Term) -> N
     record, reference = along_truth(1500, 3)
     model = TRUTH.with_terms(*STATIC, added)
     memory = np.clip(0.3 * reference.speed, -TRUTH.parameters.coulomb, TRUTH.parameters.coulomb)
-    reference = replace(reference, memory=memory, memory_spread=np.full(1500, 0.05))
+    reference = reference._replace(memory=memory, memory_spread=np.full(1500, 0.05))
     frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
     for j, size in enumerate(1.0e-4 * np.abs(model.coefficients)):
         ends = []
@@ -192,7 +191,7 @@ def healthy() -> tuple[dict[str, list[float]], list[float]]:
         fit = fitted(record)
         everything = np.ones(record.follows.size, dtype=bool)
         sigma = math.sqrt(fit.noise.variance)
-        facts = facts_of(record.data, fit.model, sigma, record.temperature_degC, everything, frozenset())
+        facts = facts_of(record.course, fit.model, sigma, everything, frozenset())
         scorer = Scorer(fit.frame, PRIOR, fit.noise.variance, fit.noise.ratio)
         for name, score in scorer.best_of_each(facts, [CATALOGUE[name] for name in names], lambda: None).items():
             statistics[name].append(score.statistic)
@@ -241,7 +240,7 @@ def test_process_noise_does_not_pass_for_an_effect() -> None:
         fit = fitted(record)
         everything = np.ones(record.follows.size, dtype=bool)
         sigma = math.sqrt(fit.noise.variance)
-        facts = facts_of(record.data, fit.model, sigma, record.temperature_degC, everything, frozenset())
+        facts = facts_of(record.course, fit.model, sigma, everything, frozenset())
         scorer = Scorer(fit.frame, PRIOR, fit.noise.variance, fit.noise.ratio)
         score = scorer.best_of_each(facts, [CATALOGUE["offset_torque"]], lambda: None)["offset_torque"]
         statistics.append(score.statistic)

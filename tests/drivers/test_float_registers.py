@@ -18,7 +18,7 @@ from drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Regi
 from drivers.line.wire_map import WireMap
 from drivers.sim.register_server import Manipulator, RegisterServer, Reply
 from rw_ekf.clock import SystemClock
-from rw_ekf.replay import _WILD
+from rw_ekf.course.course import WILD
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
 from tests.live.bench import Recorder, served_wheel
@@ -118,5 +118,5 @@ def test_the_bounds_lie_between_what_is_allowed_and_what_a_replay_refuses() -> N
     assert set(BEYOND_ANY_MACHINE) == set(QUANTITIES.values())
     most = {name: info.metadata for name, info in LimitsSection.model_fields.items()}
     current, rpm = (next(m.le for m in most[name] if hasattr(m, "le")) for name in ("current_A", "speed_rpm"))
-    assert current < BEYOND_ANY_MACHINE["current"] < _WILD
-    assert rad_s_from_rpm(rpm) < BEYOND_ANY_MACHINE["speed"] < _WILD
+    assert current < BEYOND_ANY_MACHINE["current"] < WILD
+    assert rad_s_from_rpm(rpm) < BEYOND_ANY_MACHINE["speed"] < WILD

@@ -10,10 +10,12 @@ from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
@@ -99,8 +101,8 @@ def both(
         )
         results.append(estimator.step(sample))
         estimator.command_issued(IssuedCommand(float(log.current_A[i]), float(log.delay_s[i])))
-    data = FilterInput.of(
+    course = Course.of(
         log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle
     )  # fmt: skip
-    run = filter_log(data, constants, belief.mean, belief.covariance, effects, drift, keep_states=True)
+    run = filter_log(course, constants, belief.mean, belief.covariance, effects, drift, keep_states=True)
     return results, run

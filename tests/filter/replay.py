@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
 OUTCOMES = tuple(Outcome)  # in the order of the codes of rw_ekf.filter.decisions
@@ -50,5 +52,5 @@ def online(columns: Columns, constants: FilterConstants, belief: Belief) -> tupl
 def compiled(columns: Columns, constants: FilterConstants, belief: Belief, *, keep_history: bool = False) -> FilterRun:
     """The compiled pass over the same columns, states kept."""
     log = columns.complete()
-    data = FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
-    return filter_log(data, constants, belief.mean, belief.covariance, keep_states=True, keep_history=keep_history)
+    course = Course.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
+    return filter_log(course, constants, belief.mean, belief.covariance, keep_states=True, keep_history=keep_history)

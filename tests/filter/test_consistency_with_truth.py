@@ -16,8 +16,9 @@ from scipy.stats import truncnorm
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
-from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.transition import factor_covariance, transition
@@ -54,7 +55,7 @@ def monte_carlo(profile: str, rate_hz: float = 10.0, law: str = "gauss") -> Mont
     for seed in range(RUNS):
         run = run_of(profile, seed, rate_hz=rate_hz, law=law)
         prior = prior_drawn_around(run.parameters, seed)
-        found = filter_log(run.data, constants_for(law=law), prior.mean, prior.covariance, keep_states=True)
+        found = filter_log(run.course, constants_for(law=law), prior.mean, prior.covariance, keep_states=True)
         error = found.mean[1:] - np.array(run.parameters)
         nees.append(float(error @ np.linalg.solve(found.covariance[1:, 1:], error)))
         errors.append(error)
@@ -139,7 +140,7 @@ def test_a_poor_prior_on_break_away_friction_never_loses_the_filter(static: floa
     for profile, runs in (("P1", 20), ("P2", 14), ("S2", 2), ("S3", 2), ("S4", 2)):
         for seed in range(runs):
             run = run_of(profile, seed)
-            found = filter_log(run.data, constants_for(), prior.mean, prior.covariance, keep_states=True)
+            found = filter_log(run.course, constants_for(), prior.mean, prior.covariance, keep_states=True)
             error = abs(float(found.mean[4]) - run.parameters.static)
             speed_error = (found.states[50:, 0] - run.speed_rad_s[50:]) / RAD_S_PER_RPM
             assert error < 0.5, (profile, seed)
@@ -171,7 +172,7 @@ def test_no_run_in_a_hundred_is_lost(profile: str) -> None:
     for seed in range(100, 200):
         run = run_of(profile, seed)
         prior = prior_drawn_around(run.parameters, seed)
-        found = filter_log(run.data, constants_for(), prior.mean, prior.covariance)
+        found = filter_log(run.course, constants_for(), prior.mean, prior.covariance)
         error = found.mean[1:] - np.array(run.parameters)
         assert error @ np.linalg.solve(found.covariance[1:, 1:], error) < 45.0, seed
 
@@ -182,8 +183,8 @@ def test_a_wheel_that_stood_for_an_hour_is_identified_when_it_moves() -> None:
     current = np.where(time_s < 3600.0, 0.03, 0.1 * np.sin(2.0 * np.pi * (time_s - 3600.0) / 30.0))
     speed = fine_trajectory(CK13_STATISTICAL, time_s, current)
     reading = speed + RAD_S_PER_RPM * np.random.default_rng(1).standard_normal(time_s.size)
-    data = FilterInput.of(time_s, reading, current)
-    run = filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    course = Course.of(time_s, reading, current)
+    run = filter_log(course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
     rested = 35_990
     assert np.all(run.stds[rested, 1:4] > 0.8 * DEFAULT_PRIOR.std[1:4])
     # All that standing tells is s > k I: the prior cut off there has these moments.
@@ -205,8 +206,8 @@ def test_readings_on_a_grid_do_no_harm(grid_rpm: float, sigma_rpm: float) -> Non
     for profile in ("P1", "P2"):
         run = run_of(profile, 1)
         grid = grid_rpm * RAD_S_PER_RPM
-        data = FilterInput.of(run.time_s, np.round(run.speed_rad_s / grid) * grid, run.current_A)
-        found = filter_log(data, constants_for(sigma_rpm), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
+        course = Course.of(run.time_s, np.round(run.speed_rad_s / grid) * grid, run.current_A)
+        found = filter_log(course, constants_for(sigma_rpm), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
         sigmas = (found.mean[1:] - np.array(run.parameters)) / np.sqrt(np.diag(found.covariance))[1:]
         assert np.max(np.abs(sigmas)) < 4.0
 
@@ -219,7 +220,7 @@ def test_one_wild_reading_in_three_does_no_harm() -> None:
     wild = rng.random(reading.size) < 0.3
     reading[wild] += 200.0 * RAD_S_PER_RPM * rng.standard_normal(int(wild.sum()))
     found = filter_log(
-        FilterInput.of(run.time_s, reading, run.current_A),
+        Course.of(run.time_s, reading, run.current_A),
         constants_for(),
         DEFAULT_PRIOR.mean,
         DEFAULT_PRIOR.covariance,
@@ -236,7 +237,7 @@ def test_strong_current_pulses_are_followed() -> None:
     speed = fine_trajectory(run.parameters, run.time_s, current)
     reading = speed + (run.reading_rad_s - run.speed_rad_s)
     found = filter_log(
-        FilterInput.of(run.time_s, reading, current), constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance
+        Course.of(run.time_s, reading, current), constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance
     )
     sigmas = (found.mean[1:] - np.array(run.parameters)) / np.sqrt(np.diag(found.covariance))[1:]
     assert np.max(np.abs(sigmas)) < 4.0
@@ -254,7 +255,7 @@ def test_strong_current_pulses_are_followed() -> None:
 def test_other_wheels_are_identified_from_the_default_prior(parameters: FrictionParameters) -> None:
     """A wheel anywhere in the default prior, s < c included, comes out within 4 sigma on P2, its speed to 0.3 rpm."""
     run = run_of("P2", 1, parameters=parameters)
-    found = filter_log(run.data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    found = filter_log(run.course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
     sigmas = (found.mean[1:] - np.array(parameters)) / np.sqrt(np.diag(found.covariance))[1:]
     assert np.max(np.abs(sigmas)) < 4.0
     speed_error = (found.states[200:, 0] - run.speed_rad_s[200:]) / RAD_S_PER_RPM
@@ -279,8 +280,8 @@ def test_the_covariance_survives_a_million_samples(quiet: bool) -> None:
     constants = constants_for(acceleration_rpm=0.0 if quiet else None)
     if quiet:
         constants = constants._replace(motor_gain_drift=0.0, viscous_drift=0.0, coulomb_drift=0.0, static_drift=0.0)
-    data = FilterInput.of(time_s, reading, current)
-    run = filter_log(data, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    course = Course.of(time_s, reading, current)
+    run = filter_log(course, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
     assert np.isfinite(run.stds).all()
     assert (run.covariance == run.covariance.T).all()
     scale = np.sqrt(np.diag(run.covariance))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,10 +12,12 @@ from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.effect import Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
@@ -135,10 +136,10 @@ def test_the_filter_learns_what_the_plant_has(text: str, effects: EffectSet, tru
     for seed in SEEDS:
         run = simulate_run(parse_effects([text]), currents[:3000], times[:3000], noise, seed=seed)
         belief = believed(effects, prior_drawn_around(CK13_STATISTICAL, seed))
-        data = FilterInput.of(
+        course = Course.of(
             run.time_s, run.measured_speed_rad_s, run.current_command_A, None, None, run.temperature_degC, run.angle_rad
         )
-        found = filter_log(data, constants_for(), belief.mean, belief.covariance, effects)
+        found = filter_log(course, constants_for(), belief.mean, belief.covariance, effects)
         places = slice(5, 5 + truth.size)
         errors.append(found.mean[places] - truth)
         stds.append(np.sqrt(np.diag(found.covariance))[places])
@@ -151,11 +152,11 @@ def test_the_filter_learns_what_the_plant_has(text: str, effects: EffectSet, tru
 def test_without_effects_nothing_changes_at_all() -> None:
     """No effects, and a grid of no width, which is no state, give the five-state results to the last bit."""
     log, _, _ = rough_log(8, burst=True)
-    data = FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
+    course = Course.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
     grid = EffectSet((Term.of(CATALOGUE["speed_quantisation"]),))
-    warm = replace(data, temperature_degC=np.full(log.time_s.size, 50.0), angle_rad=np.zeros(log.time_s.size))
-    plain = filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
-    for other, effects in ((data, NO_EFFECTS), (data, grid), (warm, NO_EFFECTS)):
+    warm = course._replace(temperature_degC=np.full(log.time_s.size, 50.0), angle_rad=np.zeros(log.time_s.size))
+    plain = filter_log(course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    for other, effects in ((course, NO_EFFECTS), (course, grid), (warm, NO_EFFECTS)):
         run = filter_log(
             other, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, effects, keep_states=True
         )
@@ -166,11 +167,11 @@ def test_without_effects_nothing_changes_at_all() -> None:
 def test_an_effect_known_to_be_nothing_is_none() -> None:
     """A torque of zero without variance leaves the five states where the filter without effects has them."""
     log, temperature, angle = rough_log(8, burst=True)
-    data = FilterInput.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle)
+    course = Course.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle)
     nothing = EffectSet((Term.of(CATALOGUE["offset_torque"]),))
     belief = believed(nothing)
-    plain = filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
-    run = filter_log(data, constants_for(), belief.mean, belief.covariance, nothing, keep_states=True)
+    plain = filter_log(course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    run = filter_log(course, constants_for(), belief.mean, belief.covariance, nothing, keep_states=True)
     assert np.max(np.abs(run.states[:, :5] - plain.states) / plain.stds) < 1e-9
     assert np.max(np.abs(run.stds[:, :5] / plain.stds - 1.0)) < 1e-9
     assert np.all(run.stds[:, 5] == 0.0)

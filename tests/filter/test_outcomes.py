@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 from tests.truth import constants_for
 
@@ -230,9 +231,9 @@ def test_a_log_with_an_infinite_current_is_refused_by_name() -> None:
     """The compiled pass says so too, instead of taking the wheel for one that stands still."""
     time_s, current = np.linspace(0.0, 4.9, 50), np.full(50, 0.1)
     current[20] = np.inf
-    data = FilterInput.of(time_s, np.full(50, SPEED), current)
+    course = Course.of(time_s, np.full(50, SPEED), current)
     with pytest.raises(FilterError, match="finite"):
-        filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
+        filter_log(course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
 
 
 @pytest.mark.parametrize(
@@ -260,7 +261,7 @@ def test_frozen_parameters_stay_frozen() -> None:
     constants = constants_for()._replace(viscous_drift=0.0, coulomb_drift=0.0, static_drift=0.0)
     time_s = np.linspace(0.0, 59.9, 600)
     speed = 5.0 * np.sin(0.3 * time_s)
-    data = FilterInput.of(time_s, speed, 0.1 * np.cos(0.3 * time_s))
-    run = filter_log(data, constants._replace(gate=1e9), belief.mean, belief.covariance)
+    course = Course.of(time_s, speed, 0.1 * np.cos(0.3 * time_s))
+    run = filter_log(course, constants._replace(gate=1e9), belief.mean, belief.covariance)
     assert (run.mean[2:] == belief.mean[2:]).all()
     assert (run.covariance[2:] == 0.0).all()

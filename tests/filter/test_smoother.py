@@ -8,7 +8,8 @@ import pytest
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.decisions import UPDATED
-from rw_ekf.filter.log_filter import FilterRun, filter_log
+from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.filter.replay import compiled
@@ -19,7 +20,6 @@ from tests.truth import constants_for, prior_drawn_around, run_of
 def rauch_tung_striebel(run: FilterRun, speed_variance: float) -> tuple[Float64Array, Float64Array]:
     """Rauch, Tung and Striebel 1965, scaled: x_s = x_f + C (x_s+ - x_p+), C = P_f F' P_p+^-1."""
     history = run.history
-    assert history is not None
     scale = np.sqrt(np.max(np.diagonal(history.covariance, axis1=1, axis2=2), axis=0))
     n = history.predicted.shape[0]
     filtered, covariance = [], []
@@ -48,7 +48,7 @@ def test_the_smoother_is_the_textbook_recursion(profile: str) -> None:
     """Bryson and Frazier's form gives what Rauch, Tung and Striebel's gives from the same F, Q and P."""
     sample = run_of(profile, 1)
     constants = constants_for()
-    run = filter_log(sample.data, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_history=True)
+    run = filter_log(sample.course, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_history=True)
     means, stds = smooth_log(run)
     wanted_means, wanted_stds = rauch_tung_striebel(run, constants.speed_variance)
     assert np.max(np.abs(means - wanted_means) / wanted_stds) < 1e-3
@@ -69,7 +69,7 @@ def test_smoothing_ends_where_filtering_ends() -> None:
     """The last smoothed state is the last filtered one: there is no future left to learn from."""
     sample = run_of("P1", 2)
     constants = constants_for()
-    run = filter_log(sample.data, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_history=True)
+    run = filter_log(sample.course, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_history=True)
     means, stds = smooth_log(run)
     np.testing.assert_allclose(means[-1], run.mean, rtol=1e-10)
     np.testing.assert_allclose(stds[-1], np.sqrt(np.diag(run.covariance)), rtol=1e-8)
@@ -82,7 +82,7 @@ def test_smoothing_takes_two_fifths_off_the_speed_error_of_profile_1() -> None:
     for seed in range(8):
         sample = run_of("P1", seed)
         prior = prior_drawn_around(sample.parameters, seed)
-        run = filter_log(sample.data, constants, prior.mean, prior.covariance, keep_states=True, keep_history=True)
+        run = filter_log(sample.course, constants, prior.mean, prior.covariance, keep_states=True, keep_history=True)
         means, _ = smooth_log(run)
         before.append(np.mean((run.states[:, 0] - sample.speed_rad_s) ** 2))
         after.append(np.mean((means[:, 0] - sample.speed_rad_s) ** 2))
@@ -95,6 +95,6 @@ def test_smoothing_takes_two_fifths_off_the_speed_error_of_profile_1() -> None:
 def test_smoothing_without_a_history_says_what_is_missing() -> None:
     """A run made without its history cannot be smoothed: ValueError names the option."""
     sample = run_of("P1", 2)
-    run = filter_log(sample.data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
+    run = filter_log(sample.course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
     with pytest.raises(ValueError, match="keep_history"):
         smooth_log(run)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.deterministic import deterministic
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
@@ -17,7 +17,7 @@ from tests.truth import OMEGA_S, run_of
 def test_dedicated_stretches_give_gain_and_drag() -> None:
     """On the identification profile k, b and c come out within 4 of their own sigmas, k to 1 %."""
     run = run_of("identification", 1)
-    found = deterministic(run.data, run.current_A, OMEGA_S, RAD_S_PER_RPM, DEFAULT_PRIOR)
+    found = deterministic(run.course, run.current_A, OMEGA_S, RAD_S_PER_RPM, DEFAULT_PRIOR)
     sigmas = (np.array(found.parameters) - np.array(CK13_STATISTICAL)) / np.array(found.std)
     assert np.max(np.abs(sigmas[:3])) < 4.0
     assert found.parameters.motor_gain == pytest.approx(CK13_STATISTICAL.motor_gain, rel=0.01)
@@ -29,7 +29,7 @@ def test_a_log_without_a_coast_down_is_refused_with_the_way_out() -> None:
     """Without a coast-down there is no b: FilterError names what is missing and the method that needs none."""
     run = run_of("P2", 1)
     with pytest.raises(FilterError, match="coast-down"):
-        deterministic(run.data, run.current_A, OMEGA_S, RAD_S_PER_RPM, DEFAULT_PRIOR)
+        deterministic(run.course, run.current_A, OMEGA_S, RAD_S_PER_RPM, DEFAULT_PRIOR)
 
 
 def test_a_bare_coast_down_gives_drag_and_leaves_the_rest_to_the_prior() -> None:
@@ -39,7 +39,7 @@ def test_a_bare_coast_down_gives_drag_and_leaves_the_rest_to_the_prior() -> None
     speed = (150.0 + c / b) * np.exp(-b * time_s) - c / b
     noisy = speed + np.random.default_rng(5).normal(0.0, RAD_S_PER_RPM, time_s.size)
     current_A = np.zeros(time_s.size)
-    found = deterministic(FilterInput.of(time_s, noisy, current_A), current_A, OMEGA_S, RAD_S_PER_RPM, DEFAULT_PRIOR)
+    found = deterministic(Course.of(time_s, noisy, current_A), current_A, OMEGA_S, RAD_S_PER_RPM, DEFAULT_PRIOR)
     assert abs(found.parameters.viscous - b) < 5.0 * found.std[1]
     assert abs(found.parameters.coulomb - c) < 5.0 * found.std[2]
     assert found.parameters.motor_gain == k

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.identify.record_scale import measure, speed_noise_of
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
@@ -18,7 +18,7 @@ from tests.truth import PUBLISHED, Run, fine_trajectory, run_of
 @pytest.mark.parametrize("profile", PUBLISHED)
 def test_the_noise_of_a_record_is_read_off_it(profile: str, noise_rpm: float) -> None:
     """Third differences give the readings' noise within 10 % on every published profile; the wheel is recognised."""
-    scale = measure(run_of(profile, 1, noise_rpm=noise_rpm).data)
+    scale = measure(run_of(profile, 1, noise_rpm=noise_rpm).course)
     assert scale.noise.speed_noise_rad_s / RAD_S_PER_RPM == pytest.approx(noise_rpm, rel=0.1)
     assert scale.like_default_wheel
     assert scale.prior is DEFAULT_PRIOR
@@ -37,7 +37,7 @@ def carriage(seed: int = 1) -> Run:
 def test_a_foreign_plant_is_not_taken_for_the_default_wheel() -> None:
     """A carriage in metres and newtons is flagged; its noise is right within 10 % and the prior covers the truth."""
     run = carriage()
-    scale = measure(run.data)
+    scale = measure(run.course)
     assert not scale.like_default_wheel
     assert scale.noise.speed_noise_rad_s == pytest.approx(2e-4, rel=0.1)
     sigmas = (np.array(run.parameters) - scale.prior.mean[1:]) / scale.prior.std[1:]
@@ -49,7 +49,7 @@ def test_a_foreign_plant_is_not_taken_for_the_default_wheel() -> None:
 def test_a_wheel_in_the_wrong_units_is_not_taken_for_the_default_wheel() -> None:
     """The same wheel with its current in milliamperes is flagged."""
     run = run_of("P2", 2)
-    assert not measure(FilterInput.of(run.time_s, run.reading_rad_s, 1000.0 * run.current_A)).like_default_wheel
+    assert not measure(Course.of(run.time_s, run.reading_rad_s, 1000.0 * run.current_A)).like_default_wheel
 
 
 def test_readings_on_a_coarse_grid_have_the_grids_noise() -> None:
@@ -68,7 +68,7 @@ def test_readings_on_a_coarse_grid_have_the_grids_noise() -> None:
 )
 def test_a_record_that_says_nothing_leaves_the_default_wheel(speed: Float64Array) -> None:
     """No reading, no variation or no length: the defaults, and no exception."""
-    data = FilterInput.of(np.linspace(0.0, 0.1 * speed.size, speed.size), speed, np.zeros(speed.size))
-    scale = measure(data)
+    course = Course.of(np.linspace(0.0, 0.1 * speed.size, speed.size), speed, np.zeros(speed.size))
+    scale = measure(course)
     assert scale.like_default_wheel
     assert scale.noise.speed_noise_rad_s > 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.course.course import Course
 from rw_ekf.identify.units_guess import question_of_units, times
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.starting_point import setup_of_record
@@ -23,7 +23,7 @@ from tests.truth import run_of
 def test_a_log_in_other_units_is_asked_about_them(speed: float, current: float, expected: str) -> None:
     """A whole record with a forgotten factor: the note names the likely unit and how far off the gain is."""
     run = run_of("P2", 4)
-    setup = setup_of_record(FilterInput.of(run.time_s, speed * run.reading_rad_s, current * run.current_A))
+    setup = setup_of_record(Course.of(run.time_s, speed * run.reading_rad_s, current * run.current_A))
     (said,) = setup.notes
     assert expected in said
     assert "of a wheel's" in said or "times a wheel's" in said

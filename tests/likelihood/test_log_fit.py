@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
 from rw_ekf.starting_point import setup_of_record
@@ -17,24 +18,24 @@ from tests.truth import constants_for, cramer_rao_std, run_of
 SEEDS = range(12)
 
 
-def fitted(data: FilterInput) -> LogFit:
+def fitted(course: Course) -> LogFit:
     """As `rw-ekf fit` does without a configuration."""
-    setup = setup_of_record(data)
-    start = least_squares(data, setup.constants, setup.prior).parameters
-    return fit_log(data, setup.constants, setup.prior, start, stribeck_speed_std=setup.stribeck_speed_std)
+    setup = setup_of_record(course)
+    start = least_squares(course, setup.constants, setup.prior).parameters
+    return fit_log(course, setup.constants, setup.prior, start, stribeck_speed_std=setup.stribeck_speed_std)
 
 
 def errors_of(profile: str, torque_noise_rpm: float, *, by_filter: bool) -> tuple[Float64Array, Float64Array]:
     """Errors in own sigmas, (runs, 4), and NEES, (runs,), of the fit or of the replayed filter."""
     normalised, nees = [], []
     for seed in SEEDS:
-        data, truth = wandering_run(profile, seed, torque_noise_rpm)
+        course, truth = wandering_run(profile, seed, torque_noise_rpm)
         if by_filter:
-            setup = setup_of_record(data)
-            run = filter_log(data, setup.constants, setup.prior.mean, setup.prior.covariance)
+            setup = setup_of_record(course)
+            run = filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance)
             found, covariance = run.mean[1:5], run.covariance[1:5, 1:5]
         else:
-            fit = fitted(data)
+            fit = fitted(course)
             found, covariance = np.array(fit.parameters), fit.covariance
         error = found - np.array(truth)
         normalised.append(error / np.sqrt(np.diag(covariance)))
@@ -62,8 +63,8 @@ def test_sigmas_hold_for_a_speed_that_wanders(profile: str, torque_noise_rpm: fl
 def test_a_healthy_wheel_that_hardly_moves_stays_the_default_wheel(profile: str) -> None:
     """A top speed of some 10 rpm is no evidence of a foreign machine: prior, Stribeck speed and inertia stay."""
     for seed in range(6):
-        data, _ = wandering_run(profile, seed, 0.03)
-        setup = setup_of_record(data)
+        course, _ = wandering_run(profile, seed, 0.03)
+        setup = setup_of_record(course)
         assert setup.prior is DEFAULT_PRIOR
         assert setup.inertia_kg_m2 is not None
         assert setup.notes == ()
@@ -74,14 +75,14 @@ def test_without_torque_noise_the_fit_loses_little_to_free_run_least_squares() -
     """On P2 the sigmas are those of the Cramer-Rao bound of white readings, at most half as much again."""
     for seed in range(4):
         run = run_of("P2", seed)
-        fit = fit_log(run.data, constants_for(), DEFAULT_PRIOR, run.parameters)
+        fit = fit_log(run.course, constants_for(), DEFAULT_PRIOR, run.parameters)
         ratio = fit.std / cramer_rao_std(run, 1.0)
         assert fit.converged
         assert np.all(ratio > 0.8)
         assert np.all(ratio < 2.0)
 
 
-def carriage_log(stribeck_speed: float) -> FilterInput:
+def carriage_log(stribeck_speed: float) -> Course:
     """A carriage driven by newtons at 0.1 m/s, with a Stribeck speed that nobody gives."""
     from rw_ekf.model.state import FrictionParameters
     from tests.truth import fine_trajectory
@@ -90,7 +91,7 @@ def carriage_log(stribeck_speed: float) -> FilterInput:
     time_s = np.arange(0.0, 24.0, 4e-3)
     force_N = 45.0 * np.sin(2.0 * np.pi * time_s / 3.0) * (0.6 + 0.4 * np.sin(time_s))
     speed = fine_trajectory(parameters, time_s, force_N, omega_s=stribeck_speed)
-    return FilterInput.of(time_s, speed + 2e-4 * np.random.default_rng(3).standard_normal(time_s.size), force_N)
+    return Course.of(time_s, speed + 2e-4 * np.random.default_rng(3).standard_normal(time_s.size), force_N)
 
 
 @pytest.mark.slow

@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.log_fit import fit_log
 from rw_ekf.likelihood.noise_posterior import NoisePosterior
 from rw_ekf.units import RAD_S_PER_RPM
@@ -33,8 +33,8 @@ def fits(noise_rpm: float, process_rpm: float) -> list[NoisePosterior]:
             kicks_rad_s=process_rpm * RAD_S_PER_RPM * np.sqrt(0.1) * kicks,
         )
         reading = speed + (run.reading_rad_s - run.speed_rad_s)
-        data = FilterInput.of(run.time_s, reading, run.current_A)
-        found.append(fit_log(data, constants_for(1.7 * noise_rpm), DEFAULT_PRIOR, run.parameters).noises)
+        course = Course.of(run.time_s, reading, run.current_A)
+        found.append(fit_log(course, constants_for(1.7 * noise_rpm), DEFAULT_PRIOR, run.parameters).noises)
     return found
 
 
@@ -74,6 +74,6 @@ def test_spikes_do_not_pass_for_noise() -> None:
     run = run_of("P1", 3)
     reading = run.reading_rad_s.copy()
     reading[50::300] += 60.0
-    fit = fit_log(FilterInput.of(run.time_s, reading, run.current_A), constants_for(), DEFAULT_PRIOR, run.parameters)
+    fit = fit_log(Course.of(run.time_s, reading, run.current_A), constants_for(), DEFAULT_PRIOR, run.parameters)
     assert fit.noises.speed_noise_rad_s == pytest.approx(RAD_S_PER_RPM, rel=0.04)
     assert fit.left_out == 10

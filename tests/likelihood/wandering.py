@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.course.course import Course
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.truth import fine_trajectory, run_of
@@ -34,7 +34,7 @@ def current_of(profile: str, seed: int, wheel: FrictionParameters) -> tuple[Floa
 
 def wandering_run(
     profile: str, seed: int, torque_noise_rpm: float, *, offset_share: float = 0.0
-) -> tuple[FilterInput, FrictionParameters]:
+) -> tuple[Course, FrictionParameters]:
     """A log with 1 rpm of reading noise and torque noise in rpm per sqrt(s), and the truth.
 
     offset_share: an undeclared constant torque, in shares of Coulomb friction.
@@ -46,4 +46,4 @@ def wandering_run(
     driven_A = current_A + offset_share * wheel.coulomb / wheel.motor_gain
     speed = fine_trajectory(wheel, time_s, driven_A, kicks_rad_s=kicks)
     reading = speed + RAD_S_PER_RPM * rng.standard_normal(time_s.size)
-    return FilterInput.of(time_s, reading, current_A), wheel
+    return Course.of(time_s, reading, current_A), wheel

@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rw_ekf.cli import main
+from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.filter.estimator import Estimator
@@ -24,7 +25,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import ReadingEffect
 from rw_ekf.model.state import PARAMETER_NAMES, FrictionParameters
 from rw_ekf.records import IssuedCommand, WheelSample
-from rw_ekf.replay import input_of_log, replay_log
+from rw_ekf.replay import replay_log
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.starting_point import model_of, setup_of_record
 from rw_ekf.wheel.model_file import WheelModel, model_from_data, read_model, refusal_of
@@ -239,7 +240,7 @@ def test_a_hostile_model_is_refused_or_works(log: WheelLog, data: dict[str, Any]
     assert np.isfinite(ran.belief.mean).all()
     assert np.isfinite(ran.belief.covariance).all()
     assert all(v is None or math.isfinite(v) for v in ran.statistics.innovation_document().values())
-    inputs = input_of_log(log)
+    inputs = Course.of_log(log)
     fitted = fit_with(data, log)
     assert fitted is None or all(math.isfinite(v[key]) for v in fitted.values() for key in ("value", "std"))
     setup = setup_of_record(inputs, None, hostile)

@@ -27,10 +27,11 @@ from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.filter.log_filter import FilterInput, filter_log
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.simulation import simulate, stretches
@@ -68,9 +69,9 @@ class Run:
     reading_rad_s: Float64Array
 
     @property
-    def data(self) -> FilterInput:
+    def course(self) -> Course:
         """As the filter sees it."""
-        return FilterInput.of(self.time_s, self.reading_rad_s, self.current_A)
+        return Course.of(self.time_s, self.reading_rad_s, self.current_A)
 
 
 @lru_cache(maxsize=512)
@@ -104,8 +105,8 @@ def prior_for(seed: int) -> Belief:
 
 def bounds_of(run: Run, noise_rpm: float) -> Float64Array:
     """Cramer-Rao standard deviations of k, b, c, s, (4,); the first speed is unknown."""
-    runs = stretches(run.data, 2.0)
-    _, jacobian = simulate(run.data, runs, run.speed_rad_s[:1], CK13_STATISTICAL, OMEGA_S, GAUSS, with_jacobian=True)
+    runs = stretches(run.course, 2.0)
+    _, jacobian = simulate(run.course, runs, run.speed_rad_s[:1], CK13_STATISTICAL, OMEGA_S, GAUSS, with_jacobian=True)
     scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     information = (jacobian / scale).T @ (jacobian / scale)
     bounds = np.sqrt(np.diag(np.linalg.pinv(information, rcond=1e-13))) / scale * noise_rpm * RAD_S_PER_RPM
@@ -130,7 +131,7 @@ def measure_filter(runs: int, advance: tqdm[Any]) -> list[Row]:
         for seed in range(runs):
             run, prior = run_of(profile, seed), prior_for(seed)
             found = filter_log(
-                run.data, constants, prior.mean, prior.covariance, keep_states=True, keep_history=profile == "P1"
+                run.course, constants, prior.mean, prior.covariance, keep_states=True, keep_history=profile == "P1"
             )
             error = found.mean[1:] - TRUTH
             nees.append(float(error @ np.linalg.solve(found.covariance[1:, 1:], error)))
@@ -169,7 +170,7 @@ def measure_robustness(trials: int, advance: tqdm[Any]) -> list[Row]:
         covariance[4, :] = covariance[:, 4] = 0.0
         covariance[4, 4] = 0.7**2
         run = run_of(kinds[trial // 3 % len(kinds)], trial // 3)
-        found = filter_log(run.data, constants_for(), mean, covariance, keep_states=True)
+        found = filter_log(run.course, constants_for(), mean, covariance, keep_states=True)
         error = abs(float(found.mean[4]) - CK13_STATISTICAL.static)
         lost = rms((found.states[50:, 0] - run.speed_rad_s[50:]) / RAD_S_PER_RPM) > 1.0
         diverged += error > min(0.5, 6.0 * math.sqrt(found.covariance[4, 4])) or lost
@@ -188,7 +189,7 @@ def measure_batch(runs: int, advance: tqdm[Any]) -> list[Row]:
         errors, converged = [], 0
         for seed in range(runs):
             run = run_of("P2", seed, noise_rpm)
-            found = least_squares(run.data, constants_for(noise_rpm), prior_for(seed))
+            found = least_squares(run.course, constants_for(noise_rpm), prior_for(seed))
             converged += found.converged
             errors.append((np.array(found.parameters) - TRUTH) / bounds_of(run, noise_rpm))
             advance.update()
@@ -201,9 +202,9 @@ def measure_batch(runs: int, advance: tqdm[Any]) -> list[Row]:
     return rows
 
 
-def noises_of(data: FilterInput, guess_rpm: float) -> NoisePosterior:
+def noises_of(course: Course, guess_rpm: float) -> NoisePosterior:
     """Noises of a record by restricted likelihood, from a first guess of the speed noise."""
-    return fit_log(data, constants_for(guess_rpm), DEFAULT_PRIOR, CK13_STATISTICAL).noises
+    return fit_log(course, constants_for(guess_rpm), DEFAULT_PRIOR, CK13_STATISTICAL).noises
 
 
 def measure_noise(runs: int, advance: tqdm[Any]) -> list[Row]:
@@ -212,7 +213,7 @@ def measure_noise(runs: int, advance: tqdm[Any]) -> list[Row]:
     for noise_rpm in (1.0, 5.0):
         found = []
         for seed in range(runs):
-            fit = noises_of(run_of("P1", seed, noise_rpm).data, 1.5 * noise_rpm)
+            fit = noises_of(run_of("P1", seed, noise_rpm).course, 1.5 * noise_rpm)
             found.append(fit)
             advance.update()
         mean = float(np.mean([f.speed_noise_rad_s for f in found])) / RAD_S_PER_RPM
@@ -233,8 +234,8 @@ def measure_noise(runs: int, advance: tqdm[Any]) -> list[Row]:
         time_s, current_A, _ = truth_of("P1", seed)
         noise = PlantNoise(RAD_S_PER_RPM, process * RAD_S_PER_RPM)
         plant = simulate_run(PlantParameters(), current_A, time_s, noise, seed=seed)
-        data = FilterInput.of(time_s, plant.measured_speed_rad_s, current_A)
-        fit = noises_of(data, 1.0)
+        course = Course.of(time_s, plant.measured_speed_rad_s, current_A)
+        fit = noises_of(course, 1.0)
         values.append(fit.acceleration_noise / RAD_S_PER_RPM)
         sigmas.append(fit.acceleration_noise_std / RAD_S_PER_RPM)
         advance.update()
@@ -255,7 +256,7 @@ def measure_online(advance: tqdm[Any]) -> list[Row]:
     rows = []
     for profile in ("P1", "S2"):
         run, constants = run_of(profile, 1), constants_for()
-        found = filter_log(run.data, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+        found = filter_log(run.course, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
         estimator = Estimator(constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
         worst, ticks = 0.0, []
         for i in range(run.time_s.size):
@@ -288,15 +289,15 @@ def measure_kernel(advance: tqdm[Any]) -> list[Row]:
     rows = []
     for name in ("identification", "sine 0.1 A, 30 s", "P1", "P2", "S1", "at rest"):
         time_s, current_A = long_run(name)
-        runs = stretches(FilterInput.of(time_s, np.zeros(MILLION), current_A), math.inf)
-        data = FilterInput.of(time_s, np.zeros(MILLION), current_A)
-        speed, _ = simulate(data, runs, np.zeros(1), CK13_STATISTICAL, OMEGA_S, GAUSS)
+        runs = stretches(Course.of(time_s, np.zeros(MILLION), current_A), math.inf)
+        course = Course.of(time_s, np.zeros(MILLION), current_A)
+        speed, _ = simulate(course, runs, np.zeros(1), CK13_STATISTICAL, OMEGA_S, GAUSS)
         reading = speed + RAD_S_PER_RPM * np.random.default_rng(1).standard_normal(MILLION)
-        data = FilterInput.of(time_s, reading, current_A)
+        course = Course.of(time_s, reading, current_A)
         best = math.inf
         for _ in range(3):
             started = time.perf_counter()
-            filter_log(data, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
+            filter_log(course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
             best = min(best, time.perf_counter() - started)
         rows.append(Row(f"compiled pass, 1e6 samples, {name}", f"{1e9 * best / MILLION:.0f} ns/sample"))
         advance.update()

@@ -18,10 +18,12 @@ from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.course import Course
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, NoiseModel, filter_constants
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.log_filter import FilterInput, FilterRun, filter_log
+from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, Innovation, IssuedCommand, Outcome, Tick, WheelSample, WheelState
 from rw_ekf.units import RAD_S_PER_RPM
@@ -116,10 +118,10 @@ def simulated(
 def filtered(run: PlantRun, noise_rpm: float = 1.0) -> tuple[FilterConstants, FilterRun]:
     """Filter a run as the daemon would with its default prior; noise_rpm: what the configuration says."""
     delay_s = np.full(run.time_s.size, run.command_delay_s)
-    data = FilterInput.of(run.time_s, run.measured_speed_rad_s, run.current_command_A, delay_s)
+    course = Course.of(run.time_s, run.measured_speed_rad_s, run.current_command_A, delay_s)
     noise = NoiseModel(noise_rpm * RAD_S_PER_RPM, DEFAULT_NOISE.acceleration_noise)
     constants = filter_constants(noise, OMEGA_S)
-    return constants, filter_log(data, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
+    return constants, filter_log(course, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
 
 
 def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterator[Tick]:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.likelihood.one_step import Record
+from rw_ekf.course import course as _course
+from rw_ekf.course.course import Course
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.pieces import effect_interval
@@ -19,14 +20,7 @@ def _run_ahead(
     table: EffectTable,
     omega_s: float,
     law: int,
-    time_s: Float64Array,
-    first_piece: Int64Array,
-    piece_start: Int64Array,
-    begins: Float64Array,
-    durations: Float64Array,
-    currents: Float64Array,
-    temperature: Float64Array,
-    angle: Float64Array,
+    course: Course,
     states: Float64Array,
     first: Int64Array,
     last: Int64Array,
@@ -34,6 +28,9 @@ def _run_ahead(
     path: Float64Array,
 ) -> None:
     """Simulate from states (m, n) at samples first (m,) to last (m,): ends (m,), and path (n,) if it is not empty."""
+    time_s, temperature, angle = course.time_s, course.temperature_degC, course.angle_rad
+    begins, durations, currents = course.pieces
+    piece_start, first_piece = course.piece_start, course.first_piece
     keep = path.size > 0
     row = np.zeros(table.size)
     state = np.zeros(table.size)
@@ -56,16 +53,16 @@ def _run_ahead(
 def _example() -> tuple[Any, ...]:
     series, numbers = np.zeros(0), np.zeros(0, np.int64)
     return (
-        NO_EFFECTS.table(), 1.0, 0, series, numbers, numbers, *[series] * 5, np.zeros((0, 5)), numbers, numbers,
+        NO_EFFECTS.table(), 1.0, 0, Course.of(series, series, series), np.zeros((0, 5)), numbers, numbers,
         series, series,
     )  # fmt: skip
 
 
-run_ahead = compile_cached(_run_ahead, [*EQUATIONS, sys.modules[__name__]], _example)
+run_ahead = compile_cached(_run_ahead, [*EQUATIONS, _course, sys.modules[__name__]], _example)
 
 
 def simulate_ahead(
-    record: Record,
+    course: Course,
     effects: EffectSet,
     omega_s: float,
     law: int,
@@ -77,10 +74,6 @@ def simulate_ahead(
 ) -> tuple[Float64Array, Float64Array]:
     """Speeds [rad/s] at samples last (m,) from states (m, n) at first (m,); with keep_path also the way, (n,)."""
     ends = np.zeros(first.size)
-    path = np.full(record.data.time_s.size if keep_path else 0, np.nan)
-    run_ahead(
-        effects.table(), omega_s, law, record.data.time_s, record.first_piece, record.data.pieces.start,
-        record.begins_s, record.data.pieces.duration_s, record.data.pieces.current_A, record.temperature_degC,
-        record.angle_rad, states, first, last, ends, path,
-    )  # fmt: skip
+    path = np.full(course.samples if keep_path else 0, np.nan)
+    run_ahead(effects.table(), omega_s, law, course, states, first, last, ends, path)
     return ends, path

@@ -38,7 +38,7 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
         fit.model.omega_s,
         names[fit.model.law],
         float(np.sqrt(variance)),
-        float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.data.period_s)),
+        float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.course.period_s)),
         prepared.setup.inertia_kg_m2,
         {"method": "diagnose, fitted to the whole record", "log": prepared.log.name, "rw_ekf": __version__},
         effects,

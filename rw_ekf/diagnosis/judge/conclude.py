@@ -46,7 +46,7 @@ def _lattice(found: Found) -> Lattice | None:
         return None
     performed = performance(prepared, fit)
     innovation = performed.trace.one_step_error_rad_s
-    speed = prepared.data.speed_rad_s
+    speed = prepared.course.speed_rad_s
     lattice = find_lattice(
         speed, speed - innovation, performed.predicted_std_rad_s, fit.noise.variance, prepared.split.heldout,
         0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM,
@@ -113,8 +113,8 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         heldout,
         _over_log(prepared, before.trace),
         _over_log(prepared, after.trace) if chosen else None,
-        prepared.over_log(prepared.whole.temperature_degC) if prepared.temperature_is_logged else None,
-        prepared.over_log(prepared.whole.angle_rad) if prepared.facts.angle else None,
+        prepared.over_log(prepared.whole.course.temperature_degC) if prepared.temperature_is_logged else None,
+        prepared.over_log(prepared.whole.course.angle_rad) if prepared.facts.angle else None,
         prepared.angle_is_logged,
         model,
         inertia,
@@ -191,7 +191,7 @@ def _goes_with_time(name: str) -> bool:
 
 
 def _noise_text(found: Found) -> str:
-    noise, period = found.whole.noise, found.prepared.data.period_s
+    noise, period = found.whole.noise, found.prepared.course.period_s
     sigma, wander = float(np.sqrt(noise.variance)), float(np.sqrt(noise.ratio * noise.variance / period))
     unit = "rad/s (or m/s)"
     if found.prepared.in_rpm:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,9 +39,8 @@ class Performance:
 def performance(prepared: Prepared, fit: Fit, inertia_kg_m2: float | None = None) -> Performance:
     """Run a fit's model, frozen, over the record; figures from the held-out samples, cut where blocks change."""
     whole, split, model, noise = prepared.whole, prepared.split, fit.model, fit.noise
-    data = whole.data.with_speed(np.where(prepared.base.omit, np.nan, whole.data.speed_rad_s))
-    ready = replace(data, temperature_degC=whole.temperature_degC, angle_rad=whole.angle_rad)
-    run = run_frozen(ready, model, noise, whole.constants)
+    course = whole.course.only(~prepared.base.omit)
+    run = run_frozen(course, model, noise, whole.constants)
     free = _free_run(whole, model, run.states, split.block)
     observed = _observed_acceleration(whole, model, noise, prepared.base.omit, prepared.seen)
     errors = {seconds: _horizon(whole, model, run.states, split.heldout, seconds) for seconds in (1.0, 20.0)}
@@ -50,7 +49,7 @@ def performance(prepared: Prepared, fit: Fit, inertia_kg_m2: float | None = None
         "one_step_rms_rpm": _rms_rpm(run.innovation_rad_s[heldout]),
         "horizon_1s_rms_rpm": _rms_rpm(errors[1.0]),
         "horizon_20s_rms_rpm": _rms_rpm(errors[20.0]),
-        "free_run_rms_rpm": _rms_rpm((data.speed_rad_s - free)[heldout]),
+        "free_run_rms_rpm": _rms_rpm((course.speed_rad_s - free)[heldout]),
         "nis_mean": _mean(run.nis[heldout]),
         "torque_rms_mNm": None if inertia_kg_m2 is None else _scaled(_rms(observed[heldout]), 1e3 * inertia_kg_m2),
     }
@@ -68,7 +67,14 @@ def _free_run(whole: Record, model: Model, states: Float64Array, block: Int64Arr
     settle = _settling(states, whole, first)
     last = np.append(first[1:], n) - 1
     _, path = simulate_ahead(
-        whole, model.effects, model.omega_s, model.law, states[settle], settle.astype(np.int64), last, keep_path=True
+        whole.course,
+        model.effects,
+        model.omega_s,
+        model.law,
+        states[settle],
+        settle.astype(np.int64),
+        last,
+        keep_path=True,
     )
     return path
 
@@ -87,14 +93,14 @@ _SETTLE_SAMPLES = 20
 
 def _horizon(whole: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float) -> Float64Array:
     """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
-    period = whole.data.period_s
+    period = whole.course.period_s
     steps = max(1, round(seconds / period))
     run = np.zeros(heldout.size, dtype=np.int64)  # how many intervals in a row lead here within the held-out part
     inside = whole.follows & heldout & np.roll(heldout, 1)
     broken = np.flatnonzero(~inside)
     index = np.arange(heldout.size)
     run = index - np.maximum.accumulate(np.where(np.isin(index, broken), index, 0))
-    ends = np.flatnonzero((run >= steps) & np.isfinite(whole.data.speed_rad_s))
+    ends = np.flatnonzero((run >= steps) & np.isfinite(whole.course.speed_rad_s))
     most = max(10, min(_STARTS, _STEPS_AT_MOST // steps))
     if ends.size > most:
         ends = ends[np.linspace(0, ends.size - 1, most).astype(int)]
@@ -102,9 +108,9 @@ def _horizon(whole: Record, model: Model, states: Float64Array, heldout: BoolArr
         return np.zeros(0)
     first = (ends - steps).astype(np.int64)
     predicted, _ = simulate_ahead(
-        whole, model.effects, model.omega_s, model.law, states[first], first, ends.astype(np.int64)
+        whole.course, model.effects, model.omega_s, model.law, states[first], first, ends.astype(np.int64)
     )
-    return whole.data.speed_rad_s[ends] - predicted
+    return whole.course.speed_rad_s[ends] - predicted
 
 
 def _observed_acceleration(

@@ -36,7 +36,7 @@ def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]
     drive, dry = slopes_by_torque(fit)
     frame = fit.frame
     speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
-    current = fit.frame.record.data.mean_current_A
+    current = fit.frame.record.course.mean_current_A
     groups: dict[str, list[Float64Array]] = {}
     size = np.abs(speed)
     top = max(facts.top_speed_rad_s, 1.0e-9)
@@ -48,16 +48,16 @@ def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]
         by_current = hats(np.abs(current), 6, 0.0, facts.top_current_A)
         signed = np.sign(current)[:, None] * by_current
         groups["current"] = [dry[:, None] * by_current, drive[:, None] * by_current, drive[:, None] * signed]
-    time = frame.record.data.time_s
+    time = frame.record.course.time_s
     by_time = hats(time, 10, facts.first_s, facts.last_s)
     groups["time"] = [dry[:, None] * by_time, drive[:, None] * by_time]
     if facts.temperature_range_K is not None and facts.temperature_range_K > 0.5:
-        warmth = frame.record.temperature_degC
+        warmth = frame.record.course.temperature_degC
         by_warmth = hats(warmth, 4, float(warmth.min()), float(warmth.max()))
         gain = (drive * current)[:, None]
         groups["temperature"] = [dry[:, None] * by_warmth, drive[:, None] * by_warmth, gain * by_warmth]
     if facts.angle:
-        turn = np.outer(frame.record.angle_rad, np.arange(1, 5))
+        turn = np.outer(frame.record.course.angle_rad, np.arange(1, 5))
         groups["angle"] = [drive[:, None] * np.sin(turn), drive[:, None] * np.cos(turn)]
     scorer = Scorer(frame, prior, fit.noise.variance, fit.noise.ratio)
     found = []

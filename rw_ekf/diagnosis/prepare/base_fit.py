@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.filter.log_filter import FilterInput
+from rw_ekf.course.course import Course
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.model import Model
 from rw_ekf.model.friction import LAW_CODES
@@ -18,26 +18,25 @@ from rw_ekf.wheel.table import EffectSet
 _LEAST_SQUARES_SAMPLES = 20_000
 
 
-def part_of(data: FilterInput, current_A: Float64Array, delay_s: Float64Array, part: BoolArray) -> FilterInput:
+def part_of(course: Course, current_A: Float64Array, delay_s: Float64Array, part: BoolArray) -> Course:
     """The samples of a part alone, a segment for each of its blocks."""
     jumps = np.flatnonzero(part)
     block = np.cumsum(np.diff(jumps, prepend=jumps[:1]) > 1)
-    segment = data.segment[part] * (int(block.max(initial=0)) + 1) + block
-    temperature, angle = data.temperature_degC, data.angle_rad
-    return FilterInput.of(
-        data.time_s[part],
-        data.speed_rad_s[part],
+    segment = course.segment[part] * (int(block.max(initial=0)) + 1) + block
+    return Course.of(
+        course.time_s[part],
+        course.speed_rad_s[part],
         current_A[part],
         delay_s[part],
         segment,
-        None if temperature is None else temperature[part],
-        None if angle is None else angle[part],
+        course.temperature_degC[part],
+        course.angle_rad[part],
     )
 
 
-def start_parameters(part: FilterInput, setup: FilterSetup) -> FrictionParameters:
+def start_parameters(part: Course, setup: FilterSetup) -> FrictionParameters:
     """Least squares over the part, from several starts: the likelihood has one valley from here."""
-    head = part.head(_LEAST_SQUARES_SAMPLES)
+    head = part.window(0, _LEAST_SQUARES_SAMPLES)
     return least_squares(head, setup.constants, setup.prior.core).parameters
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.split import reversals
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.model import Model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 
@@ -17,65 +17,64 @@ _LEAST_FOR_PERIOD = 40  # samples
 _REPEATS = 0.98  # of the autocorrelation at no lag
 
 
-def filled(values: Float64Array | None, n: int, otherwise: float) -> tuple[Float64Array, bool]:
+def filled(values: Float64Array, otherwise: float) -> tuple[Float64Array, bool]:
     """A channel with its gaps filled by the value before, and whether it was logged at all."""
-    if values is None or np.isfinite(values).mean() < _LEAST_LOGGED:
-        return np.full(n, otherwise), False
     good = np.isfinite(values)
-    last = np.maximum.accumulate(np.where(good, np.arange(n), 0))
+    if good.mean() < _LEAST_LOGGED:
+        return np.full(values.size, otherwise), False
+    last = np.maximum.accumulate(np.where(good, np.arange(values.size), 0))
     out = values[last]
     out[~np.isfinite(out)] = values[good][0]
     return out, True
 
 
-def integrated_angle(data: FilterInput, reference: Float64Array) -> Float64Array:
+def integrated_angle(course: Course, reference: Float64Array) -> Float64Array:
     """Angle turned since the start of each segment [rad], (n,), from a smoothed speed."""
-    dt = np.diff(data.time_s)
-    same = np.diff(data.segment) == 0
+    dt = np.diff(course.time_s)
+    same = np.diff(course.segment) == 0
     turned = np.where(same, 0.5 * (reference[1:] + reference[:-1]) * dt, 0.0)
     return np.concatenate(([0.0], np.cumsum(turned)))
 
 
 def facts_of(
-    data: FilterInput,
+    course: Course,
     model: Model,
     speed_noise_rad_s: float,
-    temperature_degC: Float64Array,
     part: BoolArray,
     channels: frozenset[str],
 ) -> RecordFacts:
     """Facts of the part (n,) that is searched; channels: those that are logged."""
-    speed = data.speed_rad_s[part]
+    speed = course.speed_rad_s[part]
     speed = speed[np.isfinite(speed)]
-    period = data.period_s
+    period = course.period_s
     top = float(np.quantile(np.abs(speed), 0.999)) if speed.size else 0.0
     slow = np.mean(np.abs(speed) * period < _TURN_PER_SAMPLE) if speed.size else 0.0
-    warmth = temperature_degC[part]
+    warmth = course.temperature_degC[part]
     return RecordFacts(
-        first_s=float(data.time_s[0]),
-        last_s=float(data.time_s[-1]),
+        first_s=float(course.time_s[0]),
+        last_s=float(course.time_s[-1]),
         period_s=period,
         top_speed_rad_s=top,
-        top_current_A=float(np.max(np.abs(data.pieces.current_A))) if data.pieces.current_A.size else 0.0,
+        top_current_A=float(np.max(np.abs(course.pieces.current_A))) if course.pieces.current_A.size else 0.0,
         friction=model.parameters,
         stribeck_speed_rad_s=model.omega_s,
         stribeck_law=model.law,
         speed_noise_rad_s=speed_noise_rad_s,
-        reversals=reversals(data.speed_rad_s[part], speed_noise_rad_s),
+        reversals=reversals(course.speed_rad_s[part], speed_noise_rad_s),
         temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
         angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
         channels=channels,
-        command_Hz=command_frequency(data),
+        command_Hz=command_frequency(course),
     )
 
 
-def command_frequency(data: FilterInput) -> float:
+def command_frequency(course: Course) -> float:
     """Frequency [Hz] at which the current of a log repeats itself, at least twice; 0 where it does not.
 
     The first lag beyond a sign change at which the autocorrelation, each lag over its own number of samples, is 0.98.
     """
-    last = np.minimum(data.pieces.start, data.pieces.current_A.size - 1)
-    current = data.pieces.current_A[last]
+    last = np.minimum(course.piece_start, course.pieces.current_A.size - 1)
+    current = course.pieces.current_A[last]
     current = current - current.mean()
     n = current.size
     if n < _LEAST_FOR_PERIOD or not current.any():
@@ -89,7 +88,7 @@ def command_frequency(data: FilterInput) -> float:
         return 0.0
     first = int(crossed[0] + again[0])
     end = first + int(np.argmax(np.append(level[first:] < _REPEATS, True)))
-    return float(1.0 / (data.period_s * (first + int(np.argmax(level[first:end])))))
+    return float(1.0 / (course.period_s * (first + int(np.argmax(level[first:end])))))
 
 
 __all__ = ["REFERENCE_DEGC", "facts_of", "filled", "integrated_angle"]

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.base_fit import model_of_setup, part_of, start_parameters
 from rw_ekf.diagnosis.prepare.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.prepare.gross_errors import gross_errors
 from rw_ekf.diagnosis.prepare.source import Source
 from rw_ekf.diagnosis.prepare.split import Kind, Split, running_time, split_record
 from rw_ekf.filter.belief import Belief, prior_around
-from rw_ekf.filter.log_filter import FilterInput
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
@@ -24,7 +24,6 @@ from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.replay import input_of_log
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
 
@@ -49,7 +48,7 @@ class Prepared:
     """Everything that a search starts from."""
 
     source: Source
-    data: FilterInput
+    course: Course  # temperature and angle without gaps
     setup: FilterSetup
     split: Split
     prior: Prior
@@ -93,17 +92,17 @@ class Prepared:
         return _with_base(replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part), self.base.model)
 
 
-def with_running_time(data: FilterInput) -> FilterInput:
+def with_running_time(log: WheelLog) -> WheelLog:
     """The log in a time that only grows: where a segment restarts its clock, it follows on the one before."""
-    time = data.time_s
+    time = log.time_s
     if time.size < 2 or bool(np.all(np.diff(time) >= 0.0)):
-        return data
-    return replace(data, time_s=time[0] + running_time(time, data.segment))
+        return log
+    return replace(log, time_s=time[0] + running_time(time, log.segment))
 
 
-def unfit(log: WheelLog, data: FilterInput) -> str | None:
+def unfit(log: WheelLog, course: Course) -> str | None:
     """Why the base model cannot be judged on this log; None if it can."""
-    speed = data.speed_rad_s[np.isfinite(data.speed_rad_s)]
+    speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
     if speed.size < _LEAST_READINGS or log.duration_s < _LEAST_SECONDS:
         return (
             f"the log has {speed.size} speed readings over {log.duration_s:.3g} s; "
@@ -121,32 +120,34 @@ def unfit(log: WheelLog, data: FilterInput) -> str | None:
 def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
     """Fit the base model to the part that is searched. The log must not be `unfit`."""
     log, log_of = source.log, source.log_of
-    data = with_running_time(input_of_log(log))
-    wrong = gross_errors(data.speed_rad_s, data.segment)
+    course = Course.of_log(with_running_time(log))
+    wrong = gross_errors(course.speed_rad_s, course.segment)
     notes: tuple[str, ...] = ()
     if wrong.any():
         notes += (
             f"{int(wrong.sum())} of {wrong.size} speed readings stood far from those around them and were left out, "
             f"the first at {log.time_s[int(np.argmax(wrong))]:.10g} s",
         )
-        data = data.with_speed(np.where(wrong, np.nan, data.speed_rad_s))
-    setup = setup_of_record(data, configuration, model)
+        course = course._replace(speed_rad_s=np.where(wrong, np.nan, course.speed_rad_s))
+    setup = setup_of_record(course, configuration, model)
     if model is not None:
         setup = replace(setup, prior=_aged(model))
     noise = setup.noise.speed_noise_rad_s
-    own = setup if configuration is None and model is None else setup_of_record(data)
-    top = float(np.nanquantile(np.abs(data.speed_rad_s), 0.999))
+    own = setup if configuration is None and model is None else setup_of_record(course)
+    top = float(np.nanquantile(np.abs(course.speed_rad_s), 0.999))
     if own.noise.speed_noise_rad_s < _CLEAN * top:
         least = _LEAST_NOISE * top
-        data = data.with_speed(data.speed_rad_s + least * np.random.default_rng(0).standard_normal(wrong.size))
+        course = course._replace(
+            speed_rad_s=course.speed_rad_s + least * np.random.default_rng(0).standard_normal(wrong.size)
+        )
         if own is setup:
-            setup = setup_of_record(data)
+            setup = setup_of_record(course)
         noise = max(setup.noise.speed_noise_rad_s, least)
         notes += (
             f"the readings are cleaner than any integration of a wheel near rest: noise of {rpm_from_rad_s(least):.2g} "
             "rpm was added to them",
         )
-    split = split_record(data.time_s, data.segment, data.speed_rad_s, kind, noise)
+    split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise)
     kept = split.looked_at
     current, delay = log.current_A, log.command_delay_s
     if not kept.all():
@@ -154,35 +155,35 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
             f"of {kept.size} samples {int(kept.sum())} were looked at, in stretches evenly spread over the record; "
             "what happened between them is not known",
         )
-        data = part_of(data, current, delay, kept)
+        course = part_of(course, current, delay, kept)
         current, delay, split, log_of = current[kept], delay[kept], split.of_looked_at(), log_of[kept]
     if not np.any(current != 0.0):
         notes += ("the current is zero throughout: the motor gain cannot be identified and keeps its prior",)
-    n = data.time_s.size
-    temperature, warm = filled(data.temperature_degC, n, REFERENCE_DEGC)
-    logged_angle, turned = filled(data.angle_rad, n, 0.0)
+    temperature, warm = filled(course.temperature_degC, REFERENCE_DEGC)
+    logged_angle, turned = filled(course.angle_rad, 0.0)
+    course = course._replace(temperature_degC=temperature, angle_rad=logged_angle)
     prior = Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
     if model is not None:
         prior = replace(prior, given=_given(model))
-    part = part_of(data, current, delay, split.fit)
+    part = part_of(course, current, delay, split.fit)
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
-    everything = np.ones(n, dtype=bool)
-    by_filter = smoothed_by_filter(data, everything, start.base, setup.constants, noise)
+    everything = np.ones(course.samples, dtype=bool)
+    by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
     work = Work()
-    record = Record.of(data, everything, setup.constants, temperature, logged_angle, work, log_of)
-    seen = robust_fit(record, start, prior, noise, [read_reference(data, noise), by_filter]).reference
-    angle = logged_angle if turned else integrated_angle(data, seen.speed)
+    record = Record.of(course, everything, setup.constants, work, log_of)
+    seen = robust_fit(record, start, prior, noise, [read_reference(course, noise), by_filter]).reference
+    if not turned:
+        course = course._replace(angle_rad=integrated_angle(course, seen.speed))
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
-        Record.of(data, mask, setup.constants, temperature, angle, work, log_of)
-        for mask in (split.fit, everything, split.heldout)
+        Record.of(course, mask, setup.constants, work, log_of) for mask in (split.fit, everything, split.heldout)
     )
-    base = robust_fit(fit_part, start, prior, noise, _references(data, split, start.parameters, setup))
-    facts = facts_of(data, base.model, math.sqrt(base.noise.variance), temperature, split.fit, channels)
-    starts = tuple(float(data.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
+    base = robust_fit(fit_part, start, prior, noise, _references(course, split, start.parameters, setup))
+    facts = facts_of(course, base.model, math.sqrt(base.noise.variance), split.fit, channels)
+    starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = replace(facts, timing_doubt_s=source.timing_doubt_s, log_starts_s=starts)
     return Prepared(
-        source, data, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
+        source, course, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
     )
 
 
@@ -209,22 +210,21 @@ def _given(model: WheelModel) -> tuple[tuple[str, float, float], ...]:
     return tuple(found)
 
 
-def _references(data: FilterInput, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
+def _references(course: Course, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
     """Where a fit of the part that is searched may start; nothing of the held-out part is looked at."""
     noise = setup.noise.speed_noise_rad_s
-    blind = data.with_speed(np.where(split.fit, data.speed_rad_s, np.nan))
+    blind = course._replace(speed_rad_s=np.where(split.fit, course.speed_rad_s, np.nan))
     bare = model_of_setup(setup, parameters).base
-    return [read_reference(blind, noise), smoothed_by_filter(data, split.fit, bare, setup.constants, noise)]
+    return [read_reference(blind, noise), smoothed_by_filter(course, split.fit, bare, setup.constants, noise)]
 
 
 def _with_base(prepared: Prepared, model: Model) -> Prepared:
     """Fit the base to the present fit part."""
     noise = prepared.setup.noise.speed_noise_rad_s
-    references = _references(prepared.data, prepared.split, model.parameters, prepared.setup)
+    references = _references(prepared.course, prepared.split, model.parameters, prepared.setup)
     base = robust_fit(prepared.fit_part, model, prepared.prior, noise, references)
     channels = prepared.facts.channels
-    warmth = prepared.fit_part.temperature_degC
-    facts = facts_of(prepared.data, base.model, math.sqrt(base.noise.variance), warmth, prepared.split.fit, channels)
+    facts = facts_of(prepared.course, base.model, math.sqrt(base.noise.variance), prepared.split.fit, channels)
     before = prepared.facts
     facts = replace(facts, timing_doubt_s=before.timing_doubt_s, log_starts_s=before.log_starts_s)
     return replace(prepared, base=base, facts=facts)

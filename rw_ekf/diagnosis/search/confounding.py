@@ -54,8 +54,8 @@ def values_of(record: Record, speed_rad_s: Float64Array, quantity: Quantity) -> 
     if quantity == "speed":
         return np.abs(speed_rad_s)
     if quantity == "temperature":
-        return record.temperature_degC
-    time = record.data.time_s
+        return record.course.temperature_degC
+    time = record.course.time_s
     return time - time[np.searchsorted(record.log_of, record.log_of)]
 
 
@@ -90,7 +90,7 @@ def smooth_columns(fit: Fit, quantity: Quantity) -> Float64Array:
     shapes = hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
     parts = [dry[:, None] * shapes, drive[:, None] * shapes]
     if quantity == "temperature":
-        parts.append((drive * fit.frame.record.data.mean_current_A)[:, None] * shapes)
+        parts.append((drive * fit.frame.record.course.mean_current_A)[:, None] * shapes)
     return np.where(record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
 
 

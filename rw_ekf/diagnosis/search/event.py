@@ -34,9 +34,9 @@ def event_gain(whole: Fit, name: str, prior: Prior, seen: Reference) -> EventGai
     record = whole.frame.record
     term = whole.model.of(name)[0]
     onset, decay = term.effect.lasts(term.shape)
-    since = record.data.time_s - onset
+    since = record.course.time_s - onset
     inside = (since >= 0.0) & (since < max(_DECAYS * decay, 2.0 * _STRIDE_S))
-    left_out = inside & (np.floor(since / _STRIDE_S) % 2.0 == 1.0) & np.isfinite(record.data.speed_rad_s)
+    left_out = inside & (np.floor(since / _STRIDE_S) % 2.0 == 1.0) & np.isfinite(record.course.speed_rad_s)
     if not left_out.any():
         return None
     with_it = _error(whole, whole.model.settled(name), prior, seen, left_out)
@@ -50,5 +50,5 @@ def event_gain(whole: Fit, name: str, prior: Prior, seen: Reference) -> EventGai
 def _error(whole: Fit, model: Model, prior: Prior, seen: Reference, left_out: BoolArray) -> float:
     """Root mean square of readings less the speed smoothed without them [rad/s]."""
     fit = fit_model(whole.frame.record, model, prior, seen, whole.noise, whole.omit | left_out, turns=4)
-    error = (whole.frame.record.data.speed_rad_s - fit.reference.speed)[left_out & ~whole.omit]
+    error = (whole.frame.record.course.speed_rad_s - fit.reference.speed)[left_out & ~whole.omit]
     return float(np.sqrt(np.mean(error**2))) if error.size else 0.0

@@ -154,7 +154,7 @@ class Scorer:
             return candidates
         frame = self.frame
         chain = frame.chain
-        middle = frame.record.data.time_s - 0.5 * chain.step_s
+        middle = frame.record.course.time_s - 0.5 * chain.step_s
         frequency = np.array([candidate.shape[0] for candidate in candidates])
         chosen: set[int] = set()
         moving = np.zeros((2, chain.reading.size))
@@ -162,7 +162,7 @@ class Scorer:
             full = np.zeros(chain.reading.size)
             full[self.places] = self.residuals[i]
             back = np.zeros(chain.reading.size)
-            adjoint(chain, self.ratios[i] * self.variance / frame.record.data.period_s, self.variance, full, back)
+            adjoint(chain, self.ratios[i] * self.variance / frame.record.course.period_s, self.variance, full, back)
             moving[at] = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
         frame.record.work.charge(screening_units(middle.size, frequency.size))
         # A torque moves the speed by one over its frequency.

@@ -268,9 +268,8 @@ class Search:
             return fit
         record = start.frame.record
         part = record.follows | np.append(record.follows[1:], False)
-        data = replace(record.data, temperature_degC=record.temperature_degC, angle_rad=record.angle_rad)
         noise = float(np.sqrt(start.noise.variance))
-        path = smoothed_by_filter(data, part & ~start.omit, model, record.constants, noise)
+        path = smoothed_by_filter(record.course, part & ~start.omit, model, record.constants, noise)
         other = fit_model(record, model, self.prior, path, start.noise, start.omit)
         return max(fit, other, key=lambda item: item.likelihood.value)
 

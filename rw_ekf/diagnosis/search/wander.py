@@ -38,7 +38,7 @@ def pieces(prepared: Prepared) -> list[Term]:
     that are searched know it. After the last of those the line goes on level. None without two of them.
     """
     block, searched = prepared.split.block, prepared.split.fit
-    time = prepared.data.time_s
+    time = prepared.course.time_s
     numbers = np.unique(block[searched])
     if numbers.size < 2:
         return []

@@ -8,35 +8,24 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-
-
-class Pieces(NamedTuple):
-    """Pieces of constant current; those between samples i and i + 1 are start[i] <= j < start[i + 1]."""
-
-    start: Int64Array  # (n,) for n samples
-    duration_s: Float64Array  # (m,)
-    current_A: Float64Array  # (m,)
+from rw_ekf.wheel.interval import Pieces
 
 
 def pieces_of_log(
-    time_s: Float64Array,
-    current_A: Float64Array,
-    delay_s: Float64Array,
-    segment: Int64Array,
-) -> Pieces:
-    """Pieces for a log of n samples (all arrays (n,)); delay_s >= 0.
+    time_s: Float64Array, current_A: Float64Array, delay_s: Float64Array, segment: Int64Array
+) -> tuple[Pieces, Int64Array]:
+    """Pieces for a log of n samples (all arrays (n,)), and the first piece of each sample's interval (n,); delay >= 0.
 
     The interval that ends in a new segment gets no piece. Within a segment the current before the first command is
     the first command itself: nothing earlier is known.
     """
     n = time_s.size
     if n == 0:
-        return Pieces(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+        return Pieces(np.zeros(0), np.zeros(0), np.zeros(0)), np.zeros(0, np.int64)
     edges = np.flatnonzero(np.concatenate(([True], segment[1:] != segment[:-1], [True])))
     # A backward row is skipped; the command issued after it counts from the last valid reading, as it does online.
     if np.any(time_s[1:] < time_s[:-1]):
@@ -45,22 +34,21 @@ def pieces_of_log(
         duration = np.zeros(n)
         np.subtract(time_s[1:], time_s[:-1], out=duration[:-1])
         duration[edges[1:] - 1] = 0.0  # from the last sample of a segment nothing leads on
-        return Pieces(np.arange(n, dtype=np.int64), duration, np.asarray(current_A, dtype=np.float64))
+        return Pieces(time_s, duration, np.asarray(current_A, dtype=np.float64)), np.arange(n, dtype=np.int64)
     start = np.zeros(n, np.int64)
-    durations: list[Float64Array] = []
-    currents: list[Float64Array] = []
+    found: list[Pieces] = []
     count = 0
     for a, b in pairwise(edges):
-        run = _pieces_of_segment(time_s[a:b], current_A[a:b], delay_s[a:b])
-        start[a:b] = run.start + count
-        durations.append(run.duration_s)
-        currents.append(run.current_A)
-        count += run.duration_s.size
-    return Pieces(start, np.concatenate(durations), np.concatenate(currents))
+        pieces, within = _pieces_of_segment(time_s[a:b], current_A[a:b], delay_s[a:b])
+        start[a:b] = within + count
+        found.append(pieces)
+        count += pieces.duration_s.size
+    return Pieces(*(np.concatenate(values) for values in zip(*found, strict=True))), start
 
 
-def _pieces_of_segment(time_s: Float64Array, current_A: Float64Array, delay_s: Float64Array) -> Pieces:
-    n = time_s.size
+def _pieces_of_segment(
+    time_s: Float64Array, current_A: Float64Array, delay_s: Float64Array
+) -> tuple[Pieces, Int64Array]:
     # A later command that acts earlier overrides: switching times never run backwards.
     switch = np.minimum.accumulate((time_s + delay_s)[::-1])[::-1]
     if np.all(switch[:-1] >= time_s[:-1]) and np.all(switch[:-1] < time_s[1:]):
@@ -69,11 +57,13 @@ def _pieces_of_segment(time_s: Float64Array, current_A: Float64Array, delay_s: F
     edges = np.unique(cuts)
     in_force = np.searchsorted(switch, edges[:-1], side="right") - 1
     current = current_A[np.maximum(in_force, 0)]
-    start = np.searchsorted(edges, time_s).astype(np.int64)
-    return Pieces(np.minimum(start, edges.size - 1) if n else start, np.diff(edges), current)
+    start = np.minimum(np.searchsorted(edges, time_s), edges.size - 1).astype(np.int64)
+    return Pieces(edges[:-1], np.diff(edges), current), start
 
 
-def _pieces_of_prompt_commands(time_s: Float64Array, current_A: Float64Array, switch_s: Float64Array) -> Pieces:
+def _pieces_of_prompt_commands(
+    time_s: Float64Array, current_A: Float64Array, switch_s: Float64Array
+) -> tuple[Pieces, Int64Array]:
     """The same where each command acts before the next reading, as nearly all do: nothing need be sorted."""
     edges = np.empty(2 * time_s.size - 1)
     edges[::2], edges[1::2] = time_s, switch_s[:-1]
@@ -81,15 +71,8 @@ def _pieces_of_prompt_commands(time_s: Float64Array, current_A: Float64Array, sw
     kept[1::2] = switch_s[:-1] > time_s[:-1]
     current = np.repeat(current_A[:-1], 2)
     current[2::2] = np.where(kept[3::2], current_A[:-2], current_A[1:-1])
-    return Pieces((np.cumsum(kept) - 1)[::2], np.diff(edges[kept]), current[kept[:-1]])
-
-
-def begins_of_pieces(time_s: Float64Array, pieces: Pieces) -> Float64Array:
-    """Time at which each piece begins [s], (m,), for the log (time_s (n,)) they were made of."""
-    elapsed = np.concatenate(([0.0], np.cumsum(pieces.duration_s)))[:-1]
-    owner = np.searchsorted(pieces.start, np.arange(pieces.duration_s.size), side="right") - 1
-    begin: Float64Array = time_s[owner]
-    return begin + elapsed - elapsed[np.minimum(pieces.start[owner], max(elapsed.size - 1, 0))]
+    start, edges = (np.cumsum(kept) - 1)[::2], edges[kept]
+    return Pieces(edges[:-1], np.diff(edges), current[kept[:-1]]), start
 
 
 class CurrentSchedule:

@@ -1,0 +1,60 @@
+"""What a filter leaves of a log: named tuples of arrays that the compiled pass fills as they stand."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.arrays import Float64Array
+
+
+class History(NamedTuple):
+    """Everything a smoother needs of n samples and m states; no rows where it was not asked for."""
+
+    predicted: Float64Array  # (n, m) before the update
+    covariance: Float64Array  # (n, m, m) before the update
+    row: Float64Array  # (n, m) first row of F of the step that led to sample i
+    noise: Float64Array  # (n, m) diagonal of Q of that step
+
+    @classmethod
+    def zeros(cls, n: int, m: int) -> History:
+        """Room for n samples and m states."""
+        return cls(np.zeros((n, m)), np.zeros((n, m, m)), np.zeros((n, m)), np.zeros((n, m)))
+
+
+class FilterRun(NamedTuple):
+    """The final belief, the innovations, and states and histories where they were asked for."""
+
+    mean: Float64Array  # (m,) for m states
+    covariance: Float64Array  # (m, m)
+    innovation_rad_s: Float64Array  # (n,) NaN where there was none
+    innovation_variance: Float64Array  # (n,)
+    outcome: NDArray[np.int8]  # (n,) codes of rw_ekf.filter.decisions
+    states: Float64Array  # (n, m) or (0, m)
+    stds: Float64Array  # (n, m) or (0, m)
+    history: History
+
+    @classmethod
+    def empty(
+        cls, mean: Float64Array, covariance: Float64Array, n: int, *, states: bool = False, history: bool = False
+    ) -> FilterRun:
+        """Room for n samples from a belief, which is copied."""
+        m, kept = len(mean), n if states else 0
+        return cls(
+            mean=np.array(mean, dtype=np.float64),
+            covariance=np.array(covariance, dtype=np.float64),
+            innovation_rad_s=np.empty(n),
+            innovation_variance=np.empty(n),
+            outcome=np.empty(n, np.int8),
+            states=np.empty((kept, m)),
+            stds=np.empty((kept, m)),
+            history=History.zeros(n if history else 0, m),
+        )
+
+    @property
+    def nis(self) -> Float64Array:
+        """Normalised innovation squared, (n,) [-]."""
+        with np.errstate(over="ignore"):  # a model that runs away misses by more than a double can square
+            return self.innovation_rad_s**2 / self.innovation_variance
