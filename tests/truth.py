@@ -19,7 +19,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.identify.simulation import simulate, stretches
-from rw_ekf.model.friction import LAW_CODES
+from rw_ekf.model.friction import LAW_CODES, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -191,7 +191,7 @@ def cramer_rao_std(run: Run, noise_rpm: float, law: str = "gauss") -> Float64Arr
     """Lower bound of the standard deviations of k, b, c, s from one run, its first speed unknown, no prior."""
     runs = stretches(run.course, 2.0)
     _, jacobian = simulate(
-        run.course, runs, run.speed_rad_s[:1], run.parameters, OMEGA_S, LAW_CODES[law], with_jacobian=True
+        run.course, runs, run.speed_rad_s[:1], run.parameters, Stribeck(OMEGA_S, LAW_CODES[law]), with_jacobian=True
     )
     return bound_from(jacobian, noise_rpm)
 

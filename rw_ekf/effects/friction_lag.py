@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from rw_ekf.effects.measures import LONGEST_LAG_S, dry_scale, lacks_reversal
 from rw_ekf.model.effect import Candidate, Coefficient, FrictionMemoryEffect, RecordFacts, Shape
+from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.memory_flow import lag_flow
 from rw_ekf.numbers import plus_minus
 
@@ -50,11 +51,11 @@ class FrictionLag(FrictionMemoryEffect):
 
     @staticmethod
     def flow(
-        omega: float, memory: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int,
+        omega: float, memory: float, drive: float, curve: FrictionCurve,
         a: float, q1: float, q2: float, q3: float, duration: float,
     ) -> tuple[float, float]:  # fmt: skip
         """(speed, friction) after `duration`; the memory is the friction F."""
-        return lag_flow(omega, memory, drive, b, c, s, omega_s, law, a, duration)
+        return lag_flow(omega, memory, drive, curve, a, duration)
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, LAW_CODES
+from rw_ekf.model.friction import LAW_CODES, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -122,8 +122,7 @@ def filter_constants(
     per_second = noise.parameter_drift**2 / SECONDS_PER_HOUR
     drift = [(value * value) * per_second for value in noise.scale]
     return FilterConstants(
-        omega_s=stribeck_speed_rad_s,
-        law=LAW_CODES[stribeck_law],
+        stribeck=Stribeck(stribeck_speed_rad_s, LAW_CODES[stribeck_law]),
         speed_variance=noise.speed_noise_rad_s**2,
         acceleration_noise=max(noise.acceleration_noise, _LEAST_ACCELERATION_NOISE * noise.speed_noise_rad_s) ** 2,
         motor_gain_drift=drift[0],
@@ -131,7 +130,6 @@ def filter_constants(
         coulomb_drift=drift[2],
         static_drift=drift[3],
         gate=chi_square_1_quantile(gate_probability),
-        near_zero_speed=FAST_STRIBECK_SPEEDS * stribeck_speed_rad_s,
         stuck_variance=(0.1 * noise.speed_noise_rad_s) ** 2,
         max_gap_s=max(max_gap_s, 5.0 * nominal_period_s),
         reseed_after=5,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
+from rw_ekf.model.friction import Stribeck
 
 
 class FilterConstants(NamedTuple):
@@ -14,8 +14,7 @@ class FilterConstants(NamedTuple):
     much a second); each parameter is a random walk of variance rate `*_drift`. docs/filter.md eq. 4.
     """
 
-    omega_s: float  # Stribeck speed [rad/s]
-    law: int  # rw_ekf.model.friction.LAW_CODES
+    stribeck: Stribeck
     speed_variance: float  # R [rad^2/s^2]
     acceleration_noise: float  # [rad^2/s^2 per s]
     motor_gain_drift: float  # [(rad/s^2/A)^2 per s]
@@ -23,11 +22,10 @@ class FilterConstants(NamedTuple):
     coulomb_drift: float  # [(rad/s^2)^2 per s]
     static_drift: float  # [(rad/s^2)^2 per s]
     gate: float  # accepted while NIS <= gate [-]
-    near_zero_speed: float  # above this the transition is always differentiated [rad/s]
     stuck_variance: float  # speed variance kept while the wheel is believed stuck [rad^2/s^2]
     max_gap_s: float  # a longer interval re-seeds the speed
     reseed_after: int  # this many gated samples in a row re-seed the speed
 
     def with_stribeck_speed(self, omega_s: float) -> FilterConstants:
         """The same beside another Stribeck speed [rad/s]."""
-        return self._replace(omega_s=omega_s, near_zero_speed=FAST_STRIBECK_SPEEDS * omega_s)
+        return self._replace(stribeck=self.stribeck._replace(omega_s=omega_s))

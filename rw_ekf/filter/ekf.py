@@ -65,27 +65,15 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def predict_x(self, u: Surroundings) -> None:
         """Propagate x and set the rows of F that are not identity (filterpy calls this from `predict`)."""
-        c = self.constants
+        (interval, pieces), stribeck = u, self.constants.stribeck
         if self.table.size > STATE_SIZE:
             self._curvature = effect_transition(
-                self.x, self.P, self.table, c.omega_s, c.law, c.near_zero_speed, u.from_s, u.to_s,
-                u.temperature_degC, u.angle_rad, u.begins_s, u.durations_s, u.currents_A,
-                0, u.start, len(u.durations_s), self.F, self._factor,
-            )  # fmt: skip
+                self.x, self.P, self.table, stribeck, pieces, interval, self.F, self._factor
+            )
             return
         row = np.zeros(STATE_SIZE)
         speed, self._curvature = transition(
-            self.x,
-            self.P,
-            c.omega_s,
-            c.law,
-            c.near_zero_speed,
-            u.durations_s,
-            u.currents_A,
-            u.start,
-            len(u.durations_s),
-            row,
-            self._factor,
+            self.x, self.P, stribeck, pieces, interval.start, interval.stop, row, self._factor
         )
         self.x[StateIndex.SPEED] = speed
         self.F[StateIndex.SPEED] = row
@@ -122,7 +110,7 @@ class WheelEkf(ExtendedKalmanFilter):
         self.P[:, StateIndex.SPEED] = 0.0
         self.P[StateIndex.SPEED, StateIndex.SPEED] = self.constants.speed_variance
         if self.table.hidden:
-            seed_hidden(self.x, self.P, self.table, current_A, self.constants.omega_s)
+            seed_hidden(self.x, self.P, self.table, current_A, self.constants.stribeck.omega_s)
 
     def settle_current(self, current_A: float) -> None:
         """Let a lagging current have settled at the first command that is known."""

@@ -131,8 +131,8 @@ class Estimator:
         surroundings = self._gatherer.interval(self._last.time_s, sample.time_s)
         if self._seeded and dt <= self.constants.max_gap_s:
             self.ekf.predict_over(dt, surroundings)
-            currents = surroundings.currents_A
-            decisions.elapse(self._gate_memory, dt, currents, surroundings.start, len(currents))
+            interval, pieces = surroundings
+            decisions.elapse(self._gate_memory, dt, pieces.current_A, interval.start, interval.stop)
             return True
         self.ekf.grow_parameters(dt)
         self._seeded = False

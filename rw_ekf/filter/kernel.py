@@ -38,6 +38,7 @@ from rw_ekf.filter.filter_run import FilterRun, History
 from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
 from rw_ekf.wheel.equations import EQUATIONS
+from rw_ekf.wheel.interval import Interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectTable
 from rw_ekf.wheel.transition import transition
 
@@ -109,8 +110,8 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
     Each test of `table` stands alone: numba then leaves out the branch, and with it two thirds of the compiler's time.
     """
     time_s, speed_rad_s, segment = course.time_s, course.speed_rad_s, course.segment
-    piece_begin_s, piece_duration_s, piece_current_A = course.pieces
-    piece_start, first_pieces = course.piece_start, course.first_piece
+    pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
+    current_A = pieces.current_A
     temperature_degC, angle_rad = course.temperature_degC, course.angle_rad
     x, P, innovation, innovation_variance, outcome, states, stds, history = run
     n_samples = time_s.size
@@ -150,11 +151,10 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                     noise[5 + j] = table.drift[j] * elapsed
             if continuous and table is not None:
                 before = x[0]
-                curvature = effect_transition(
-                    x, P, table, constants.omega_s, constants.law, constants.near_zero_speed, time_s[last], time_s[i],
-                    temperature, angle, piece_begin_s, piece_duration_s, piece_current_A,
-                    first_pieces[i], piece_start[last], piece_duration_s.size, F, scratch,
-                )  # fmt: skip
+                interval = Interval(
+                    time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i]
+                )
+                curvature = effect_transition(x, P, table, constants.stribeck, pieces, interval, F, scratch)
                 for j in range(n):
                     row[j] = F[0, j]
                 angle += 0.5 * (before + x[0]) * dt
@@ -163,14 +163,13 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                     noise[0] += constants.stuck_variance
             elif continuous:
                 x[0], curvature = transition(
-                    x, P, constants.omega_s, constants.law, constants.near_zero_speed,
-                    piece_duration_s, piece_current_A, piece_start[last], piece_start[i], row, L
-                )  # fmt: skip
+                    x, P, constants.stribeck, pieces, piece_start[last], piece_start[i], row, L
+                )
                 noise[0] = constants.acceleration_noise * dt + curvature
                 if x[0] == 0.0:
                     noise[0] += constants.stuck_variance
             if continuous:
-                elapse(gate_memory, dt, piece_current_A, piece_start[last], piece_start[i])
+                elapse(gate_memory, dt, current_A, piece_start[last], piece_start[i])
             else:  # the speed starts afresh, or waits for a reading that it can start from
                 row[:] = 0.0
                 row[0] = 0.0 if has_speed else 1.0
@@ -188,10 +187,10 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 what = RESEEDED if ever_seeded else FIRST
                 _seed_speed(x, P, speed, R)
                 if table is not None:
-                    held = max(piece_start[i] - 1, first_pieces[i])  # in force when the speed was read
+                    held = max(piece_start[i] - 1, first_piece[i])  # in force when the speed was read
                     if hidden > 0:
-                        held = min(held, piece_current_A.size - 1)
-                        seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
+                        held = min(held, current_A.size - 1)
+                        seed_hidden(x, P, table, current_A[held], constants.stribeck.omega_s)
                 seeded = ever_seeded = True
                 forget(gate_memory)
             if keep_all:
@@ -207,9 +206,9 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 elif what == RESEEDED:
                     _seed_speed(x, P, speed, R)
                     if table is not None:
-                        held = max(piece_start[i] - 1, first_pieces[i])
+                        held = max(piece_start[i] - 1, first_piece[i])
                         if hidden > 0:
-                            seed_hidden(x, P, table, piece_current_A[held], constants.omega_s)
+                            seed_hidden(x, P, table, current_A[held], constants.stribeck.omega_s)
                     forget(gate_memory)
                     if keep_all:
                         row[:] = 0.0

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from rw_ekf.course.current_schedule import CurrentSchedule
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.records import Conditions, WheelSample
+from rw_ekf.wheel.interval import Interval, Pieces
 
 _REMEMBERED_S = 10.0  # of past commands, for a model with a delay
 
 
 class Surroundings(NamedTuple):
-    """One interval: pieces of constant current, of which `start` is the one in force at from_s, and conditions."""
+    """One interval and the pieces of current that its indices mean."""
 
-    from_s: float
-    to_s: float
-    temperature_degC: float
-    angle_rad: float
-    begins_s: Sequence[float]
-    durations_s: Sequence[float]
-    currents_A: Sequence[float]
-    start: int
+    interval: Interval
+    pieces: Pieces
 
 
 class Gatherer:
@@ -57,14 +51,20 @@ class Gatherer:
             at += duration
         past = self._past
         found = Surroundings(
-            from_s,
-            to_s,
-            self._temperature_degC,
-            self.angle_rad,
-            [piece[0] for piece in past] + begins,
-            [piece[1] for piece in past] + durations,
-            [piece[2] for piece in past] + currents,
-            len(past),
+            Interval(
+                from_s=from_s,
+                to_s=to_s,
+                temperature_degC=self._temperature_degC,
+                angle_rad=self.angle_rad,
+                first=0,
+                start=len(past),
+                stop=len(past) + len(durations),
+            ),
+            Pieces(
+                [piece[0] for piece in past] + begins,
+                [piece[1] for piece in past] + durations,
+                [piece[2] for piece in past] + currents,
+            ),
         )
         if self._remembers:
             self._past += zip(begins, durations, currents, strict=True)

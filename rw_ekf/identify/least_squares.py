@@ -100,7 +100,11 @@ class _Problem:
 
     def evaluate(self, p: Float64Array, omega_0: Float64Array) -> _Point:
         simulated, _ = simulate(
-            self.course, self.runs, omega_0, FrictionParameters(*p), self.constants.omega_s, self.constants.law
+            self.course,
+            self.runs,
+            omega_0,
+            FrictionParameters(*p),
+            self.constants.stribeck,
         )
         with np.errstate(over="ignore", invalid="ignore"):  # a step too far: its loss counts as infinite
             r = (self.course.speed_rad_s - simulated)[self.used] * self.weight
@@ -111,7 +115,7 @@ class _Problem:
     def linearise(self, at: _Point) -> tuple[list[_Linearised], Float64Array, Float64Array]:
         """QR of every stretch, then the stacked triangular system: (stretches, R (4, 4), z (4,))."""
         simulated, jacobian = simulate(
-            self.course, self.runs, at.omega_0, FrictionParameters(*at.p), self.constants.omega_s, self.constants.law,
+            self.course, self.runs, at.omega_0, FrictionParameters(*at.p), self.constants.stribeck,
             with_jacobian=True,
         )  # fmt: skip
         self.advance()

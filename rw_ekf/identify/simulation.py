@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
+from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
@@ -20,27 +22,20 @@ from rw_ekf.wheel.transition import interval
 def _simulate_stretch(
     omega: float,
     k: float,
-    b: float,
-    c: float,
-    s: float,
-    omega_s: float,
-    law: int,
+    curve: FrictionCurve,
+    course: Course,
     first: int,
     last: int,
-    piece_start: Int64Array,
-    piece_duration_s: Float64Array,
-    piece_current_A: Float64Array,
     speeds: Float64Array,
     jacobian: Float64Array,
 ) -> None:
     """Simulate samples first..last from `omega`; jacobian (n, 5) gets d speed / d (omega_first, k, b, c, s)."""
+    pieces, piece_start = course.pieces, course.piece_start
     with_jacobian = jacobian.shape[0] > 0
     g0, g1, g2, g3, g4 = 1.0, 0.0, 0.0, 0.0, 0.0
     for i in range(first, last):
         if i > first:
-            omega, f0, f1, f2, f3, f4 = interval(
-                omega, k, b, c, s, omega_s, law, piece_duration_s, piece_current_A, piece_start[i - 1], piece_start[i]
-            )
+            omega, f0, f1, f2, f3, f4 = interval(omega, k, curve, pieces, piece_start[i - 1], piece_start[i])
             g0 = f0 * g0
             g1 = f0 * g1 + f1
             g2 = f0 * g2 + f2
@@ -56,11 +51,12 @@ def _simulate_stretch(
 
 
 def _example() -> tuple[Any, ...]:
-    series, numbers = np.zeros(0), np.zeros(0, np.int64)
-    return (*[1.0] * 6, 0, 0, 0, numbers, series, series, series, np.zeros((0, 5)))
+    series = np.zeros(0)
+    course = Course.of(series, series, series)
+    return 1.0, 1.0, FrictionCurve(1.0, 1.0, 1.0, 1.0, 0), course, 0, 0, series, np.zeros((0, 5))
 
 
-simulate_stretch = compile_cached(_simulate_stretch, [*EQUATIONS, sys.modules[__name__]], _example)
+simulate_stretch = compile_cached(_simulate_stretch, [*EQUATIONS, _course, sys.modules[__name__]], _example)
 
 
 @dataclass(frozen=True)
@@ -91,8 +87,7 @@ def simulate(
     runs: list[Stretch],
     initial_speeds_rad_s: Float64Array,
     parameters: FrictionParameters,
-    omega_s: float,
-    law: int,
+    stribeck: Stribeck,
     *,
     with_jacobian: bool = False,
 ) -> tuple[Float64Array, Float64Array]:
@@ -100,9 +95,7 @@ def simulate(
     n = course.time_s.size
     speeds = np.full(n, np.nan)
     jacobian = np.zeros((n if with_jacobian else 0, 5))
+    curve = FrictionCurve(*parameters[1:], *stribeck)
     for run, omega in zip(runs, initial_speeds_rad_s, strict=True):
-        simulate_stretch(
-            float(omega), *parameters, omega_s, law, run.first, run.last,
-            course.piece_start, course.pieces.duration_s, course.pieces.current_A, speeds, jacobian,
-        )  # fmt: skip
+        simulate_stretch(float(omega), parameters.motor_gain, curve, course, run.first, run.last, speeds, jacobian)
     return speeds, jacobian

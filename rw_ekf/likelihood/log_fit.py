@@ -77,14 +77,14 @@ def fit_log(
     noise = float(np.sqrt(constants.speed_variance))
     everything = np.ones(course.samples, dtype=bool)
     record = Record.of(course, everything, constants)
-    bare = Model(start, constants.omega_s, constants.law)
+    bare = Model(start, *constants.stribeck)
     known = Prior.of(prior.core.mean[1:], prior.core.covariance[1:, 1:])
-    model = bare
+    model, (omega_s, law) = bare, constants.stribeck
     if stribeck_speed_std > 0.0:
-        shape = (float(constants.law), 0.0, 0.0)
-        free = Term.of(STRIBECK, shape, constants.omega_s, stribeck_speed_std)
+        shape = (float(law), 0.0, 0.0)
+        free = Term.of(STRIBECK, shape, omega_s, stribeck_speed_std)
         model = bare.with_terms(free)
-        given = (free.id, constants.omega_s, stribeck_speed_std)
+        given = (free.id, omega_s, stribeck_speed_std)
         known = Prior(known.mean, known.root, (given,))
     advance()
     starts = [read_reference(course, noise), smoothed_by_filter(course, everything, bare, constants, noise)]
@@ -95,7 +95,7 @@ def fit_log(
     return LogFit(
         parameters=FrictionParameters(*(float(v) for v in found[:_PARAMETERS])),
         covariance=noises.covariance[:_PARAMETERS, :_PARAMETERS],
-        stribeck_speed_rad_s=float(found[_PARAMETERS]) if model is not bare else constants.omega_s,
+        stribeck_speed_rad_s=float(found[_PARAMETERS]) if model is not bare else omega_s,
         stribeck_speed_std=float(np.sqrt(noises.covariance[_PARAMETERS, _PARAMETERS])) if model is not bare else 0.0,
         noises=noises,
         fit=fit,

@@ -18,10 +18,11 @@ from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
-from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
 from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
+from rw_ekf.wheel.interval import Interval
 from rw_ekf.wheel.pieces import effect_interval, row_size
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
@@ -55,9 +56,7 @@ class Prediction(NamedTuple):
 def _one_step_pass(
     x: Float64Array,
     table: EffectTable,
-    omega_s: float,
-    law: int,
-    near_zero_speed: float,
+    stribeck: Stribeck,
     course: Course,
     follows: BoolArray,
     reference: Reference,
@@ -69,8 +68,7 @@ def _one_step_pass(
     the spreads of the reference; `out` has no rows of slopes, or of rows, where they are not wanted.
     """
     time_s, temperature, angle = course.time_s, course.temperature_degC, course.angle_rad
-    begins, durations, currents = course.pieces
-    piece_start, first_piece = course.piece_start, course.first_piece
+    pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     speed, spread, memory, memory_spread = reference
     end, memory_end, slopes, bend, rows = out
     n = table.size
@@ -84,24 +82,27 @@ def _one_step_pass(
     sloped = slopes.shape[0] > 0
     at = table.memory_state_at
     differentiable = table.hidden == 0 and table.delay_at < 0 and table.stribeck_at < 0
-    count = durations.size
+    omega_s = stribeck.omega_s
+    near_zero_speed = FAST_STRIBECK_SPEEDS * omega_s
+    if table.stribeck_at >= 0:
+        near_zero_speed = max(near_zero_speed, FAST_STRIBECK_SPEEDS * x[table.stribeck_at])
     for i in range(time_s.size - 1):
         if not follows[i + 1]:
             continue
         state[0] = speed[i]
         if not follows[i]:
             if table.lag_state_at >= 0:
-                state[table.lag_state_at] = currents[max(piece_start[i] - 1, first_piece[i])]
+                state[table.lag_state_at] = pieces.current_A[max(piece_start[i] - 1, first_piece[i])]
             if at >= 0:
                 state[at] = math.copysign(x[3], speed[i]) if abs(speed[i]) > omega_s else 0.0
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
+        interval = Interval(
+            time_s[i], time_s[i + 1], temperature[i], angle[i], first_piece[i], piece_start[i], piece_start[i + 1]
+        )
         near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
         written = analytic or (differentiable and not near)
-        effect_interval(
-            state, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
-            begins, durations, currents, first_piece[i], piece_start[i], count, written, row, ended,
-        )  # fmt: skip
+        effect_interval(state, table, stribeck, pieces, interval, written, row, ended)
         end[i + 1] = ended[0]
         if written:
             if sloped:
@@ -114,15 +115,9 @@ def _one_step_pass(
                 moved = 0 if way == 0 else at
                 point[:] = state
                 point[moved] = state[moved] + h
-                effect_interval(
-                    point, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
-                    begins, durations, currents, first_piece[i], piece_start[i], count, False, row, up,
-                )  # fmt: skip
+                effect_interval(point, table, stribeck, pieces, interval, False, row, up)
                 point[moved] = state[moved] - h
-                effect_interval(
-                    point, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i],
-                    begins, durations, currents, first_piece[i], piece_start[i], count, False, row, down,
-                )  # fmt: skip
+                effect_interval(point, table, stribeck, pieces, interval, False, row, down)
                 slopes[i + 1, way] = (up[0] - down[0]) / (2.0 * h)
                 if at >= 0:
                     slopes[i + 1, 2 + way] = (up[at] - down[at]) / (2.0 * h)
@@ -137,7 +132,7 @@ def _one_step_pass(
 def _example() -> tuple[Any, ...]:
     series, whole = np.zeros(0), np.zeros((0, 5))
     return (
-        series, NO_EFFECTS.table(), 1.0, 0, 1.0, Course.of(series, series, series), np.zeros(0, np.bool_),
+        series, NO_EFFECTS.table(), Stribeck(1.0, 0), Course.of(series, series, series), np.zeros(0, np.bool_),
         Reference(*[series] * 4), Prediction(series, series, whole, series, whole),
     )  # fmt: skip
 
@@ -203,14 +198,11 @@ def predict(
         np.zeros((n if with_rows else 0, table.size * (1 if table.memory_at == ABSENT else 2))),
     )
     record.work.charge(pass_units(int(np.count_nonzero(record.follows)), table, slopes=with_slopes, rows=with_rows))
-    near = FAST_STRIBECK_SPEEDS * omega_s
-    if table.stribeck_at != ABSENT:
-        near = max(near, FAST_STRIBECK_SPEEDS * float(parameters[table.stribeck_at - 1]))
     memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(parameters[2]), reference.memory_spread)
     # A column of a table has another layout, for which numba would compile the pass anew.
     speed, spread, memory = map(np.ascontiguousarray, reference[:3])
     one_step_pass(
-        state_vector(parameters, effects), table, omega_s, law, near, record.course, record.follows,
+        state_vector(parameters, effects), table, Stribeck(omega_s, law), record.course, record.follows,
         Reference(speed, spread, memory, memory_spread), out,
     )  # fmt: skip
     return out

@@ -56,7 +56,7 @@ def noise_of_record(
     with contextlib.suppress(FilterError, np.linalg.LinAlgError):
         fit = _fit(part, constants, prior, guessed_stribeck=guessed_stribeck)
         noises = fit.noises
-        usual = float(np.sqrt(constants.acceleration_noise))
+        guess, usual = constants.stribeck.omega_s, float(np.sqrt(constants.acceleration_noise))
         found = noises.acceleration_noise
         if not np.isfinite([found, noises.speed_noise_rad_s, *fit.parameters]).all():
             return None
@@ -64,8 +64,8 @@ def noise_of_record(
         return RecordNoise(
             noises.speed_noise_rad_s,
             found if noises.acceleration_noise_seen else min(found, usual),
-            fit.stribeck_speed_rad_s if known else constants.omega_s,
-            fit.stribeck_speed_std if known else _STRIBECK_SEEN * constants.omega_s if guessed_stribeck else 0.0,
+            fit.stribeck_speed_rad_s if known else guess,
+            fit.stribeck_speed_std if known else _STRIBECK_SEEN * guess if guessed_stribeck else 0.0,
             fit,
         )
     return None
@@ -125,8 +125,8 @@ def _fit(course: Course, constants: FilterConstants, prior: Belief, *, guessed_s
         return fit_log(course, constants, prior, least_squares(course, constants, prior.core).parameters)
     tried = []
     for ratio in _STRIBECK_RATIOS:
-        omega_s = ratio * constants.omega_s
+        omega_s = ratio * constants.stribeck.omega_s
         there = constants.with_stribeck_speed(omega_s)
         tried.append((fit_log(course, there, prior, least_squares(course, there, prior.core).parameters), there))
     best, there = max(tried, key=lambda item: item[0].noises.log_evidence)
-    return fit_log(course, there, prior, best.parameters, stribeck_speed_std=_STRIBECK_STD * there.omega_s)
+    return fit_log(course, there, prior, best.parameters, stribeck_speed_std=_STRIBECK_STD * there.stribeck.omega_s)

@@ -128,8 +128,8 @@ def run_daemon(
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port, clock))
         resolution, noise = wire_map.speed_step_rad_s, estimator.constants.speed_variance**0.5
-        law = estimator.constants.omega_s, estimator.constants.law
-        stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *law)
+        stribeck = estimator.constants.stribeck
+        stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *stribeck)
         check = TelemetryCheck(
             logger.warning,
             stuck,
@@ -148,7 +148,7 @@ def run_daemon(
             speed_step_rad_s=max(resolution, noise),
         )
         sign = SignSink(
-            SignWatch(setup.prior.parameters, law[0], max(resolution, noise)),
+            SignWatch(setup.prior.parameters, stribeck.omega_s, max(resolution, noise)),
             lambda: scale_places(configuration.wheel.protocol),
             expectation_of(configuration, model),
             halt=live.halt if writes else None,

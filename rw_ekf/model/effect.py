@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.state import FrictionParameters
 
 if TYPE_CHECKING:
@@ -328,10 +329,10 @@ class FrictionMemoryEffect(Effect):
     @staticmethod
     @abstractmethod
     def flow(
-        omega: float, memory: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int,
+        omega: float, memory: float, drive: float, curve: FrictionCurve,
         a: float, q1: float, q2: float, q3: float, duration: float,
     ) -> tuple[float, float]:  # fmt: skip
-        """(speed, friction) after `duration` under a constant drive; stands in for model.propagation.flow."""
+        """(speed, friction) after `duration` under a constant drive; stands in for rw_ekf.model.flow.flow."""
 
 
 class StribeckEffect(Effect):

@@ -6,12 +6,12 @@ curve can bear; the instant of zero speed is located, and the wheel is stopped t
 against s). The sensitivity obeys the variational equation between such events and is carried across them by the
 saltation factor f+/f-: at zero both branches are known, so the factor is exact and lies in [0, 1].
 
-Every function here is compiled by numba as it stands (rw_ekf.filter.kernel) and called as plain Python online.
+Every function here is compiled by numba as it stands (rw_ekf.wheel.equations) and called as plain Python online.
 """
 
 import math
 
-from rw_ekf.model.friction import far_limit, stribeck, stribeck_slope
+from rw_ekf.model.friction import FrictionCurve, far_limit, stribeck, stribeck_slope
 
 _STEP_IN_STRIBECK_SPEEDS = 0.25  # error below 2e-7 rad/s in 0.1 s at the default wheel (tests/model)
 _STEP_TIMES_SLOPE = 0.25
@@ -94,15 +94,7 @@ def _time_to_stop(v: float, rate: float, h: float, end: float, end_rate: float) 
 
 
 def slip(
-    v: float,
-    push: float,
-    b: float,
-    c: float,
-    s: float,
-    omega_s: float,
-    law: int,
-    duration: float,
-    slopes: bool = True,
+    v: float, push: float, curve: FrictionCurve, duration: float, slopes: bool = True
 ) -> tuple[float, float, float, float, float, float, float]:
     """Move along one branch until the time is up or the wheel comes to rest.
 
@@ -111,6 +103,7 @@ def slip(
     push, b, c, s). Between events these solve dS/dt = (df/dv) S + df/dp  (docs/model.md eq. 10). Without `slopes` they
     are not computed and mean nothing.
     """
+    b, c, s, omega_s, law = curve
     far = far_limit(law) * omega_s
     left = duration
     if b * duration < -_MAX_GROWTH:
@@ -183,15 +176,7 @@ def slip(
 
 
 def flow(
-    omega: float,
-    drive: float,
-    b: float,
-    c: float,
-    s: float,
-    omega_s: float,
-    law: int,
-    duration: float,
-    slopes: bool = True,
+    omega: float, drive: float, curve: FrictionCurve, duration: float, slopes: bool = True
 ) -> tuple[float, float, float, float, float, float]:
     """Speed after `duration` [s] under a constant drive [rad/s^2], and its sensitivities to omega, drive, b, c, s.
 
@@ -200,12 +185,11 @@ def flow(
     (docs/model.md eq. 13). Under a constant drive there is at most one such event.
     """
     to_omega, to_drive, to_b, to_c, to_s = 1.0, 0.0, 0.0, 0.0, 0.0
+    s = curve.s
     left = duration
     if omega != 0.0:
         sigma = math.copysign(1.0, omega)
-        v, left, to_omega, to_push, to_b, to_c, to_s = slip(
-            sigma * omega, sigma * drive, b, c, s, omega_s, law, left, slopes
-        )
+        v, left, to_omega, to_push, to_b, to_c, to_s = slip(sigma * omega, sigma * drive, curve, left, slopes)
         if v > 0.0:
             return sigma * v, to_omega, to_push, sigma * to_b, sigma * to_c, sigma * to_s
         if abs(drive) <= max(s, 0.0):
@@ -220,7 +204,7 @@ def flow(
     elif abs(drive) <= max(s, 0.0):
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     sigma = math.copysign(1.0, drive)
-    v, left, keep, of_push, of_b, of_c, of_s = slip(0.0, sigma * drive, b, c, s, omega_s, law, left, slopes)
+    v, left, keep, of_push, of_b, of_c, of_s = slip(0.0, sigma * drive, curve, left, slopes)
     return (
         sigma * v,
         keep * to_omega,

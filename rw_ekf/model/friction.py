@@ -11,6 +11,7 @@ Units: speeds rad/s, drive and c and s rad/s^2, b 1/s, omega_s rad/s. Python and
 """
 
 import math
+from typing import NamedTuple
 
 GAUSS = 0  # exp(-u^2)      [CK13 (1)]
 TUSTIN = 1  # exp(-|u|)      [F12, introduction]
@@ -21,6 +22,24 @@ LAW_CODES = {"gauss": GAUSS, "tustin": TUSTIN, "lorentz": LORENTZ}
 # fast; below the second it creeps, and its friction is not known better than by half of c.
 FAST_STRIBECK_SPEEDS = 6.0
 CREEP_STRIBECK_SPEEDS = 3.0
+
+
+class Stribeck(NamedTuple):
+    """How dry friction falls with speed: the Stribeck speed [rad/s] and the law's code."""
+
+    omega_s: float
+    law: int
+
+
+class FrictionCurve(NamedTuple):
+    """Friction against speed, per unit inertia: what a flow under a constant drive goes by."""
+
+    b: float  # 1/s
+    c: float  # rad/s^2
+    s: float  # rad/s^2
+    omega_s: float  # rad/s
+    law: int
+
 
 # Beyond this many Stribeck speeds g is below 3e-16 and the drift is linear in v. Lorentz's tail never ends.
 _FAR_GAUSS = FAST_STRIBECK_SPEEDS

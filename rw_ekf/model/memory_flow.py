@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 
 from rw_ekf.model.flow import _phi_1, _time_to_stop, flow
-from rw_ekf.model.friction import far_limit, stribeck, stribeck_slope
+from rw_ekf.model.friction import FrictionCurve, far_limit, stribeck, stribeck_slope
 
 LAG = 0
 BRISTLE = 1
@@ -245,42 +245,40 @@ def _follow(omega: float, memory: float, drive: float, duration: float, wheel: W
         v, f = end, f_end
         left -= h
         h = following
-    return _without_memory(sigma * v, drive, b, c, s, omega_s, law, left)
+    return _without_memory(sigma * v, drive, FrictionCurve(b, c, s, omega_s, law), left)
 
 
-def _without_memory(
-    omega: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int, duration: float
-) -> tuple[float, float]:
+def _without_memory(omega: float, drive: float, curve: FrictionCurve, duration: float) -> tuple[float, float]:
     """(speed, memory) by the model's own flow: static friction, signed as the speed; at rest the drive that is held."""
-    end = flow(omega, drive, b, c, s, omega_s, law, duration, False)[0]
+    end = flow(omega, drive, curve, duration, False)[0]
     if end == 0.0:
-        return 0.0, math.copysign(min(abs(drive), max(s, 0.0)), drive)
-    return end, math.copysign(1.0, end) * _dry(abs(end), c, s, omega_s, law)[0]
+        return 0.0, math.copysign(min(abs(drive), max(curve.s, 0.0)), drive)
+    return end, math.copysign(1.0, end) * _dry(abs(end), curve.c, curve.s, curve.omega_s, curve.law)[0]
 
 
 def lag_flow(
-    omega: float, memory: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int,
-    time_constant: float, duration: float,
-) -> tuple[float, float]:  # fmt: skip
+    omega: float, memory: float, drive: float, curve: FrictionCurve, time_constant: float, duration: float
+) -> tuple[float, float]:
     """(speed [rad/s], friction [rad/s^2]) after `duration` [s] with friction that lags by time_constant [s]."""
     if duration <= 0.0:
         return omega, memory
     if time_constant <= 1.0e-7 * duration:
-        return _without_memory(omega, drive, b, c, s, omega_s, law, duration)
+        return _without_memory(omega, drive, curve, duration)
+    b, c, s, omega_s, law = curve
     b = max(b, -_MAX_GROWTH / duration)
     return _follow(omega, memory, drive, duration, (b, c, s, omega_s, law, LAG, 1.0 / time_constant, 0.0))
 
 
 def bristle_flow(
-    omega: float, memory: float, drive: float, b: float, c: float, s: float, omega_s: float, law: int,
-    deflection: float, damping: float, duration: float,
-) -> tuple[float, float]:  # fmt: skip
+    omega: float, memory: float, drive: float, curve: FrictionCurve, deflection: float, damping: float, duration: float
+) -> tuple[float, float]:
     """(speed [rad/s], bristle's elastic friction [rad/s^2]) after `duration` [s].
 
     deflection [rad] at break-away; damping: ratio of the wheel's oscillation on its bristle, 0 is Dahl's model.
     """
     if duration <= 0.0:
         return omega, memory
+    b, c, s, omega_s, law = curve
     least = _LEAST_FRICTION * max(c, s)
     bends = least > 0.0
     if bends:
@@ -288,7 +286,7 @@ def bristle_flow(
         swing = math.sqrt(s * max(deflection, 0.0))  # the speed with which a wheel swings on it
         bends = 1.0e-7 * omega_s < swing < 1.0e7 * omega_s and s / deflection > 0.0
     if not bends:
-        return _without_memory(omega, drive, b, c, s, omega_s, law, duration)
+        return _without_memory(omega, drive, FrictionCurve(b, c, s, omega_s, law), duration)
     b = max(b, -_MAX_GROWTH / duration)
     stiffness = s / deflection
     kappa = 2.0 * max(damping, 0.0) / math.sqrt(stiffness)

@@ -20,7 +20,7 @@ from rw_ekf.model.effect import CurrentEffect, FrictionMemoryEffect, StaticEffec
 _HOMES = ("rw_ekf.effects.", memory_flow_home.__name__)
 _STATIC_ARGUMENTS = "a, q1, q2, q3, omega, current, temperature, angle, time, duration"
 _LAG_ARGUMENTS = "a, q1, q2, q3, state, current, duration"
-_FLOW_ARGUMENTS = "omega, memory, drive, b, c, s, omega_s, law, a, q1, q2, q3, duration"
+_FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q1, q2, q3, duration"
 
 
 def _choice(name: str, arguments: str, functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:

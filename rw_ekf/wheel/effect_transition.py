@@ -8,7 +8,10 @@ state, a delay or a Stribeck shape, whose derivatives nobody should write by han
 import math
 from typing import Any
 
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
+from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
+from rw_ekf.wheel.table import EffectTable
 from rw_ekf.wheel.transition import _REACH, _SPREAD, factor_covariance
 
 _SETTLED_VARIANCE = 1.0e-14  # of a hidden state [A^2 or rad^2/s^4]: a tenth of a microampere
@@ -56,43 +59,23 @@ def solve_slopes(L: Any, differences: Any, row: Any, n: int) -> None:
 
 
 def effect_transition(
-    x: Any,
-    P: Any,
-    table: Any,
-    omega_s: float,
-    law: int,
-    near_zero_speed: float,
-    from_s: float,
-    to_s: float,
-    temperature: float,
-    angle: float,
-    begins: Any,
-    durations: Any,
-    currents: Any,
-    first: int,
-    start: int,
-    count: int,
-    F: Any,
-    work: Any,
+    x: Any, P: Any, table: EffectTable, stribeck: Stribeck, pieces: Pieces, interval: Interval, F: Any, work: Any
 ) -> float:
     """Predict x (n,) over one interval in place; F (n, n) gets the rows of speed and hidden states.
 
-    Returns the variance of the neglected curvature [rad^2/s^2]. work (3 n + 8, n) is scratch: the root and its turn,
-    then points, ends and differences. Pieces as in `effect_interval`.
+    Returns the variance of the neglected curvature [rad^2/s^2]. work (3 n + 6, n) is scratch: the root and its turn,
+    then points, ends and differences.
     """
     n = table.size
     hidden = table.hidden
     analytic = hidden == 0 and table.delay_at < 0 and table.stribeck_at < 0
     end = work[3 * n + 2]
     row = F[0]
-    effect_interval(
-        x, table, omega_s, law, from_s, to_s, temperature, angle,
-        begins, durations, currents, first, start, count, analytic, row, end,
-    )  # fmt: skip
+    effect_interval(x, table, stribeck, pieces, interval, analytic, row, end)
     nearest = min(abs(x[0]), abs(end[0])) if x[0] * end[0] > 0.0 else 0.0
     needed = True
     if analytic:
-        if nearest > near_zero_speed:
+        if nearest > FAST_STRIBECK_SPEEDS * stribeck.omega_s:
             needed = False
         else:
             spread = 0.0
@@ -100,17 +83,11 @@ def effect_transition(
                 for j in range(n):
                     spread += row[i] * P[i, j] * row[j]
             reach = _REACH * math.sqrt(max(spread, P[0, 0]))
-            needed = not (nearest > reach and reach < omega_s)
+            needed = not (nearest > reach and reach < stribeck.omega_s)
     curvature = 0.0
     if needed:
-        last = start
-        while last + 1 < count and begins[last + 1] < to_s:
-            last += 1
-        bends = _differences(
-            x, P, table, omega_s, law, from_s, to_s, temperature, angle,
-            begins, durations, currents, first, start, count, currents[last], end[0], F, work,
-        )  # fmt: skip
-        if nearest <= near_zero_speed:
+        bends = _differences(x, P, table, stribeck, pieces, interval, end[0], F, work)
+        if nearest <= FAST_STRIBECK_SPEEDS * stribeck.omega_s:
             curvature = bends * bends / 12.0
     x[0] = end[0]
     for j in range(n - hidden, n):
@@ -119,15 +96,14 @@ def effect_transition(
 
 
 def _differences(
-    x: Any, P: Any, table: Any, omega_s: float, law: int, from_s: float, to_s: float, temperature: float, angle: float,
-    begins: Any, durations: Any, currents: Any, first: int, start: int, count: int, push: float, middle: float,
+    x: Any, P: Any, table: EffectTable, stribeck: Stribeck, pieces: Pieces, interval: Interval, middle: float,
     F: Any, work: Any,
 ) -> float:  # fmt: skip
     """Central divided differences of speed and hidden states over the columns of the turned root; the speed's bends."""
     n = table.size
     hidden = table.hidden
     factor_covariance(P, work)
-    turn_root(x, work, push, n)
+    turn_root(x, work, pieces.current_A[interval.stop - 1], n)
     end, point, up = work[3 * n + 3], work[3 * n + 4], work[3 * n + 5]
     bends = 0.0
     for j in range(n):
@@ -141,16 +117,10 @@ def _differences(
             work[2 * n + 2 + m, j] = 0.0
         if not differs:
             continue
-        effect_interval(
-            point, table, omega_s, law, from_s, to_s, temperature, angle,
-            begins, durations, currents, first, start, count, False, F[0], end,
-        )  # fmt: skip
+        effect_interval(point, table, stribeck, pieces, interval, False, F[0], end)
         for i in range(n):
             point[i], up[i] = up[i], end[i]
-        effect_interval(
-            point, table, omega_s, law, from_s, to_s, temperature, angle,
-            begins, durations, currents, first, start, count, False, F[0], end,
-        )  # fmt: skip
+        effect_interval(point, table, stribeck, pieces, interval, False, F[0], end)
         work[2 * n + 2, j] = (up[0] - end[0]) / (2.0 * _SPREAD)
         bends += up[0] + end[0] - 2.0 * middle
         for m in range(hidden):
@@ -191,7 +161,7 @@ def drop_settled(P: Any, hidden: int) -> None:
                 P[m, j] = 0.0
 
 
-def seed_hidden(x: Any, P: Any, table: Any, current: float, omega_s: float) -> None:
+def seed_hidden(x: Any, P: Any, table: EffectTable, current: float, omega_s: float) -> None:
     """Start the hidden states where the speed starts afresh: a settled current, and settled friction if it turns."""
     n = table.size
     for j in range(n - table.hidden, n):

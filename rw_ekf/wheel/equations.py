@@ -32,6 +32,7 @@ make_jitable(
         dispatch.lagged,
         dispatch.memory_flow,
         pieces._gather,
+        pieces._slopes_of_static,
         pieces._chain,
         pieces._memory_moved,
         pieces._chain_memory,

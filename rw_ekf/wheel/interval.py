@@ -11,3 +11,15 @@ class Pieces(NamedTuple):
     begin_s: Any  # (m,)
     duration_s: Any  # (m,)
     current_A: Any  # (m,)
+
+
+class Interval(NamedTuple):
+    """From one reading to the next: the pieces start <= j < stop lie within, those from `first` on are known."""
+
+    from_s: float
+    to_s: float
+    temperature_degC: float
+    angle_rad: float  # at from_s
+    first: int
+    start: int
+    stop: int

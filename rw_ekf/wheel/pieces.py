@@ -3,10 +3,13 @@
 docs/effects.md eq. 1-6. Scalars and indexed arrays only: plain Python calls it online, numba compiles it for logs.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from rw_ekf.model.flow import flow
+from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
+from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.table import EffectTable
 
 _HELD = 0.05  # of the Stribeck speed
 _STEP = 1.0e-3  # of a friction or the Stribeck speed, in differences over one piece
@@ -16,16 +19,36 @@ _INPUTS = 7  # of a flow with a memory: speed, memory, drive, b, c, s, the effec
 _LAG_STEPS = 8  # a lagging current is followed in this many steps at most, each half a time constant
 
 
-def _gather(
-    x: Any, table: Any, omega: float, current: float, temperature: float, angle: float, time: float, duration: float
-) -> tuple[float, float, float, float, float, float]:
-    """Sum of the static effects' contributions to one piece."""
+class Moment(NamedTuple):
+    """What a static effect is evaluated at: the speed where a step begins, the rest in its middle."""
+
+    omega: float  # rad/s
+    current: float  # A
+    temperature: float  # degC
+    angle: float  # rad, where the step begins
+    time: float  # s
+    duration: float  # s
+
+
+class Terms(NamedTuple):
+    """Sum of the static effects' contributions to one step (effects.md eq. 1)."""
+
+    amperes: float  # A
+    external: float  # rad/s^2
+    viscous: float  # 1/s
+    viscous_factor: float
+    dry_factor: float
+    dry: float  # rad/s^2
+
+
+def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
+    """Sum of the static effects' contributions to one step."""
     amperes, external, viscous, viscous_factor, dry_factor, dry = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(table.static_at.shape[0]):
         q = table.static_shape[j]
         part = contribution(
             table.static_code[j], x[table.static_at[j]], q[0], q[1], q[2],
-            omega, current, temperature, angle, time, duration,
+            at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
         )  # fmt: skip
         amperes += part[0]
         external += part[1]
@@ -33,30 +56,38 @@ def _gather(
         viscous_factor += part[3]
         dry_factor += part[4]
         dry += part[5]
-    return amperes, external, viscous, viscous_factor, dry_factor, dry
+    return Terms(amperes, external, viscous, viscous_factor, dry_factor, dry)
+
+
+def _slopes_of_static(x: Any, table: EffectTable, at: Moment, j: int) -> tuple[float, float, float]:
+    """Slopes of drive, viscous and dry friction of a step by the coefficient of static effect j."""
+    q = table.static_shape[j]
+    part = contribution_slope(
+        table.static_code[j], x[table.static_at[j]], q[0], q[1], q[2],
+        at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
+    )  # fmt: skip
+    return x[1] * part[0] + part[1], x[2] * part[3] + part[2], x[3] * part[4] + part[5]
 
 
 def _chain(
-    x: Any, table: Any, row: Any, omega: float, current: float, temperature: float, angle: float, time: float,
-    duration: float, amperes: float, viscous_factor: float, dry_factor: float,
-    keep: float, of_drive: float, of_b: float, of_c: float, of_s: float,
-) -> None:  # fmt: skip
-    """Carry `row` (n,), the slopes of the speed by the state, over a piece by the chain rule (effects.md eq. 3)."""
-    k, b, c = x[1], x[2], x[3]
+    x: Any, table: EffectTable, row: Any, at: Moment, terms: Terms, slopes: tuple[float, float, float, float, float]
+) -> None:
+    """Carry `row` (n,), the slopes of the speed by the state, over a step by the chain rule (effects.md eq. 3).
+
+    slopes: of the speed after the step by speed, drive, b, c and s.
+    """
+    keep, of_drive, of_b, of_c, of_s = slopes
     for j in range(table.size):
         row[j] *= keep
-    row[1] += of_drive * (current + amperes)
-    row[2] += of_b * (1.0 + viscous_factor)
-    row[3] += of_c * (1.0 + dry_factor) + of_s * dry_factor
+    row[1] += of_drive * (at.current + terms.amperes)
+    row[2] += of_b * (1.0 + terms.viscous_factor)
+    row[3] += of_c * (1.0 + terms.dry_factor) + of_s * terms.dry_factor
     row[4] += of_s
     for j in range(table.static_at.shape[0]):
-        at = table.static_at[j]
-        q = table.static_shape[j]
-        part = contribution_slope(
-            table.static_code[j], x[at], q[0], q[1], q[2], omega, current, temperature, angle, time, duration
-        )
-        row[at] += of_drive * (k * part[0] + part[1]) + of_b * (b * part[3] + part[2])
-        row[at] += (of_c + of_s) * (c * part[4] + part[5])
+        drive, viscous, dry = _slopes_of_static(x, table, at, j)
+        place = table.static_at[j]
+        row[place] += of_drive * drive + of_b * viscous
+        row[place] += (of_c + of_s) * dry
 
 
 def row_size(n: int) -> int:
@@ -65,44 +96,40 @@ def row_size(n: int) -> int:
 
 
 def _memory_moved(
-    which: int, h: float, code: int, omega: float, memory: float, drive: float, b: float, c: float, s: float,
-    omega_s: float, law: int, a: float, q1: float, q2: float, q3: float, duration: float,
+    which: int, h: float, table: EffectTable, a: float, omega: float, memory: float, drive: float,
+    curve: FrictionCurve, duration: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Speed and memory after a piece whose input number `which` is greater by h."""
+    """Speed and memory after a step whose input number `which` is greater by h; a: the effect's coefficient."""
+    b, c, s, omega_s, law = curve
+    q = table.memory_shape
     moved: tuple[float, float] = memory_flow(
-        code,
+        table.memory_code,
         omega + h if which == 0 else omega,
         memory + h if which == 1 else memory,
         drive + h if which == 2 else drive,
-        b + h if which == 3 else b,
-        c + h if which == 4 else c,
-        s + h if which == 5 else s,
-        omega_s,
-        law,
+        FrictionCurve(b + h if which == 3 else b, c + h if which == 4 else c, s + h if which == 5 else s, omega_s, law),
         a + h if which == 6 else a,
-        q1,
-        q2,
-        q3,
+        q[0],
+        q[1],
+        q[2],
         duration,
     )
     return moved
 
 
 def _chain_memory(
-    x: Any, table: Any, row: Any, omega: float, memory: float, omega_s: float, law: int, current: float,
-    temperature: float, angle: float, time: float, duration: float, amperes: float, viscous_factor: float,
-    dry_factor: float, drive: float, b: float, level: float, end_omega: float, end_memory: float,
+    x: Any, table: EffectTable, row: Any, at: Moment, terms: Terms, memory: float, drive: float, curve: FrictionCurve,
+    end_omega: float, end_memory: float,
 ) -> None:  # fmt: skip
-    """Carry the slopes of the speed (n,) and of the memory (n,), in `row`, over a piece of friction with a memory.
+    """Carry the slopes of the speed (n,) and of the memory (n,), in `row`, over a step of friction with a memory.
 
-    Behind those `row` has room for the piece's own slopes by the flow's seven inputs, twice: differences from where the
-    piece ends. By the coefficients of static effects the chain rule leads, at no further run of the flow.
+    Behind those `row` has room for the step's own slopes by the flow's seven inputs, twice: differences from where the
+    step ends. By the coefficients of static effects the chain rule leads, at no further run of the flow. at.omega,
+    memory, drive and curve are what the flow began with.
     """
     n = table.size
     a = x[table.memory_at]
-    c, s = x[3] + level, x[4] + level
-    q = table.memory_shape
-    dry = _STEP * max(abs(c), abs(s), 1.0e-9)
+    dry = _STEP * max(abs(curve.c), abs(curve.s), 1.0e-9)
     at_slopes = 2 * n
     carried = False
     for j in range(1, n):
@@ -110,14 +137,12 @@ def _chain_memory(
     for which in range(0 if carried else 2, _INPUTS):
         h = dry
         if which == 0:
-            h = _STEP * omega_s
+            h = _STEP * curve.omega_s
         elif which == 3:
-            h = max(_STEP * abs(b), _LEAST_VISCOUS_STEP)
+            h = max(_STEP * abs(curve.b), _LEAST_VISCOUS_STEP)
         elif which == 6:
             h = max(_COEFFICIENT_STEP * abs(a), 1.0e-12)
-        moved_omega, moved_memory = _memory_moved(
-            which, h, table.memory_code, omega, memory, drive, b, c, s, omega_s, law, a, q[0], q[1], q[2], duration
-        )
+        moved_omega, moved_memory = _memory_moved(which, h, table, a, at.omega, memory, drive, curve, at.duration)
         row[at_slopes + which] = (moved_omega - end_omega) / h
         row[at_slopes + _INPUTS + which] = (moved_memory - end_memory) / h
     for j in range(1, n if carried else 1):
@@ -126,50 +151,32 @@ def _chain_memory(
         row[n + j] = row[at_slopes + _INPUTS] * of_speed + row[at_slopes + _INPUTS + 1] * of_memory
     for half in range(2):
         to, of = half * n, at_slopes + half * _INPUTS
-        row[to + 1] += row[of + 2] * (current + amperes)
-        row[to + 2] += row[of + 3] * (1.0 + viscous_factor)
-        row[to + 3] += row[of + 4] * (1.0 + dry_factor) + row[of + 5] * dry_factor
+        row[to + 1] += row[of + 2] * (at.current + terms.amperes)
+        row[to + 2] += row[of + 3] * (1.0 + terms.viscous_factor)
+        row[to + 3] += row[of + 4] * (1.0 + terms.dry_factor) + row[of + 5] * terms.dry_factor
         row[to + 4] += row[of + 5]
         row[to + table.memory_at] += row[of + 6]
     for j in range(table.static_at.shape[0]):
-        at = table.static_at[j]
-        q = table.static_shape[j]
-        part = contribution_slope(
-            table.static_code[j], x[at], q[0], q[1], q[2], omega, current, temperature, angle, time, duration
-        )
+        of_drive, of_viscous, of_dry = _slopes_of_static(x, table, at, j)
         for half in range(2):
             of = at_slopes + half * _INPUTS
-            value = row[of + 2] * (x[1] * part[0] + part[1]) + row[of + 3] * (x[2] * part[3] + part[2])
-            row[half * n + at] += value + (row[of + 4] + row[of + 5]) * (x[3] * part[4] + part[5])
+            value = row[of + 2] * of_drive + row[of + 3] * of_viscous
+            row[half * n + table.static_at[j]] += value + (row[of + 4] + row[of + 5]) * of_dry
 
 
 def effect_interval(
-    x: Any,
-    table: Any,
-    omega_s: float,
-    law: int,
-    from_s: float,
-    to_s: float,
-    temperature: float,
-    angle: float,
-    begins: Any,
-    durations: Any,
-    currents: Any,
-    first: int,
-    start: int,
-    count: int,
-    slopes: bool,
-    row: Any,
-    end: Any,
+    x: Any, table: EffectTable, stribeck: Stribeck, pieces: Pieces, interval: Interval, slopes: bool, row: Any, end: Any
 ) -> None:
-    """Propagate the state x (n,) from from_s to to_s: end (n,) gets speed and hidden states, row (n,) the slopes.
+    """Propagate the state x (n,) over an interval: end (n,) gets speed and hidden states, row (n,) the slopes.
 
-    begins [s], durations [s], currents [A] (count,): pieces of constant current; `first` is the earliest known, `start`
-    the one in force at from_s. With `slopes` the row has those of the speed by the state, but not by the coefficient of
-    a delay, a current's lag or a Stribeck shape, nor by their hidden states. For a friction with a memory it is
-    `row_size` long, the memory's slopes follow, and those by speed and memory at from_s are left zero. Without, row is
-    not touched. The coefficients in `end` are those of x.
+    With `slopes` the row has those of the speed by the state, but not by the coefficient of a delay, a current's lag
+    or a Stribeck shape, nor by their hidden states. For a friction with a memory it is `row_size` long, the memory's
+    slopes follow, and those by speed and memory at the interval's begin are left zero. Without, row is not touched.
+    The coefficients in `end` are those of x.
     """
+    from_s, to_s, temperature, angle, first, start, stop = interval
+    omega_s, law = stribeck
+    begins, durations, currents = pieces
     n = table.size
     for j in range(n):
         end[j] = x[j]
@@ -189,7 +196,7 @@ def effect_interval(
     at = from_s
     while at < to_s:
         until = begins[piece] + durations[piece] + delay
-        if until > to_s or piece + 1 >= count:
+        if until > to_s or piece + 1 >= stop:
             until = to_s
         while at < until:
             left = until - at
@@ -203,39 +210,30 @@ def effect_interval(
                 current, end[table.lag_state_at] = lagged(
                     table.lag_code, tau, q[0], q[1], q[2], end[table.lag_state_at], current, h
                 )
-            middle = at + 0.5 * h
-            amperes, external, viscous, viscous_factor, dry_factor, dry = _gather(
-                x, table, omega, current, temperature, angle, middle, h
-            )
-            drive = x[1] * (current + amperes) + external
-            b = x[2] * (1.0 + viscous_factor) + viscous
-            level = x[3] * dry_factor + dry
+            moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h)
+            terms = _gather(x, table, moment)
+            drive = x[1] * (current + terms.amperes) + terms.external
+            b = x[2] * (1.0 + terms.viscous_factor) + terms.viscous
+            level = x[3] * terms.dry_factor + terms.dry
+            curve = FrictionCurve(b, x[3] + level, x[4] + level, omega_s, law)
             before = omega
             if table.memory_at >= 0:
                 q = table.memory_shape
-                if table.memory_holds and abs(omega) < _HELD * omega_s and abs(drive) <= x[4] + level:
+                if table.memory_holds and abs(omega) < _HELD * omega_s and abs(drive) <= curve.s:
                     # No estimate is exactly zero: below this speed a wheel that cannot break away counts as held.
                     omega = 0.0
                 held = end[table.memory_state_at]
                 start_omega = omega
                 omega, end[table.memory_state_at] = memory_flow(
-                    table.memory_code, omega, held, drive, b, x[3] + level, x[4] + level,
-                    omega_s, law, x[table.memory_at], q[0], q[1], q[2], h,
-                )  # fmt: skip
-                if slopes:
-                    _chain_memory(
-                        x, table, row, start_omega, held, omega_s, law, current, temperature, angle, middle, h,
-                        amperes, viscous_factor, dry_factor, drive, b, level, omega, end[table.memory_state_at],
-                    )  # fmt: skip
-            else:
-                omega, keep, of_drive, of_b, of_c, of_s = flow(
-                    omega, drive, b, x[3] + level, x[4] + level, omega_s, law, h, slopes
+                    table.memory_code, omega, held, drive, curve, x[table.memory_at], q[0], q[1], q[2], h
                 )
                 if slopes:
-                    _chain(
-                        x, table, row, before, current, temperature, angle, middle, h,
-                        amperes, viscous_factor, dry_factor, keep, of_drive, of_b, of_c, of_s,
-                    )  # fmt: skip
+                    moment = Moment(start_omega, current, temperature, angle, at + 0.5 * h, h)
+                    _chain_memory(x, table, row, moment, terms, held, drive, curve, omega, end[table.memory_state_at])
+            else:
+                omega, keep, of_drive, of_b, of_c, of_s = flow(omega, drive, curve, h, slopes)
+                if slopes:
+                    _chain(x, table, row, moment, terms, (keep, of_drive, of_b, of_c, of_s))
             angle += 0.5 * (before + omega) * h
             at = until if h == left else at + h
         piece += 1

@@ -10,30 +10,21 @@ import math
 from typing import Any
 
 from rw_ekf.model.flow import flow
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, FrictionCurve, Stribeck
+from rw_ekf.wheel.interval import Pieces
 
 _SPREAD = math.sqrt(3.0)  # of a central divided difference: 1 sigma diverged, sqrt(3) did not (docs/filter.md)
 _REACH = 5.0  # standard deviations within which a kink in the transition matters
 
 
 def interval(
-    omega: float,
-    k: float,
-    b: float,
-    c: float,
-    s: float,
-    omega_s: float,
-    law: int,
-    durations: Any,
-    currents: Any,
-    start: int,
-    stop: int,
-    slopes: bool = True,
+    omega: float, k: float, curve: FrictionCurve, pieces: Pieces, start: int, stop: int, slopes: bool = True
 ) -> tuple[float, float, float, float, float, float]:
     """Chain the flow over pieces start..stop: speed at the end, its derivatives by omega, k, b, c, s."""
     to_omega, to_k, to_b, to_c, to_s = 1.0, 0.0, 0.0, 0.0, 0.0
     for i in range(start, stop):
-        current = currents[i]
-        omega, keep, of_drive, of_b, of_c, of_s = flow(omega, k * current, b, c, s, omega_s, law, durations[i], slopes)
+        current = pieces.current_A[i]
+        omega, keep, of_drive, of_b, of_c, of_s = flow(omega, k * current, curve, pieces.duration_s[i], slopes)
         to_omega *= keep
         to_k = keep * to_k + current * of_drive
         to_b = keep * to_b + of_b
@@ -58,7 +49,7 @@ def factor_covariance(P: Any, L: Any) -> None:
             L[i, j] = value / root if root > 0.0 else 0.0
 
 
-def _rests_for_sure(x: Any, P: Any, durations: Any, currents: Any, start: int, stop: int) -> bool:
+def _rests_for_sure(x: Any, P: Any, pieces: Pieces, start: int, stop: int) -> bool:
     """Whether every point that a divided difference would try comes to rest within the interval and stays.
 
     Then the difference is exactly zero, and need not be computed: a wheel at rest far below break-away costs nothing.
@@ -66,8 +57,8 @@ def _rests_for_sure(x: Any, P: Any, durations: Any, currents: Any, start: int, s
     longest = 0.0
     push = 0.0
     for i in range(start, stop):
-        longest += durations[i]
-        push = max(push, abs(currents[i]))
+        longest += pieces.duration_s[i]
+        push = max(push, abs(pieces.current_A[i]))
     if not (x[1] > 0.0 and x[2] >= 0.0):
         return False
     # No point lies further than sqrt(3) sigma in any one parameter: the least friction against the largest drive.
@@ -79,17 +70,7 @@ def _rests_for_sure(x: Any, P: Any, durations: Any, currents: Any, start: int, s
 
 
 def divided_difference(
-    x: Any,
-    P: Any,
-    end: float,
-    omega_s: float,
-    law: int,
-    durations: Any,
-    currents: Any,
-    start: int,
-    stop: int,
-    row: Any,
-    L: Any,
+    x: Any, P: Any, end: float, stribeck: Stribeck, pieces: Pieces, start: int, stop: int, row: Any, L: Any
 ) -> float:
     """Overwrite `row` with the statistical slope of eq. 7 and return the variance of eq. 8 (see `transition`).
 
@@ -97,7 +78,7 @@ def divided_difference(
     """
     factor_covariance(P, L)
     # Householder's reflection I - 2 v v' / v'v turns L's first column into the direction in which |k I| - s varies.
-    current = currents[stop - 1]
+    current = pieces.current_A[stop - 1]
     push = math.copysign(current, x[1] * current)
     norm = 0.0
     for j in range(5):
@@ -129,12 +110,10 @@ def divided_difference(
         if d0 == 0.0 and d1 == 0.0 and d2 == 0.0 and d3 == 0.0 and d4 == 0.0:
             L[6, j] = 0.0
             continue
-        up = interval(
-            x[0] + d0, x[1] + d1, x[2] + d2, x[3] + d3, x[4] + d4, omega_s, law, durations, currents, start, stop, False
-        )[0]
-        down = interval(
-            x[0] - d0, x[1] - d1, x[2] - d2, x[3] - d3, x[4] - d4, omega_s, law, durations, currents, start, stop, False
-        )[0]
+        curve = FrictionCurve(x[2] + d2, x[3] + d3, x[4] + d4, stribeck.omega_s, stribeck.law)
+        up = interval(x[0] + d0, x[1] + d1, curve, pieces, start, stop, False)[0]
+        curve = FrictionCurve(x[2] - d2, x[3] - d3, x[4] - d4, stribeck.omega_s, stribeck.law)
+        down = interval(x[0] - d0, x[1] - d1, curve, pieces, start, stop, False)[0]
         L[6, j] = (up - down) / (2.0 * _SPREAD)
         along += L[6, j] * L[5, j]
         bends += up + down - 2.0 * end
@@ -149,17 +128,7 @@ def divided_difference(
 
 
 def transition(
-    x: Any,
-    P: Any,
-    omega_s: float,
-    law: int,
-    near_zero_speed: float,
-    durations: Any,
-    currents: Any,
-    start: int,
-    stop: int,
-    row: Any,
-    L: Any,
+    x: Any, P: Any, stribeck: Stribeck, pieces: Pieces, start: int, stop: int, row: Any, L: Any
 ) -> tuple[float, float]:
     """Predict the speed over one interval: (speed [rad/s], variance of the neglected curvature [rad^2/s^2]).
 
@@ -179,13 +148,12 @@ def transition(
 
     its mean square for a bend along one direction, which the switching surface between stick and slip is.
     """
-    end, row[0], row[1], row[2], row[3], row[4] = interval(
-        x[0], x[1], x[2], x[3], x[4], omega_s, law, durations, currents, start, stop
-    )
+    curve = FrictionCurve(x[2], x[3], x[4], stribeck.omega_s, stribeck.law)
+    end, row[0], row[1], row[2], row[3], row[4] = interval(x[0], x[1], curve, pieces, start, stop)
     nearest = min(abs(x[0]), abs(end)) if x[0] * end > 0.0 else 0.0
-    if nearest > near_zero_speed:
+    if nearest > FAST_STRIBECK_SPEEDS * stribeck.omega_s:
         return end, 0.0
-    if end == 0.0 and _rests_for_sure(x, P, durations, currents, start, stop):
+    if end == 0.0 and _rests_for_sure(x, P, pieces, start, stop):
         for j in range(5):
             row[j] = 0.0
         return end, 0.0
@@ -194,6 +162,6 @@ def transition(
         for j in range(5):
             spread += row[i] * P[i, j] * row[j]
     reach = _REACH * math.sqrt(max(spread, P[0, 0]))
-    if nearest > reach and reach < omega_s:
+    if nearest > reach and reach < stribeck.omega_s:
         return end, 0.0
-    return end, divided_difference(x, P, end, omega_s, law, durations, currents, start, stop, row, L)
+    return end, divided_difference(x, P, end, stribeck, pieces, start, stop, row, L)

@@ -19,8 +19,10 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.interval import Pieces
 from rw_ekf.wheel.transition import factor_covariance, transition
 from tests.truth import (
     OMEGA_S,
@@ -158,7 +160,8 @@ def test_a_wheel_believed_stuck_is_known_to_be_perhaps_not() -> None:
     mean[4] = 1.13
     covariance[0, 0] = 1e-4
     row = np.zeros(5)
-    speed, extra = transition(mean, covariance, OMEGA_S, 0, 6.0 * OMEGA_S, [0.1], [0.03], 0, 1, row, np.zeros((7, 5)))
+    pieces = Pieces([0.0], [0.1], [0.03])
+    speed, extra = transition(mean, covariance, Stribeck(OMEGA_S, 0), pieces, 0, 1, row, np.zeros((7, 5)))
     assert speed == 0.0
     assert row[1] > 0.0
     assert row[4] < 0.0

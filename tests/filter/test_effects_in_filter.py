@@ -19,9 +19,11 @@ from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.effect import Shape, Term
+from rw_ekf.model.friction import GAUSS, FrictionCurve, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import interval
@@ -185,10 +187,8 @@ def test_the_flow_of_a_table_without_effects_is_the_models() -> None:
     for _ in range(200):
         x = np.array([rng.normal(0.0, 2.0), *CK13_STATISTICAL])
         cut = float(rng.uniform(0.01, 0.09))
-        begins, durations = [0.0, cut], [cut, 0.1 - cut]
-        currents = list(rng.normal(0.0, 0.05, 2))
-        effect_interval(
-            x, table, OMEGA_S, 0, 0.0, 0.1, 20.0, 0.0, begins, durations, currents, 0, 0, 2, True, row, end
-        )  # fmt: skip
-        plain = interval(x[0], x[1], x[2], x[3], x[4], OMEGA_S, 0, durations, currents, 0, 2)
+        pieces = Pieces([0.0, cut], [cut, 0.1 - cut], list(rng.normal(0.0, 0.05, 2)))
+        whole = Interval(0.0, 0.1, 20.0, 0.0, first=0, start=0, stop=2)
+        effect_interval(x, table, Stribeck(OMEGA_S, GAUSS), pieces, whole, True, row, end)
+        plain = interval(x[0], x[1], FrictionCurve(x[2], x[3], x[4], OMEGA_S, GAUSS), pieces, 0, 2)
         assert (end[0], *row) == plain

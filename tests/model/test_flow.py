@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from rw_ekf.model.flow import flow
-from rw_ekf.model.friction import GAUSS, LAW_CODES
+from rw_ekf.model.friction import GAUSS, LAW_CODES, FrictionCurve
+from rw_ekf.wheel.interval import Pieces
 from rw_ekf.wheel.transition import interval
 from tests.counting import lines_of
 from tests.truth import OMEGA_S, fine_flow
@@ -32,7 +33,7 @@ laws = st.sampled_from(sorted(LAW_CODES.values()))
 def run(at: Sequence[float], law: int, duration: float) -> tuple[float, ...]:
     """The flow from (omega, drive, b, c, s) and its five sensitivities."""
     omega, drive, b, c, s = at
-    return flow(omega, drive, b, c, s, OMEGA_S, law, duration)
+    return flow(omega, drive, FrictionCurve(b, c, s, OMEGA_S, law), duration)
 
 
 def exact(at: Sequence[float], law: str, duration: float) -> float:
@@ -129,7 +130,7 @@ def test_a_coast_down_follows_its_closed_form_to_the_very_stop(initial: float) -
     stop = math.log1p(B * initial / C) / B
     omega, t = initial, 0.0
     while t < stop + 2.0:
-        omega = flow(omega, 0.0, B, C, C, OMEGA_S, GAUSS, 0.5)[0]
+        omega = flow(omega, 0.0, FrictionCurve(B, C, C, OMEGA_S, GAUSS), 0.5)[0]
         t += 0.5
         expected = max((initial + C / B) * math.exp(-B * t) - C / B, 0.0) if t < stop else 0.0
         assert omega == pytest.approx(expected, abs=1e-8)
@@ -142,7 +143,7 @@ def test_without_drive_the_energy_never_grows(
     omega: float, p: tuple[float, float, float], law: int, duration: float
 ) -> None:
     """An undriven wheel only slows down, and never turns round."""
-    end = flow(omega, 0.0, *p, OMEGA_S, law, duration)[0]
+    end = flow(omega, 0.0, FrictionCurve(*p, OMEGA_S, law), duration)[0]
     assert abs(end) <= abs(omega)
     assert end * omega >= 0.0
 
@@ -153,9 +154,9 @@ def test_two_intervals_under_one_drive_are_one(
     omega: float, drive: float, p: tuple[float, float, float], law: int, first: float, second: float
 ) -> None:
     """The flow is a semigroup: flow(t1 + t2) = flow(t2) after flow(t1), across every event."""
-    middle = flow(omega, drive, *p, OMEGA_S, law, first)[0]
-    twice = flow(middle, drive, *p, OMEGA_S, law, second)[0]
-    once = flow(omega, drive, *p, OMEGA_S, law, first + second)[0]
+    middle = flow(omega, drive, FrictionCurve(*p, OMEGA_S, law), first)[0]
+    twice = flow(middle, drive, FrictionCurve(*p, OMEGA_S, law), second)[0]
+    once = flow(omega, drive, FrictionCurve(*p, OMEGA_S, law), first + second)[0]
     assert twice == pytest.approx(once, rel=1e-9, abs=4e-5)
 
 
@@ -165,8 +166,8 @@ def test_a_mirrored_wheel_does_the_mirrored_thing(
     omega: float, drive: float, p: tuple[float, float, float], law: int, duration: float
 ) -> None:
     """The model knows no direction: flow(-omega, -drive) = -flow(omega, drive) to the last bit, slopes included."""
-    end, to_omega, to_drive, *to_friction = flow(omega, drive, *p, OMEGA_S, law, duration)
-    other, other_omega, other_drive, *other_friction = flow(-omega, -drive, *p, OMEGA_S, law, duration)
+    end, to_omega, to_drive, *to_friction = flow(omega, drive, FrictionCurve(*p, OMEGA_S, law), duration)
+    other, other_omega, other_drive, *other_friction = flow(-omega, -drive, FrictionCurve(*p, OMEGA_S, law), duration)
     assert (other, other_omega, other_drive) == (-end, to_omega, to_drive)
     assert other_friction == [-value for value in to_friction]
 
@@ -177,8 +178,8 @@ def test_a_faster_wheel_stays_faster(
     omega: float, drive: float, p: tuple[float, float, float], law: int, duration: float
 ) -> None:
     """Trajectories of one equation never cross, so that the end speed is monotone in the start speed."""
-    slow = flow(omega, drive, *p, OMEGA_S, law, duration)[0]
-    fast = flow(omega + 0.01, drive, *p, OMEGA_S, law, duration)[0]
+    slow = flow(omega, drive, FrictionCurve(*p, OMEGA_S, law), duration)[0]
+    fast = flow(omega + 0.01, drive, FrictionCurve(*p, OMEGA_S, law), duration)[0]
     assert fast >= slow - 1e-5
 
 
@@ -187,7 +188,7 @@ def test_a_faster_wheel_stays_faster(
 def test_over_a_short_time_the_flow_is_one_euler_step(law: int, omega: float) -> None:
     """For small dt the transition's row is that of I + J dt, J the Jacobian of the papers."""
     k, current, dt = 15.205, 0.06, 1e-5
-    _, *row = interval(omega, k, B, C, S, OMEGA_S, law, [dt], [current], 0, 1)
+    _, *row = interval(omega, k, FrictionCurve(B, C, S, OMEGA_S, law), Pieces([0.0], [dt], [current]), 0, 1)
     h = 1e-6
 
     def drift(w: float, b: float, c: float, s: float) -> float:
@@ -206,8 +207,8 @@ def test_over_a_short_time_the_flow_is_one_euler_step(law: int, omega: float) ->
 def test_at_a_crossing_the_sensitivity_is_multiplied_by_the_saltation_factor(way: float) -> None:
     """With b = 0 and s = c the flow through zero is two straight lines: its exact derivatives come out."""
     omega, drive, c, duration = 0.4, -2.0, 0.6, 0.5
-    crossing = omega / (2.0 + c)
-    end, to_omega, to_drive, _, to_c, to_s = flow(way * omega, way * drive, 0.0, c, c, OMEGA_S, GAUSS, duration)
+    crossing, curve = omega / (2.0 + c), FrictionCurve(0.0, c, c, OMEGA_S, GAUSS)
+    end, to_omega, to_drive, _, to_c, to_s = flow(way * omega, way * drive, curve, duration)
     after = duration - crossing
     assert end == pytest.approx(way * (drive + c) * after, rel=1e-9)
     assert to_omega == pytest.approx((2.0 - c) / (2.0 + c), rel=1e-9)
@@ -218,16 +219,16 @@ def test_at_a_crossing_the_sensitivity_is_multiplied_by_the_saltation_factor(way
 
 def test_a_wheel_that_ends_stuck_has_no_sensitivity() -> None:
     """Where the wheel comes to rest and is held, no small change of anything moves it."""
-    assert flow(0.05, 0.3, B, C, S, OMEGA_S, GAUSS, 1.0) == (0.0,) * 6
-    assert flow(0.0, 0.6, B, C, S, OMEGA_S, GAUSS, 1.0) == (0.0,) * 6
+    assert flow(0.05, 0.3, FrictionCurve(B, C, S, OMEGA_S, GAUSS), 1.0) == (0.0,) * 6
+    assert flow(0.0, 0.6, FrictionCurve(B, C, S, OMEGA_S, GAUSS), 1.0) == (0.0,) * 6
 
 
 @pytest.mark.parametrize("drive", [0.0, 0.7, -3.0])
 @pytest.mark.parametrize("omega", [0.0, 1e-300, -5e-324, 1e-9])
 def test_speeds_of_almost_nothing_are_like_zero(omega: float, drive: float) -> None:
     """A subnormal speed is no trap: the result is that of a wheel at rest."""
-    rest = flow(0.0, drive, B, C, S, OMEGA_S, GAUSS, 0.1)[0]
-    assert flow(omega, drive, B, C, S, OMEGA_S, GAUSS, 0.1)[0] == pytest.approx(rest, abs=1e-8)
+    rest = flow(0.0, drive, FrictionCurve(B, C, S, OMEGA_S, GAUSS), 0.1)[0]
+    assert flow(omega, drive, FrictionCurve(B, C, S, OMEGA_S, GAUSS), 0.1)[0] == pytest.approx(rest, abs=1e-8)
 
 
 def test_a_push_that_exceeds_break_away_by_rounding_is_harmless() -> None:
@@ -235,7 +236,7 @@ def test_a_push_that_exceeds_break_away_by_rounding_is_harmless() -> None:
     rng = np.random.default_rng(7)
     for c, excess in rng.uniform((0.1, -0.1), (2.0, 0.1), (3000, 2)):
         s = float(c + excess)
-        end = flow(0.0, math.nextafter(s, 9.0), B, float(c), s, OMEGA_S, GAUSS, 0.1)[0]
+        end = flow(0.0, math.nextafter(s, 9.0), FrictionCurve(B, float(c), s, OMEGA_S, GAUSS), 0.1)[0]
         assert 0.0 <= end < 1e-9
 
 
@@ -249,7 +250,7 @@ def test_parameters_gone_wild_end_soon_in_finite_numbers() -> None:
         drive, b, c, s = (float(v) for v in rng.choice(values, 4))
         duration_s = float(rng.choice([1e-6, 1e-3, 0.1, 1.0, 3600.0]))
         found: list[float] = []
-        lines = lines_of(lambda: found.extend(flow(omega, drive, b, c, s, OMEGA_S, law, duration_s)))  # noqa: B023
+        lines = lines_of(lambda: found.extend(flow(omega, drive, FrictionCurve(b, c, s, OMEGA_S, law), duration_s)))  # noqa: B023
         assert all(math.isfinite(v) for v in found), (omega, drive, b, c, s, law)
         assert lines < MOST_LINES, (omega, drive, b, c, s, law)
 
@@ -264,7 +265,9 @@ def test_pieces_of_current_chain_by_the_chain_rule(duration: float) -> None:
         middle = run((x[0], x[1] * current[0], *x[2:]), GAUSS, durations[0])[0]
         return run((middle, x[1] * current[1], *x[2:]), GAUSS, durations[1])[0]
 
-    found, *row = interval(at[0], k, B, C, S, OMEGA_S, GAUSS, durations, current, 0, 2)
+    found, *row = interval(
+        at[0], k, FrictionCurve(B, C, S, OMEGA_S, GAUSS), Pieces([0.0, duration], durations, current), 0, 2
+    )
     assert found == end(at)
     for j, value in enumerate(row):
         up, down = list(at), list(at)

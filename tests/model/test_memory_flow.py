@@ -22,7 +22,7 @@ from rw_ekf.model import flow as propagation
 from rw_ekf.model import friction as model_friction
 from rw_ekf.model import memory_flow
 from rw_ekf.model.flow import flow
-from rw_ekf.model.friction import GAUSS, LAW_CODES
+from rw_ekf.model.friction import GAUSS, LAW_CODES, FrictionCurve
 from rw_ekf.model.memory_flow import BRISTLE, LAG, Wheel, bristle_flow, lag_flow
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
@@ -55,7 +55,8 @@ class Case(NamedTuple):
 def run(kind: int, case: Case, duration: float) -> tuple[float, float]:
     """The flow of either effect."""
     effect = FrictionLag if kind == LAG else PreslidingHysteresis
-    return effect.flow(*case, DAMPING, 0.0, 0.0, duration)
+    curve = FrictionCurve(case.b, case.c, case.s, case.omega_s, case.law)
+    return effect.flow(case.omega, case.memory, case.drive, curve, case.size, DAMPING, 0.0, 0.0, duration)
 
 
 def exact(kind: int, case: Case, duration: float) -> tuple[float, float]:
@@ -171,7 +172,8 @@ def test_a_short_memory_is_none(effect: str) -> None:
         case = draw(rng, KINDS[effect])
         settled = math.copysign(C, case.omega) if case.omega != 0.0 else min(max(case.drive, -S), S)
         case = case._replace(memory=settled)
-        plain = flow(case.omega, case.drive, case.b, case.c, case.s, case.omega_s, case.law, 0.1, False)[0]
+        curve = FrictionCurve(case.b, case.c, case.s, case.omega_s, case.law)
+        plain = flow(case.omega, case.drive, curve, 0.1, False)[0]
         far, near = (abs(run(KINDS[effect], case._replace(size=size), 0.1)[0] - plain) for size in shrinking)
         assert far < 5e-3
         assert near < 5e-5
@@ -187,7 +189,7 @@ def test_far_from_zero_a_settled_memory_changes_nothing(effect: str) -> None:
     """A fast wheel that has long turned one way moves as in the model without a memory, to rounding."""
     for omega, drive in ((150.0, -2.0), (-40.0, 0.0), (3.0, 5.0)):
         case = Case(omega, math.copysign(C, omega), drive, B, C, S, OMEGA_S, GAUSS, 0.1)
-        plain = flow(omega, drive, B, C, S, OMEGA_S, GAUSS, 0.5, False)[0]
+        plain = flow(omega, drive, FrictionCurve(B, C, S, OMEGA_S, GAUSS), 0.5, False)[0]
         assert run(KINDS[effect], case, 0.5) == pytest.approx((plain, case.memory), rel=1e-14)
 
 

@@ -127,7 +127,7 @@ def test_a_restarted_clock_raises_nothing(segment_s: float) -> None:
     run = simulated(drawn_wheel(4, 0.3), time_s, current_A, 4)
     constants, done = filtered(run)
     watch = watch_of(constants)
-    assert constants.omega_s == OMEGA_S
+    assert constants.stribeck.omega_s == OMEGA_S
     said = []
     for tick in stream(run, constants, done):
         sample = tick.sample

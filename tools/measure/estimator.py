@@ -37,7 +37,7 @@ from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.simulation import simulate, stretches
 from rw_ekf.likelihood.log_fit import fit_log
 from rw_ekf.likelihood.noise_posterior import NoisePosterior
-from rw_ekf.model.friction import GAUSS
+from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
@@ -106,7 +106,9 @@ def prior_for(seed: int) -> Belief:
 def bounds_of(run: Run, noise_rpm: float) -> Float64Array:
     """Cramer-Rao standard deviations of k, b, c, s, (4,); the first speed is unknown."""
     runs = stretches(run.course, 2.0)
-    _, jacobian = simulate(run.course, runs, run.speed_rad_s[:1], CK13_STATISTICAL, OMEGA_S, GAUSS, with_jacobian=True)
+    _, jacobian = simulate(
+        run.course, runs, run.speed_rad_s[:1], CK13_STATISTICAL, Stribeck(OMEGA_S, GAUSS), with_jacobian=True
+    )
     scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     information = (jacobian / scale).T @ (jacobian / scale)
     bounds = np.sqrt(np.diag(np.linalg.pinv(information, rcond=1e-13))) / scale * noise_rpm * RAD_S_PER_RPM
@@ -291,7 +293,7 @@ def measure_kernel(advance: tqdm[Any]) -> list[Row]:
         time_s, current_A = long_run(name)
         runs = stretches(Course.of(time_s, np.zeros(MILLION), current_A), math.inf)
         course = Course.of(time_s, np.zeros(MILLION), current_A)
-        speed, _ = simulate(course, runs, np.zeros(1), CK13_STATISTICAL, OMEGA_S, GAUSS)
+        speed, _ = simulate(course, runs, np.zeros(1), CK13_STATISTICAL, Stribeck(OMEGA_S, GAUSS))
         reading = speed + RAD_S_PER_RPM * np.random.default_rng(1).standard_normal(MILLION)
         course = Course.of(time_s, reading, current_A)
         best = math.inf

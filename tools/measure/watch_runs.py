@@ -150,7 +150,7 @@ def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterat
 def watch_of(constants: FilterConstants, knobs: WatchKnobs | None = None) -> WheelWatch:
     """The daemon's watch for these constants."""
     about = WatchedFilter(
-        constants.speed_variance, constants.acceleration_noise, constants.omega_s, 1.0 / RATE_HZ, INERTIA_KG_M2
+        constants.speed_variance, constants.acceleration_noise, constants.stribeck.omega_s, 1.0 / RATE_HZ, INERTIA_KG_M2
     )
     return WheelWatch(about, WatchKnobs() if knobs is None else knobs)
 

@@ -10,16 +10,17 @@ import numpy as np
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
+from rw_ekf.model.friction import Stribeck
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
+from rw_ekf.wheel.interval import Interval
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet, EffectTable
 
 
 def _run_ahead(
     table: EffectTable,
-    omega_s: float,
-    law: int,
+    stribeck: Stribeck,
     course: Course,
     states: Float64Array,
     first: Int64Array,
@@ -29,8 +30,7 @@ def _run_ahead(
 ) -> None:
     """Simulate from states (m, n) at samples first (m,) to last (m,): ends (m,), and path (n,) if it is not empty."""
     time_s, temperature, angle = course.time_s, course.temperature_degC, course.angle_rad
-    begins, durations, currents = course.pieces
-    piece_start, first_piece = course.piece_start, course.first_piece
+    pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     keep = path.size > 0
     row = np.zeros(table.size)
     state = np.zeros(table.size)
@@ -40,10 +40,10 @@ def _run_ahead(
         if keep:
             path[first[j]] = state[0]
         for i in range(first[j], last[j]):
-            effect_interval(
-                state, table, omega_s, law, time_s[i], time_s[i + 1], temperature[i], angle[i], begins, durations,
-                currents, first_piece[i], piece_start[i], durations.size, False, row, ended,
-            )  # fmt: skip
+            interval = Interval(
+                time_s[i], time_s[i + 1], temperature[i], angle[i], first_piece[i], piece_start[i], piece_start[i + 1]
+            )
+            effect_interval(state, table, stribeck, pieces, interval, False, row, ended)
             state[:] = ended
             if keep:
                 path[i + 1] = state[0]
@@ -53,7 +53,7 @@ def _run_ahead(
 def _example() -> tuple[Any, ...]:
     series, numbers = np.zeros(0), np.zeros(0, np.int64)
     return (
-        NO_EFFECTS.table(), 1.0, 0, Course.of(series, series, series), np.zeros((0, 5)), numbers, numbers,
+        NO_EFFECTS.table(), Stribeck(1.0, 0), Course.of(series, series, series), np.zeros((0, 5)), numbers, numbers,
         series, series,
     )  # fmt: skip
 
@@ -75,5 +75,5 @@ def simulate_ahead(
     """Speeds [rad/s] at samples last (m,) from states (m, n) at first (m,); with keep_path also the way, (n,)."""
     ends = np.zeros(first.size)
     path = np.full(course.samples if keep_path else 0, np.nan)
-    run_ahead(effects.table(), omega_s, law, course, states, first, last, ends, path)
+    run_ahead(effects.table(), Stribeck(omega_s, law), course, states, first, last, ends, path)
     return ends, path
