@@ -227,10 +227,10 @@ def _remarks(course: Course, log: WheelLog, setup: FilterSetup, statistics: RunS
 
 def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object]) -> FilterRun:
     """Run the daemon's loop over the log and collect what the compiled pass would have left."""
+    from rw_ekf.attach import replay_wheel
     from rw_ekf.filter.estimator import Estimator
     from rw_ekf.live.loop import command_of_record, readings_of_record, run_loop
     from rw_ekf.sinks.sinks import ArraySink
-    from rw_ekf.wheels import replay_wheel
 
     estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
     driver = replay_wheel(rows_of_log(log), log.name)

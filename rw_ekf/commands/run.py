@@ -61,17 +61,17 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
     from rw_ekf.live.stop_signal import StopSignal
 
     with StopSignal() as stop:
+        from rw_ekf.attach import checked_protocol
         from rw_ekf.clock import SystemClock
         from rw_ekf.commands.inputs import read_wheel_model
         from rw_ekf.console import abandon_output, logger
         from rw_ekf.live.daemon import run_daemon
-        from rw_ekf.wheels import check_wire
 
-        wire_map = check_wire(configuration)
+        protocol = checked_protocol(configuration)
         model = read_wheel_model(args.model, configuration)
         clock = SystemClock()
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
-        outcome = run_daemon(configuration, wire_map, model, args.duration, log, stop, clock)
+        outcome = run_daemon(configuration, protocol, model, args.duration, log, stop, clock)
         warnings = _warnings(outcome)
         try:
             _print(outcome, warnings, json=args.json)

@@ -44,12 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb until a signal; raises RwEkfError."""
     from drivers.sim.plant_parameters import PlantNoise
-    from drivers.sim.pty_server import serve_simulated_wheel
+    from rw_ekf.attach import load_protocol, plant_of
     from rw_ekf.commands.inputs import read_configuration
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
     from rw_ekf.units import rad_s_from_rpm
-    from rw_ekf.wheels import load_wire_map, plant_of
 
     if not 0.0 < args.speed_factor <= 1000.0:
         raise BadInputError(f"--speed-factor {args.speed_factor:g}: give a number above 0, up to 1000")
@@ -65,7 +64,7 @@ def execute(args: argparse.Namespace) -> int:
             rad_s_from_rpm(configuration.simulation.speed_noise_rpm),
             rad_s_from_rpm(configuration.simulation.acceleration_noise_rpm_per_sqrt_s),
         )
-    wire_map = load_wire_map(configuration.wheel.protocol if configuration is not None else "sunspace-wheel")
+    protocol = load_protocol(configuration.wheel.protocol if configuration is not None else "sunspace-wheel")
 
     def ready(device: str) -> None:
         if args.json:
@@ -84,8 +83,7 @@ def execute(args: argparse.Namespace) -> int:
             sys.stdout.write(f"simulated wheel at {args.link} ({device}); Ctrl-C ends it\n")
             sys.stdout.flush()
 
-    serve_simulated_wheel(
-        wire_map,
+    protocol.serve(
         plant,
         args.link,
         seed=args.seed,

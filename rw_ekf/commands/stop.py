@@ -72,20 +72,20 @@ def execute(args: argparse.Namespace) -> int:
 
 def _open(line: LineConfiguration, report: HolderReport, clock: Clock) -> WheelDriver:
     """The wheel's line, for ourselves, or beside a daemon that is still there. Raises RwEkfError with what was done."""
+    from rw_ekf.attach import load_protocol, opener
     from rw_ekf.errors import ConfigError, DriverError
     from rw_ekf.live.holder import others_with
-    from rw_ekf.wheels import load_wire_map, serial_opener
 
     configuration = line.configuration
     port = configuration.wheel.port
     try:
-        wire_map = load_wire_map(configuration.wheel.protocol)
+        protocol = load_protocol(configuration.wheel.protocol)
     except ConfigError as error:
         said = f"{port}: {_done(report)}zero could not be written, because the wire map cannot be used{_still(report)}"
         raise ConfigError([*error.findings, said]) from None
     # Without a probe: zero goes out even where the wheel's answers are lost.
     try:
-        return serial_opener(configuration, wire_map, clock, probe=False, exclusive=not report.remaining)(None)
+        return opener(configuration, protocol, clock, probe=False, exclusive=not report.remaining)(None)
     except DriverError as error:
         others = "".join(f"; it is open in {other}" for other in others_with(port))
         raise DriverError(f"{_done(report)}zero could not be written: {error}{others}{_still(report)}") from None

@@ -29,7 +29,7 @@ from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.numbers import plus_minus
-from rw_ekf.records import Clock, LinkCounters, Reading, Sink
+from rw_ekf.records import Clock, LinkCounters, Reading, Sink, WheelProtocol
 from rw_ekf.sinks.sign_sink import SignSink
 from rw_ekf.sinks.sinks import LogSink, StateFileSink, StatisticsSink, SyncSink, Unwritten
 from rw_ekf.sinks.status_line import StatusLine
@@ -40,7 +40,6 @@ from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
 
 if TYPE_CHECKING:
-    from drivers.line.wire_map import WireMap
     from rw_ekf.settings.schema import Configuration
 
 
@@ -100,7 +99,7 @@ class RunOutcome:
 
 def run_daemon(
     configuration: Configuration,
-    wire_map: WireMap,
+    protocol: WheelProtocol,
     model: WheelModel | None,
     duration_s: float | None,
     logger: Any,
@@ -111,7 +110,7 @@ def run_daemon(
 
     Zero current is sent on every way out; `stop` ends the run in order.
     """
-    from rw_ekf.wheels import scale_places, serial_opener
+    from rw_ekf.attach import opener
 
     began = clock.utc()
     if model is not None:
@@ -127,7 +126,7 @@ def run_daemon(
     watch = alarm_watch_of(configuration, estimator.constants, setup.inertia_kg_m2, logger, clock)
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port, clock))
-        resolution, noise = wire_map.speed_step_rad_s, estimator.constants.speed_variance**0.5
+        resolution, noise = protocol.limits.speed_step_rad_s, estimator.constants.speed_variance**0.5
         stribeck = estimator.constants.stribeck
         stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *stribeck)
         check = TelemetryCheck(
@@ -137,7 +136,7 @@ def run_daemon(
             writes=writes,
         )
         live = LiveWheel(
-            serial_opener(configuration, wire_map, clock),
+            opener(configuration, protocol, clock),
             SafetyLimits.of(configuration.limits),
             configuration.loop.rate_hz,
             stop,
@@ -149,7 +148,7 @@ def run_daemon(
         )
         sign = SignSink(
             SignWatch(setup.prior.parameters, stribeck.omega_s, max(resolution, noise)),
-            lambda: scale_places(configuration.wheel.protocol),
+            protocol.scale_places,
             expectation_of(configuration, model),
             halt=live.halt if writes else None,
             found=check.found,

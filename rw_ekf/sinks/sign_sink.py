@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from rw_ekf.errors import ConfigError
 from rw_ekf.numbers import plus_minus
 from rw_ekf.records import Tick
 from rw_ekf.watch.sign_watch import SignWatch
@@ -20,7 +19,7 @@ class SignSink:
     def __init__(
         self,
         watch: SignWatch,
-        places: Callable[[], dict[str, str]],
+        places: Mapping[str, str],
         expectation: str,
         *,
         halt: Callable[[str], None] | None,
@@ -83,8 +82,5 @@ class SignSink:
         )
 
     def _scales(self) -> tuple[str, str]:
-        try:
-            places = self._places()
-        except (ConfigError, OSError):  # the map was there at the start; its name is in the configuration
-            places = {}
+        places = self._places
         return places.get("speed", "the scale of speed"), places.get("current", "the scale of current_command")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from drivers.line.framing import Frame, decode, encode
+from drivers.line.register_protocol import RegisterProtocol
 from drivers.line.registers import decode_register, is_plausible
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
@@ -93,7 +94,7 @@ def test_the_daemon_goes_on(
     float_map: WireMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: float
 ) -> None:
     """In mid-run: every other sample is there, counted, logged, and the log reads."""
-    monkeypatch.setattr("tests.live.daemon.check_wire", lambda configuration: float_map)
+    monkeypatch.setattr("tests.live.daemon.checked_protocol", lambda configuration: RegisterProtocol(float_map))
     with served_wheel(tmp_path) as bench:
         bench.registers.wire_map = float_map
         bench.recorder.fault = with_value(name, number, from_cycle=8)

@@ -18,13 +18,15 @@ from typing import Any
 import yaml
 
 from drivers.line.framing import Frame
+from drivers.line.wire_map import WireMap, wire_map_from_mapping
 from drivers.sim import link_faults
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.pty_server import PtyServer
 from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from rw_ekf.settings.resources import protocol_path
+from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheels import load_wire_map
 from tests.contract import check_document
 
 ROOT = Path(__file__).parents[2]
@@ -117,6 +119,12 @@ def write_config(directory: Path, port: str, **changes: dict[str, Any]) -> Path:
     return path
 
 
+def wire_map_of(protocol: str) -> WireMap:
+    """A wire map by a name from config/ or a path."""
+    document = load_yaml(protocol_path(protocol))
+    return wire_map_from_mapping(document.data, document.where)
+
+
 @contextmanager
 def served_wheel(
     directory: Path,
@@ -131,9 +139,7 @@ def served_wheel(
     plant = PlantRunner(
         PlantParameters(), PlantNoise(noise_rpm * RAD_S_PER_RPM), 5, PlantState(speed_rad_s=initial_speed_rad_s)
     )
-    registers = RegisterServer(
-        load_wire_map("sunspace-wheel"), plant, manipulate=recorder, first_uptime_s=first_uptime_s
-    )
+    registers = RegisterServer(wire_map_of("sunspace-wheel"), plant, manipulate=recorder, first_uptime_s=first_uptime_s)
     bench = Bench(directory, registers, recorder, link)
     bench.plug()
     try:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import SystemClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.live.daemon import RunOutcome, run_daemon
@@ -15,7 +16,6 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.settings.load import load_configuration
-from rw_ekf.wheels import check_wire
 from tests.live.bench import Bench
 
 Event = tuple[float, Callable[[], object]]
@@ -62,7 +62,7 @@ def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = N
         thread.start()
         try:
             outcome = run_daemon(
-                configuration, check_wire(configuration), model, duration_s, notes, stop, SystemClock()
+                configuration, checked_protocol(configuration), model, duration_s, notes, stop, SystemClock()
             )
         finally:
             over.set()

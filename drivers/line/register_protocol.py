@@ -1,0 +1,81 @@
+"""Wheels that are read and commanded through registers, as a wire map describes them (docs/wire-protocol.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
+from rw_ekf.records import Clock, WheelDriver, WireLimits
+
+
+class RegisterProtocol:
+    """A WheelProtocol over a wire map."""
+
+    def __init__(self, wire_map: WireMap, scale_places: Mapping[str, str] | None = None) -> None:
+        """scale_places: where the scales of "speed" and "current" stand, for whoever finds one wrong."""
+        self.wire_map = wire_map
+        self.scale_places = scale_places if scale_places is not None else {}
+
+    @property
+    def limits(self) -> WireLimits:
+        """What the registers can carry."""
+        told = [field for register in self.wire_map.readable() for field in register.fields]
+        return WireLimits(
+            current_A=self.wire_map.current_range_A,
+            speed_rad_s=self.wire_map.speed_range_rad_s,
+            speed_step_rad_s=self.wire_map.speed_step_rad_s,
+            hottest_degC=max((field.si_range[1] for field in told if field.name == "temperature"), default=None),
+            tells_current=any(field.name in ("current_command", "current") for field in told),
+        )
+
+    def open_wheel(
+        self,
+        port: str,
+        clock: Clock,
+        reply_timeout_s: float,
+        *,
+        baud: int | None = None,
+        probe: bool = True,
+        exclusive: bool = True,
+        previous: WheelDriver | None = None,
+    ) -> WheelDriver:
+        """Open a wheel on a serial port, as `open_serial_wheel`."""
+        return open_serial_wheel(
+            port,
+            self.wire_map,
+            clock,
+            reply_timeout_s,
+            baud=baud,
+            probe=probe,
+            exclusive=exclusive,
+            previous=previous if isinstance(previous, SerialWheel) else None,
+        )
+
+    def serve(self, plant: Any, link_path: str, **options: Any) -> None:
+        """Serve a simulated wheel with these registers, as `drivers.sim.pty_server.serve_simulated_wheel`."""
+        from drivers.sim.pty_server import serve_simulated_wheel
+
+        serve_simulated_wheel(self.wire_map, plant, link_path, **options)
+
+
+def protocol_of(data: Mapping[str, object], where: Where) -> RegisterProtocol:
+    """Make the protocol of a wire map's content. Raises ConfigError with every finding."""
+    content = {key: value for key, value in data.items() if key != "family"} if isinstance(data, Mapping) else data
+    wire_map = wire_map_from_mapping(content, where)
+    return RegisterProtocol(wire_map, _scale_places(wire_map, where))
+
+
+def _scale_places(wire_map: WireMap, where: Where) -> dict[str, str]:
+    """Where the scales of speed and current stand: file:line and register."""
+    places = {}
+    for word, register, name in (
+        ("speed", wire_map.speed_register, "speed"),
+        ("current", wire_map.current_command, wire_map.current_command.fields[0].name),
+    ):
+        at = wire_map.registers.index(register)
+        field = [f.name for f in register.fields].index(name)
+        place = where(("registers", at, "fields", field, "scale")).rsplit(":", 1)[0]
+        places[word] = f"{place} (scale of {name} in register {register.name})"
+    return places

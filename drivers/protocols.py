@@ -1,0 +1,29 @@
+"""The registry of wire protocols: the `family` of a file in config/ names the module that speaks it.
+
+Such a module has `protocol_of(data, where)`, which checks the file's content and returns what opens such a wheel.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+
+from rw_ekf.errors import ConfigError
+from rw_ekf.records import WheelProtocol
+
+FAMILIES = {"registers": "drivers.line.register_protocol"}
+USUAL_FAMILY = "registers"
+
+Where = Callable[[tuple[str | int, ...]], str]
+
+
+def protocol_of(data: object, where: Where) -> WheelProtocol:
+    """Return the protocol that a file's content describes. Raises ConfigError with every finding.
+
+    where: turns a path like ("registers", 3, "id") into "file:line:column".
+    """
+    family = data.get("family", USUAL_FAMILY) if isinstance(data, Mapping) else USUAL_FAMILY
+    if family not in FAMILIES:
+        raise ConfigError([f"{where(('family',))}: family is {family!r}; there are {', '.join(sorted(FAMILIES))}"])
+    made: WheelProtocol = importlib.import_module(FAMILIES[family]).protocol_of(data, where)
+    return made

@@ -1,0 +1,111 @@
+"""What a run is attached to; the only module that picks a driver: a wheel on a line, a record, a simulated wheel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from rw_ekf.errors import ConfigError
+from rw_ekf.records import Clock, IssuedCommand, WheelDriver, WheelProtocol, WheelSample, WireLimits
+from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
+
+if TYPE_CHECKING:
+    from drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.settings.schema import Configuration
+
+
+def load_protocol(name: str) -> WheelProtocol:
+    """Wire protocol by a name from config/ or a path. Raises ConfigError with every finding."""
+    from drivers.protocols import protocol_of
+    from rw_ekf.settings.resources import protocol_path
+    from rw_ekf.settings.yaml_loader import load_yaml
+
+    document = load_yaml(protocol_path(name))
+    return protocol_of(document.data, document.where)
+
+
+def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tuple[str, ...], str]]:
+    """What the wire cannot carry, as (keys, finding): a limit that could never be sent or seen, a missing value."""
+    found: list[tuple[tuple[str, ...], str]] = []
+    the_map = f"the wire map {configuration.wheel.protocol!r}"
+    limits = configuration.limits
+
+    def too_wide(key: str, unit: str, limit: float, carried: str, low: float, high: float) -> None:
+        if limit > high or -limit < low:
+            text = f"limits.{key} is {limit:g} {unit}, but {the_map} carries {carried} from {low:g} to {high:g} {unit}"
+            found.append((("limits", key), f"{text}: lower the limit."))
+
+    too_wide("current_A", "A", limits.current_A, "commands", *wire.current_A)
+    too_wide("speed_rpm", "rpm", limits.speed_rpm, "speeds", *(rpm_from_rad_s(v) for v in wire.speed_rad_s))
+    if configuration.command.profile == "none" and not wire.tells_current:
+        text = f"command.profile is none, but {the_map} has no current_command or current in its telemetry"
+        found.append((("command", "profile"), f"{text}: without one of them it is not known what drives the wheel."))
+    too_hot = f"limits.temperature_degC is {limits.temperature_degC:g} degC, but {the_map}"
+    if wire.hottest_degC is None and "temperature_degC" in limits.model_fields_set:
+        text = f"{too_hot} has no temperature in its telemetry, so that it could not be kept: drop the limit, or add "
+        found.append((("limits", "temperature_degC"), f"{text}the register to the map."))
+    if wire.hottest_degC is not None and limits.temperature_degC > wire.hottest_degC:
+        text = f"{too_hot} carries temperatures up to {wire.hottest_degC:g} degC: lower the limit."
+        found.append((("limits", "temperature_degC"), text))
+    return found
+
+
+def checked_protocol(configuration: Configuration) -> WheelProtocol:
+    """Wire protocol of a configuration; raises ConfigError where it cannot carry what the configuration asks for."""
+    protocol = load_protocol(configuration.wheel.protocol)
+    found = beyond_wire(configuration, protocol.limits)
+    if found:
+        raise ConfigError([text for _, text in found])
+    return protocol
+
+
+def opener(
+    configuration: Configuration, protocol: WheelProtocol, clock: Clock, *, probe: bool = True, exclusive: bool = True
+) -> Callable[[WheelDriver | None], WheelDriver]:
+    """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
+
+    probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
+    where its answers do not come through. exclusive: False writes beside a process that has locked the port.
+    """
+
+    def open_wheel(lost: WheelDriver | None) -> WheelDriver:
+        return protocol.open_wheel(
+            configuration.wheel.port,
+            clock,
+            1e-3 * configuration.loop.reply_timeout_ms,
+            baud=configuration.wheel.baud,
+            probe=probe and lost is None,
+            exclusive=exclusive,
+            previous=lost,
+        )
+
+    return open_wheel
+
+
+def replay_wheel(rows: Iterable[tuple[WheelSample, IssuedCommand]], name: str) -> WheelDriver:
+    """Return a logged run as a wheel."""
+    from drivers.replay_wheel import ReplayWheel
+
+    return ReplayWheel(rows, name)
+
+
+def plant_of(configuration: Configuration | None, effects: list[str]) -> PlantParameters:
+    """Truth of the simulated wheel: the configuration's `simulation` and `wheel`, then effects ("ID:name=value")."""
+    from drivers.sim.plant_effect_text import parse_effects
+    from drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
+
+    plant = PlantParameters()
+    listed: list[str] = []
+    if configuration is not None:
+        truth = configuration.simulation
+        plant = plant._replace(
+            motor_gain=truth.motor_gain,
+            viscous=truth.viscous,
+            coulomb=truth.coulomb,
+            static=truth.static,
+            ambient_degC=truth.ambient_degC,
+            stribeck_speed_rad_s=rad_s_from_rpm(configuration.wheel.stribeck_speed_rpm),
+            stribeck_law=STRIBECK_LAWS[configuration.wheel.stribeck_law],
+        )
+        listed = list(truth.effects)
+    return parse_effects([*listed, *effects], plant)
