@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 FILTER = ("rw_ekf.filter.kernel:filter_pass",)
 EFFECTS = ("rw_ekf.filter.kernel:filter_pass_with_effects",)
-LEAST_SQUARES = ("rw_ekf.identify.simulation:simulate_stretch",)
+LEAST_SQUARES = ("rw_ekf.course.free_run:run_free",)
 SMOOTHER = ("rw_ekf.filter.smoother:smooth_pass",)
 _ONE_STEP = ("rw_ekf.likelihood.one_step:one_step_pass",)
-_AHEAD = ("rw_ekf.diagnosis.judge.ahead:run_ahead",)
+_AHEAD = ("rw_ekf.course.free_run:run_free_with_effects",)
 _LIKELIHOOD = tuple(f"rw_ekf.likelihood.whitening:{name}" for name in ("whiten", "smooth", "adjoint"))
 FIT = (*FILTER, *LEAST_SQUARES, *SMOOTHER, *_LIKELIHOOD, *_ONE_STEP)  # and the judgement of a residual
 DIAGNOSIS = (*FIT, *EFFECTS, *_AHEAD)

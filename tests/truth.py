@@ -16,12 +16,13 @@ from numba import njit
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
+from rw_ekf.course.free_run import free_run
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, filter_constants
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.identify.simulation import simulate, stretches
 from rw_ekf.model.friction import LAW_CODES, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.table import NO_EFFECTS
 
 OMEGA_S = 4.0 * RAD_S_PER_RPM
 FINE_STEP_S = 2.0e-4
@@ -187,13 +188,16 @@ def prior_drawn_around(truth: FrictionParameters, seed: int, share: float = 0.5)
     return Belief(mean, DEFAULT_PRIOR.covariance.copy())
 
 
+def sensitivity(course: Course, first_speed_rad_s: float, parameters: FrictionParameters, law: str) -> Float64Array:
+    """Slopes of a whole free run by its first speed and the four parameters, (n, 5)."""
+    start, stribeck = np.array([[first_speed_rad_s, *parameters]]), Stribeck(OMEGA_S, LAW_CODES[law])
+    first, last = np.array([0]), np.array([course.samples - 1])
+    return free_run(course, NO_EFFECTS, stribeck, start, first, last, with_jacobian=True).jacobian
+
+
 def cramer_rao_std(run: Run, noise_rpm: float, law: str = "gauss") -> Float64Array:
     """Lower bound of the standard deviations of k, b, c, s from one run, its first speed unknown, no prior."""
-    runs = stretches(run.course, 2.0)
-    _, jacobian = simulate(
-        run.course, runs, run.speed_rad_s[:1], run.parameters, Stribeck(OMEGA_S, LAW_CODES[law]), with_jacobian=True
-    )
-    return bound_from(jacobian, noise_rpm)
+    return bound_from(sensitivity(run.course, run.speed_rad_s[0], run.parameters, law), noise_rpm)
 
 
 def cramer_rao_std_fine(run: Run, noise_rpm: float, law: str = "gauss") -> Float64Array:

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.course import Course
+from rw_ekf.course.free_run import FreeRun, Stretch, free_run, stretches
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.identify.simulation import Stretch, simulate, stretches
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.wheel.table import NO_EFFECTS
 
 _MAX_ITERATIONS = 60
 _STEP_TOLERANCE = 1.0e-3  # in standard deviations of the estimate
@@ -98,14 +99,17 @@ class _Problem:
         self.prior_root = factor.T  # upper triangular, root' root = P_0^-1   [CK13 (7)]
         self.weight = 1.0 / math.sqrt(constants.speed_variance)
 
+    def run(self, p: Float64Array, omega_0: Float64Array, *, with_jacobian: bool = False) -> FreeRun:
+        """Every stretch from its own first speed, under one set of parameters."""
+        first, last = np.array(self.runs, dtype=np.int64).reshape(-1, 2).T
+        states = np.column_stack((omega_0, np.tile(p, (len(self.runs), 1))))
+        return free_run(
+            self.course, NO_EFFECTS, self.constants.stribeck, states, first, last - 1,
+            keep_path=True, with_jacobian=with_jacobian,
+        )  # fmt: skip
+
     def evaluate(self, p: Float64Array, omega_0: Float64Array) -> _Point:
-        simulated, _ = simulate(
-            self.course,
-            self.runs,
-            omega_0,
-            FrictionParameters(*p),
-            self.constants.stribeck,
-        )
+        simulated = self.run(p, omega_0).path_rad_s
         with np.errstate(over="ignore", invalid="ignore"):  # a step too far: its loss counts as infinite
             r = (self.course.speed_rad_s - simulated)[self.used] * self.weight
             a = self.prior_root @ (self.prior_mean - p)
@@ -114,10 +118,7 @@ class _Problem:
 
     def linearise(self, at: _Point) -> tuple[list[_Linearised], Float64Array, Float64Array]:
         """QR of every stretch, then the stacked triangular system: (stretches, R (4, 4), z (4,))."""
-        simulated, jacobian = simulate(
-            self.course, self.runs, at.omega_0, FrictionParameters(*at.p), self.constants.stribeck,
-            with_jacobian=True,
-        )  # fmt: skip
+        _, simulated, jacobian = self.run(at.p, at.omega_0, with_jacobian=True)
         self.advance()
         parts = []
         stack = [np.column_stack((self.prior_root, self.prior_root @ (self.prior_mean - at.p)))]

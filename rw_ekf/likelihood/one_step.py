@@ -22,7 +22,7 @@ from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
 from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
-from rw_ekf.wheel.interval import Interval
+from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
@@ -67,7 +67,6 @@ def _one_step_pass(
     A memory is carried on from the interval before where its reference is NaN. Slopes are statistical near zero, over
     the spreads of the reference; `out` has no rows of slopes, or of rows, where they are not wanted.
     """
-    time_s, temperature, angle = course.time_s, course.temperature_degC, course.angle_rad
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     speed, spread, memory, memory_spread = reference
     end, memory_end, slopes, bend, rows = out
@@ -86,7 +85,7 @@ def _one_step_pass(
     near_zero_speed = FAST_STRIBECK_SPEEDS * omega_s
     if table.stribeck_at >= 0:
         near_zero_speed = max(near_zero_speed, FAST_STRIBECK_SPEEDS * x[table.stribeck_at])
-    for i in range(time_s.size - 1):
+    for i in range(course.time_s.size - 1):
         if not follows[i + 1]:
             continue
         state[0] = speed[i]
@@ -97,9 +96,7 @@ def _one_step_pass(
                 state[at] = math.copysign(x[3], speed[i]) if abs(speed[i]) > omega_s else 0.0
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
-        interval = Interval(
-            time_s[i], time_s[i + 1], temperature[i], angle[i], first_piece[i], piece_start[i], piece_start[i + 1]
-        )
+        interval = interval_after(course, i)
         near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
         written = analytic or (differentiable and not near)
         effect_interval(state, table, stribeck, pieces, interval, written, row, ended)

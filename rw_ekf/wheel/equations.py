@@ -21,6 +21,7 @@ make_jitable(
         flow._time_to_stop,
         flow.slip,
         flow.flow,
+        interval.interval_after,
         transition.factor_covariance,
         transition._rests_for_sure,
         transition.divided_difference,

@@ -23,3 +23,16 @@ class Interval(NamedTuple):
     first: int
     start: int
     stop: int
+
+
+def interval_after(course: Any, i: int) -> Interval:
+    """From sample i of a course to the next."""
+    return Interval(
+        course.time_s[i],
+        course.time_s[i + 1],
+        course.temperature_degC[i],
+        course.angle_rad[i],
+        course.first_piece[i],
+        course.piece_start[i],
+        course.piece_start[i + 1],
+    )

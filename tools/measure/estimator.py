@@ -28,19 +28,20 @@ from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
+from rw_ekf.course.free_run import FreeRun, free_run
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.simulation import simulate, stretches
 from rw_ekf.likelihood.log_fit import fit_log
 from rw_ekf.likelihood.noise_posterior import NoisePosterior
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.table import NO_EFFECTS
 
 PROFILES = ("P1", "P2", "S1", "S2", "S3", "S4", "S5")
 TRUTH = np.array(CK13_STATISTICAL)
@@ -103,12 +104,20 @@ def prior_for(seed: int) -> Belief:
     return Belief(mean, DEFAULT_PRIOR.covariance)
 
 
+def run_of_truth(course: Course, first_speed_rad_s: float, *, with_jacobian: bool = False) -> FreeRun:
+    """The default wheel run free over a whole course."""
+    start, first, last = (
+        np.array([[first_speed_rad_s, *CK13_STATISTICAL]]),
+        np.array([0]),
+        np.array([course.samples - 1]),
+    )
+    stribeck = Stribeck(OMEGA_S, GAUSS)
+    return free_run(course, NO_EFFECTS, stribeck, start, first, last, keep_path=True, with_jacobian=with_jacobian)
+
+
 def bounds_of(run: Run, noise_rpm: float) -> Float64Array:
     """Cramer-Rao standard deviations of k, b, c, s, (4,); the first speed is unknown."""
-    runs = stretches(run.course, 2.0)
-    _, jacobian = simulate(
-        run.course, runs, run.speed_rad_s[:1], CK13_STATISTICAL, Stribeck(OMEGA_S, GAUSS), with_jacobian=True
-    )
+    jacobian = run_of_truth(run.course, float(run.speed_rad_s[0]), with_jacobian=True).jacobian
     scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     information = (jacobian / scale).T @ (jacobian / scale)
     bounds = np.sqrt(np.diag(np.linalg.pinv(information, rcond=1e-13))) / scale * noise_rpm * RAD_S_PER_RPM
@@ -291,9 +300,7 @@ def measure_kernel(advance: tqdm[Any]) -> list[Row]:
     rows = []
     for name in ("identification", "sine 0.1 A, 30 s", "P1", "P2", "S1", "at rest"):
         time_s, current_A = long_run(name)
-        runs = stretches(Course.of(time_s, np.zeros(MILLION), current_A), math.inf)
-        course = Course.of(time_s, np.zeros(MILLION), current_A)
-        speed, _ = simulate(course, runs, np.zeros(1), CK13_STATISTICAL, Stribeck(OMEGA_S, GAUSS))
+        speed = run_of_truth(Course.of(time_s, np.zeros(MILLION), current_A), 0.0).path_rad_s
         reading = speed + RAD_S_PER_RPM * np.random.default_rng(1).standard_normal(MILLION)
         course = Course.of(time_s, reading, current_A)
         best = math.inf

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
-from rw_ekf.diagnosis.judge.ahead import simulate_ahead
+from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.likelihood.fitting import Fit, likelihood, smoothed_reference
@@ -18,6 +18,7 @@ from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference, run_frozen
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.model.friction import Stribeck
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import ABSENT
 
@@ -66,17 +67,9 @@ def _free_run(whole: Record, model: Model, states: Float64Array, block: Int64Arr
     # The filter itself begins with one reading: where a stretch opens the record, let it settle for some samples.
     settle = _settling(states, whole, first)
     last = np.append(first[1:], n) - 1
-    _, path = simulate_ahead(
-        whole.course,
-        model.effects,
-        model.omega_s,
-        model.law,
-        states[settle],
-        settle.astype(np.int64),
-        last,
-        keep_path=True,
-    )
-    return path
+    stribeck = Stribeck(model.omega_s, model.law)
+    run = free_run(whole.course, model.effects, stribeck, states[settle], settle, last, keep_path=True)
+    return run.path_rad_s
 
 
 def _settling(states: Float64Array, whole: Record, first: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -106,10 +99,9 @@ def _horizon(whole: Record, model: Model, states: Float64Array, heldout: BoolArr
         ends = ends[np.linspace(0, ends.size - 1, most).astype(int)]
     if ends.size == 0:
         return np.zeros(0)
-    first = (ends - steps).astype(np.int64)
-    predicted, _ = simulate_ahead(
-        whole.course, model.effects, model.omega_s, model.law, states[first], first, ends.astype(np.int64)
-    )
+    first = ends - steps
+    stribeck = Stribeck(model.omega_s, model.law)
+    predicted = free_run(whole.course, model.effects, stribeck, states[first], first, ends).ends_rad_s
     return whole.course.speed_rad_s[ends] - predicted
 
 
