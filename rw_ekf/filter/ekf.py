@@ -15,9 +15,10 @@ from filterpy.kalman import ExtendedKalmanFilter
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.covariance import drop_settled, predict_covariance_full, seed_speed, update_joseph
 from rw_ekf.filter.surroundings import Surroundings
 from rw_ekf.model.state import STATE_SIZE, StateIndex
-from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, seed_hidden
+from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import transition
 
@@ -51,6 +52,7 @@ class WheelEkf(ExtendedKalmanFilter):
         self._H = np.zeros((1, n))
         self._H[0, StateIndex.SPEED] = 1.0
         self._factor = np.zeros((STATE_SIZE + 2 if n == STATE_SIZE else 3 * n + 6, n))
+        self._work = np.zeros((n, n))
         self._curvature = 0.0
         self.check()
 
@@ -80,17 +82,24 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def predict_over(self, dt: float, surroundings: Surroundings) -> None:
         """Predict over dt [s] under pieces of current; process noise grows with dt."""
-        c = self.constants
+        if (
+            self.table.hidden
+        ):  # one that has settled stands at the last bits of P: they are the compiled pass's
+            self.predict_x(surroundings)
+            noise = np.array((self._speed_noise(dt), *self._parameter_noise(dt)))
+            predict_covariance_full(self.P, self.F, noise, self._work)
+            drop_settled(self.P, self.table.hidden)
+            return
         # The speed's share depends on the predicted speed itself, so that it is added after filterpy's F P F' + Q.
         np.fill_diagonal(self.Q, (0.0, *self._parameter_noise(dt)))
         self.predict(u=surroundings)
-        if self.table.hidden:  # F P F' of several rows is symmetric to rounding only; a hidden state's share is tiny
-            self.P = 0.5 * (self.P + self.P.T)
-            drop_settled(self.P, self.table.hidden)
+        self.P[StateIndex.SPEED, StateIndex.SPEED] += self._speed_noise(dt)
+
+    def _speed_noise(self, dt: float) -> float:
+        """Variance that the predicted speed gains in dt [s], by noise and by neglected curvature."""
+        c = self.constants
         noise = c.acceleration_noise * dt + self._curvature
-        if self.x[StateIndex.SPEED] == 0.0:
-            noise += c.stuck_variance
-        self.P[StateIndex.SPEED, StateIndex.SPEED] += noise
+        return noise + c.stuck_variance if self.x[StateIndex.SPEED] == 0.0 else noise
 
     def _parameter_noise(self, dt: float) -> tuple[float, ...]:
         """Variance that each state but the speed gains in dt [s]."""
@@ -105,10 +114,7 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def seed_speed(self, speed_rad_s: float, current_A: float = 0.0) -> None:
         """Start the speed, and hidden states, afresh from a reading; the parameters and their covariance stay."""
-        self.x[StateIndex.SPEED] = speed_rad_s
-        self.P[StateIndex.SPEED, :] = 0.0
-        self.P[:, StateIndex.SPEED] = 0.0
-        self.P[StateIndex.SPEED, StateIndex.SPEED] = self.constants.speed_variance
+        seed_speed(self.x, self.P, speed_rad_s, self.constants.speed_variance)
         if self.table.hidden:
             seed_hidden(self.x, self.P, self.table, current_A, self.constants.stribeck.omega_s)
 
@@ -125,7 +131,10 @@ class WheelEkf(ExtendedKalmanFilter):
         return float(speed_rad_s - self.x[StateIndex.SPEED]), variance
 
     def update_speed(self, speed_rad_s: float) -> None:
-        """Update by a reading, in Joseph's form (filterpy's `update`)."""
+        """Update by a reading, in Joseph's form (filterpy's `update`; with hidden states that of the compiled pass)."""
+        if self.table.hidden:
+            update_joseph(self.x, self.P, *self.compare(speed_rad_s), self.constants.speed_variance, self._work[0])
+            return
         self.update(np.array([speed_rad_s]), HJacobian=lambda _: self._H, Hx=lambda x: x[:1])
         # Joseph's form keeps P positive; symmetry to the last bit is ours to keep.
         self.P = 0.5 * (self.P + self.P.T)

@@ -1,8 +1,8 @@
 """The compiled pass over a log: the same transition and the same decisions as the online estimator, in one loop.
 
-The equations are not here: `transition` and `decisions` are the plain Python functions, compiled as they stand. What is
-written again is the linear algebra (Joseph's form for one measured component), which online is filterpy's; a golden
-test holds the two together (tests/filter/test_golden.py).
+The equations are not here: transition, linear algebra and decisions are plain Python functions, compiled as they stand.
+Where a model has no hidden state the linear algebra is filterpy's online; a golden test holds the two together
+(tests/filter/test_golden.py).
 """
 
 from __future__ import annotations
@@ -17,9 +17,17 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.filter import constants as _constants
+from rw_ekf.filter import covariance as _covariance
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.covariance import (
+    drop_settled,
+    predict_covariance,
+    predict_covariance_full,
+    seed_speed,
+    update_joseph,
+)
 from rw_ekf.filter.decisions import (
     BACKWARD,
     FIRST,
@@ -36,57 +44,21 @@ from rw_ekf.filter.decisions import (
 )
 from rw_ekf.filter.filter_run import FilterRun, History
 from rw_ekf.wheel.compiled import compile_cached, make_jitable
-from rw_ekf.wheel.effect_transition import drop_settled, effect_transition, predict_covariance_full, seed_hidden
+from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import Interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectTable
 from rw_ekf.wheel.transition import transition
 
-make_jitable([timing, forget, elapse, most_acceleration, within_reach, gating])
+make_jitable(
+    [
+        timing, forget, elapse, most_acceleration, within_reach, gating,
+        drop_settled, predict_covariance, predict_covariance_full, seed_speed, update_joseph,
+    ]
+)  # fmt: skip
 
 # Everything that is compiled into the pass: its cache is stale when one of them changes.
-_MODULES = [*EQUATIONS, _course, _constants, _decisions, _filter_run, sys.modules[__name__]]
-
-
-def _seed_speed(x: Float64Array, P: Float64Array, speed: float, variance: float) -> None:
-    """Start the speed afresh from a reading; the parameters and their covariance stay."""
-    x[0] = speed
-    P[0, :] = 0.0
-    P[:, 0] = 0.0
-    P[0, 0] = variance
-
-
-def _predict_covariance(P: Float64Array, row: Float64Array, noise: Float64Array, work: Float64Array) -> None:
-    """P <- F P F' + Q for F that differs from identity in its first row only (`row`); `work` (n,) is scratch."""
-    n = row.size
-    for j in range(n):
-        total = 0.0
-        for m in range(n):
-            total += row[m] * P[j, m]
-        work[j] = total
-    corner = 0.0
-    for m in range(n):
-        corner += row[m] * work[m]
-    P[0, 0] = corner + noise[0]
-    for j in range(1, n):
-        P[0, j] = work[j]
-        P[j, 0] = work[j]
-        P[j, j] += noise[j]
-
-
-def _update_joseph(x: Float64Array, P: Float64Array, innovation: float, S: float, R: float, work: Float64Array) -> None:
-    """Update by a measured speed: (I - K H) P (I - K H)' + K R K' for H = (1, 0, ...), symmetric; `work` (n,) is K."""
-    n = x.size
-    for i in range(n):
-        work[i] = P[i, 0] / S
-        x[i] += work[i] * innovation
-    for i in range(n - 1, -1, -1):  # downward: row and column 0 are still the old ones when they are read
-        for j in range(i, -1, -1):
-            open_ij = P[i, j] - work[i] * P[0, j]
-            open_i0 = P[i, 0] - work[i] * P[0, 0]
-            value = open_ij - open_i0 * work[j] + work[i] * R * work[j]
-            P[i, j] = value
-            P[j, i] = value
+_MODULES = [*EQUATIONS, _course, _constants, _covariance, _decisions, _filter_run, sys.modules[__name__]]
 
 
 def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Float64Array, noise: Float64Array) -> None:
@@ -100,7 +72,7 @@ def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Flo
             history.covariance[i, j, m] = P[j, m]
 
 
-make_jitable([_seed_speed, _predict_covariance, _update_joseph, _record])
+make_jitable([_record])
 
 
 def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun) -> None:
@@ -182,10 +154,10 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 predict_covariance_full(P, F, noise, product)
                 drop_settled(P, hidden)
             else:
-                _predict_covariance(P, row, noise, work)
+                predict_covariance(P, row, noise, work)
             if not continuous and has_speed:
                 what = RESEEDED if ever_seeded else FIRST
-                _seed_speed(x, P, speed, R)
+                seed_speed(x, P, speed, R)
                 if table is not None:
                     held = max(piece_start[i] - 1, first_piece[i])  # in force when the speed was read
                     if hidden > 0:
@@ -202,9 +174,9 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 innovation_variance[i] = S
                 what = gating(residual, S, speed, x, P, R, constants.gate, constants.reseed_after, gate_memory)
                 if what == UPDATED:
-                    _update_joseph(x, P, residual, S, R, work)
+                    update_joseph(x, P, residual, S, R, work)
                 elif what == RESEEDED:
-                    _seed_speed(x, P, speed, R)
+                    seed_speed(x, P, speed, R)
                     if table is not None:
                         held = max(piece_start[i] - 1, first_piece[i])
                         if hidden > 0:

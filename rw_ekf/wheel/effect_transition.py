@@ -14,8 +14,6 @@ from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import EffectTable
 from rw_ekf.wheel.transition import _REACH, _SPREAD, factor_covariance
 
-_SETTLED_VARIANCE = 1.0e-14  # of a hidden state [A^2 or rad^2/s^4]: a tenth of a microampere
-
 
 def turn_root(x: Any, L: Any, current: float, n: int) -> None:
     """Turn the root L (n, n) so that its first column is the direction in which |k I| - s varies (filter.md eq. 7).
@@ -130,35 +128,6 @@ def _differences(
     for m in range(hidden):
         solve_slopes(work, work[2 * n + 3 + m], F[n - hidden + m], n)
     return bends
-
-
-def predict_covariance_full(P: Any, F: Any, noise: Any, work: Any) -> None:
-    """P <- F P F' + diag(noise), for hidden states; P, F (n, n), work (n, n) scratch."""
-    n = P.shape[0]
-    for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for m in range(n):
-                total += F[i, m] * P[m, j]
-            work[i, j] = total
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.0
-            for m in range(n):
-                total += work[i, m] * F[j, m]
-            P[i, j] = total
-            P[j, i] = total
-        P[i, i] += noise[i]
-
-
-def drop_settled(P: Any, hidden: int) -> None:
-    """Take a hidden state that has settled for known: of a variance that is mere rounding, rounding would decide."""
-    n = P.shape[0]
-    for j in range(n - hidden, n):
-        if P[j, j] < _SETTLED_VARIANCE:
-            for m in range(n):
-                P[j, m] = 0.0
-                P[m, j] = 0.0
 
 
 def seed_hidden(x: Any, P: Any, table: EffectTable, current: float, omega_s: float) -> None:

@@ -43,8 +43,6 @@ make_jitable(
         effect_transition.solve_slopes,
         effect_transition._differences,
         effect_transition.effect_transition,
-        effect_transition.predict_covariance_full,
-        effect_transition.drop_settled,
         effect_transition.seed_hidden,
     ]
 )

@@ -1,0 +1,77 @@
+"""The linear algebra of the filter for one measured component, in place: compiled in the pass, plain Python online."""
+
+from __future__ import annotations
+
+from typing import Any
+
+_SETTLED_VARIANCE = 1.0e-14  # of a hidden state [A^2 or rad^2/s^4]: a tenth of a microampere
+
+
+def seed_speed(x: Any, P: Any, speed: float, variance: float) -> None:
+    """Start the speed afresh from a reading; the parameters and their covariance stay."""
+    x[0] = speed
+    P[0, :] = 0.0
+    P[:, 0] = 0.0
+    P[0, 0] = variance
+
+
+def predict_covariance(P: Any, row: Any, noise: Any, work: Any) -> None:
+    """P <- F P F' + Q for F that differs from identity in its first row only (`row`); `work` (n,) is scratch."""
+    n = row.size
+    for j in range(n):
+        total = 0.0
+        for m in range(n):
+            total += row[m] * P[j, m]
+        work[j] = total
+    corner = 0.0
+    for m in range(n):
+        corner += row[m] * work[m]
+    P[0, 0] = corner + noise[0]
+    for j in range(1, n):
+        P[0, j] = work[j]
+        P[j, 0] = work[j]
+        P[j, j] += noise[j]
+
+
+def update_joseph(x: Any, P: Any, innovation: float, S: float, R: float, work: Any) -> None:
+    """Update by a measured speed: (I - K H) P (I - K H)' + K R K' for H = (1, 0, ...), symmetric; `work` (n,) is K."""
+    n = x.size
+    for i in range(n):
+        work[i] = P[i, 0] / S
+        x[i] += work[i] * innovation
+    for i in range(n - 1, -1, -1):  # downward: row and column 0 are still the old ones when they are read
+        for j in range(i, -1, -1):
+            open_ij = P[i, j] - work[i] * P[0, j]
+            open_i0 = P[i, 0] - work[i] * P[0, 0]
+            value = open_ij - open_i0 * work[j] + work[i] * R * work[j]
+            P[i, j] = value
+            P[j, i] = value
+
+
+def predict_covariance_full(P: Any, F: Any, noise: Any, work: Any) -> None:
+    """P <- F P F' + diag(noise), for hidden states; P, F (n, n), work (n, n) scratch."""
+    n = P.shape[0]
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for m in range(n):
+                total += F[i, m] * P[m, j]
+            work[i, j] = total
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for m in range(n):
+                total += work[i, m] * F[j, m]
+            P[i, j] = total
+            P[j, i] = total
+        P[i, i] += noise[i]
+
+
+def drop_settled(P: Any, hidden: int) -> None:
+    """Take a hidden state that has settled for known: of a variance that is mere rounding, rounding would decide."""
+    n = P.shape[0]
+    for j in range(n - hidden, n):
+        if P[j, j] < _SETTLED_VARIANCE:
+            for m in range(n):
+                P[j, m] = 0.0
+                P[m, j] = 0.0
