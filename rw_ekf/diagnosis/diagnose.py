@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
+from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import investigate
-from rw_ekf.diagnosis.judge.metrics import performance
 from rw_ekf.diagnosis.judge.verdict import Verdict
-from rw_ekf.diagnosis.prepare.preparation import prepare, unfit
+from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
@@ -43,11 +42,10 @@ def diagnose_log(
     BadInputError for one with which the filter runs away.
     """
     source = source_of([log] if isinstance(log, WheelLog) else log)
-    reason = unfit(source.log, Course.of_log(source.log))
-    if reason is not None:
-        return _unjudged(source, reason, split)
+    if source.unfit is not None:
+        return _unjudged(source, split)
     if model is not None and model.effects.terms:
-        refuse_runaway_model(source.log, Course.of_log(source.log), configuration, model)
+        refuse_runaway_model(source.log, source.course, configuration, model)
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.work.start_clock()
@@ -66,7 +64,7 @@ def diagnose_log(
 def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:
     """Free-run error [rpm] on the held-out part of a fit that is told the effects; None if it cannot run."""
     source = source_of([log])
-    if unfit(source.log, Course.of_log(source.log)) is not None:
+    if source.unfit is not None:
         return None
     prepared = richer_part(prepare(source, None, None, split))
     search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, lambda text: None)
@@ -77,7 +75,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     return figure
 
 
-def _unjudged(source: Source, reason: str, kind: Kind) -> Diagnosis:
+def _unjudged(source: Source, kind: Kind) -> Diagnosis:
     """The verdict for a log that cannot judge even the base model."""
     log = source.log
     split = split_record(log.time_s, log.segment, log.speed_rad_s, kind, 0.0)
@@ -92,7 +90,7 @@ def _unjudged(source: Source, reason: str, kind: Kind) -> Diagnosis:
             "torque_rms_mNm",
         )
     )
-    statement = f"{source.said_first}Cannot be judged: {reason}; {advice}."
+    statement = f"{source.said_first}Cannot be judged: {source.unfit}; {advice}."
     document = {
         "schema": SCHEMA,
         **source.document(),
@@ -107,4 +105,4 @@ def _unjudged(source: Source, reason: str, kind: Kind) -> Diagnosis:
         "warnings": [*source.notes, *log.warnings],
         "left_out": [],
     }
-    return Diagnosis(log, document, split.heldout, None, None, None, None, False, None, in_rpm=log.in_rpm)
+    return Diagnosis(log, document, split.heldout, in_rpm=log.in_rpm)

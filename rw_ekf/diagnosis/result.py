@@ -34,12 +34,12 @@ class Diagnosis:
     log: WheelLog
     document: dict[str, Any]  # docs/contract.md#diagnosis
     heldout: BoolArray  # (n,) samples that played no role in finding the effect
-    before: ModelTrace | None  # None: the base model itself could not be judged
-    after: ModelTrace | None  # None: nothing was added
-    temperature_degC: Float64Array | None  # (n,) as the search used it
-    angle_rad: Float64Array | None  # (n,) logged, or integrated where that is meaningful
-    angle_is_logged: bool
-    model: WheelModel | None  # what augmented-model.yaml holds
+    before: ModelTrace | None = None  # None: the base model itself could not be judged
+    after: ModelTrace | None = None  # None: nothing was added
+    temperature_degC: Float64Array | None = None  # (n,) as the search used it
+    angle_rad: Float64Array | None = None  # (n,) logged, or integrated where that is meaningful
+    angle_is_logged: bool = False
+    model: WheelModel | None = None  # what augmented-model.yaml holds
     inertia_kg_m2: float | None = None  # None: not known, or a plant that is no wheel
     inertia_from: str = ""  # "configuration", "model" or "assumed": what stands behind every torque
     in_rpm: bool = True  # speeds are told in rpm; False: in rad/s, or m/s of a plant that moves along a line

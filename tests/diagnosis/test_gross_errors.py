@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.prepare.gross_errors import gross_errors
+from rw_ekf.diagnosis.prepare.source import gross_errors
 from tests.diagnosis.simulated import simulated
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rw_ekf.diagnosis.report.canvas import binned_means, correlation_samples, running_means, thinned_line
 from rw_ekf.diagnosis.report.text import diagnosis_text
-from rw_ekf.diagnosis.report.thinning import binned_means, correlation_samples, running_means, thinned_line
 from rw_ekf.diagnosis.report.words import Units, figure_pairs
 from rw_ekf.diagnosis.report.write import write_report
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace

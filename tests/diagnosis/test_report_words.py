@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from rw_ekf.diagnosis.judge.candidate_entries import _explained_by_what_stands
+from rw_ekf.diagnosis.report.markup import commands
 from rw_ekf.diagnosis.report.residual import _marked
-from rw_ekf.diagnosis.report.tables import commands
 from rw_ekf.diagnosis.report.words import gain_text, percent_text
 from rw_ekf.effects.catalogue import CATALOGUE
 

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from rw_ekf.diagnosis.judge.confirmation import gain_over
+from rw_ekf.diagnosis.judge.heldout import Performance, gain_over
 from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.lattice import Lattice
-from rw_ekf.diagnosis.judge.metrics import Performance
-from rw_ekf.diagnosis.judge.verdict import (
-    Verdict,
-    described,
-)
+from rw_ekf.diagnosis.judge.verdict import Verdict, fitted_terms
 from rw_ekf.diagnosis.search.candidates import testable
 from rw_ekf.diagnosis.search.event import event_gain
-from rw_ekf.diagnosis.search.significance import threshold
+from rw_ekf.diagnosis.search.trial import threshold
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term, size_of
@@ -94,8 +90,22 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     return gain_over(found.prepared, found.search.without(final, name), final)
 
 
+def _described(fit: Fit, name: str) -> dict[str, Any]:
+    """`parameters` of a candidate that was fitted, with standard deviations; the strongest term of several first."""
+    found: dict[str, Any] = {}
+    terms = sorted(fitted_terms(fit, name), key=lambda item: -item[1].size)
+    for count, (number, term, covariance) in enumerate(terms, start=1):
+        parameters = dict(term.described(covariance))
+        for at, (i, j) in enumerate(fit.model.refined, start=fit.model.known):
+            if i == number:
+                constant = term.effect.constants[j].name
+                parameters[constant] = {**parameters[constant], "std": float(fit.std[at])}
+        found |= {key if count == 1 else f"{key}_{count}": value for key, value in parameters.items()}
+    return found
+
+
 def _parameters(fit: Fit, name: str) -> dict[str, Any]:
-    return described(fit, name) if fit.model.of(name) else {}
+    return _described(fit, name) if fit.model.of(name) else {}
 
 
 def _tried(terms: tuple[Term, ...], std: float) -> dict[str, Any]:

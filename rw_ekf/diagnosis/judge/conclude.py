@@ -8,34 +8,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.augmented_model import augmented_model
 from rw_ekf.diagnosis.judge.candidate_entries import candidate_entries
+from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.lattice import Lattice, find_lattice
-from rw_ekf.diagnosis.judge.metrics import Performance, performance
 from rw_ekf.diagnosis.judge.residual_tests import residual_tests
-from rw_ekf.diagnosis.judge.verdict import (
-    Verdict,
-    grouped,
-    improvement,
-    sentence,
-    separation,
-)
+from rw_ekf.diagnosis.judge.verdict import verdict_on
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
-from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
-from rw_ekf.effects.catalogue import CATALOGUE, GRID
-from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
+from rw_ekf.effects.catalogue import GRID
+from rw_ekf.model.effect import Term
+from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
+from rw_ekf.wheel.table import EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
+    from rw_ekf.wheel.model_file import WheelModel
 
 Advance = Callable[[str], object]
 
 SCHEMA = "rw_ekf.diagnosis/1"
 MODEL_FILE = "augmented-model.yaml"
-_TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
 _REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which nobody calls an effect
 
 
@@ -66,7 +60,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     unexplained = found.is_unexplained
     after = performance(prepared, selection.final, inertia) if names else before
     quantised = lattice is not None and not unexplained
-    verdict = _verdict(found, lattice if quantised else None, before, after)
+    verdict = verdict_on(found, lattice if quantised else None, before, after)
     chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
     for name in names:
         trial = selection.trials[name]
@@ -107,17 +101,18 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     }
     heldout = np.zeros(prepared.kept.size, dtype=bool)
     heldout[prepared.kept] = prepared.split.heldout
+    course = prepared.whole.course
     return Diagnosis(
-        prepared.log,
-        document,
-        heldout,
-        _over_log(prepared, before.trace),
-        _over_log(prepared, after.trace) if chosen else None,
-        prepared.over_log(prepared.whole.course.temperature_degC) if prepared.temperature_is_logged else None,
-        prepared.over_log(prepared.whole.course.angle_rad) if prepared.facts.angle else None,
-        prepared.angle_is_logged,
-        model,
-        inertia,
+        log=prepared.log,
+        document=document,
+        heldout=heldout,
+        before=_over_log(prepared, before.trace),
+        after=_over_log(prepared, after.trace) if chosen else None,
+        temperature_degC=prepared.over_log(course.temperature_degC) if prepared.temperature_is_logged else None,
+        angle_rad=prepared.over_log(course.angle_rad) if prepared.facts.angle else None,
+        angle_is_logged=prepared.angle_is_logged,
+        model=model,
+        inertia_kg_m2=inertia,
         inertia_from=prepared.setup.inertia_from,
         in_rpm=inertia is not None or prepared.log.in_rpm,
     )
@@ -136,66 +131,30 @@ def _not_written(refusal: str | None) -> list[str]:
     return [] if refusal is None else [f"no model was written, because none could read it: {refusal}"]
 
 
-def _verdict(found: Found, lattice: Lattice | None, before: Performance, after: Performance) -> Verdict:
-    facts, names, left = found.prepared.facts, found.new_ids, found.left
-    if found.is_unexplained:
-        along = ", ".join(item.name for item in left[:2])
-        partly = f"; {', '.join(names)} would explain {100.0 * found.share:.0f} % of it" if names else ""
-        return Verdict(
-            "unexplained",
-            statement=(
-                f"The residual is not noise: it depends on {along} (p = {left[0].p_value:.0e}) in a way that no effect "
-                f"of the catalogue explains{partly}; see the map of the residual for its shape."
-            ),
-        )
-    if not names and lattice is None:
-        given, kept = found.selection.base.model.effects.ids, found.selection.final.model.effects.ids
-        note = " (nothing was added to the model given)" if given else ""
-        if set(given) - set(kept):
-            note = f" (of the model given, {', '.join(sorted(set(given) - set(kept)))} is not missed)"
-        return Verdict(
-            "adequate",
-            statement=f"The model explains this log: what is left is noise of {_noise_text(found)}{note}.",
-        )
-    said = [sentence(found.selection.final, name, facts) for name in names]
+def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
+    """The final model, fitted to the whole record, as a file carries it on."""
+    from rw_ekf import __version__
+    from rw_ekf.model.friction import LAW_CODES
+    from rw_ekf.wheel.model_file import WheelModel
+
+    fit, prepared = found.whole, found.prepared
+    known = fit.model.known
+    covariance = fit.likelihood.covariance[:known, :known]
+    covariance = 0.5 * (covariance + covariance.T)
+    effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[4:known])
+    variance = fit.noise.variance
     if lattice is not None:
-        names = [*names, GRID.id]
-        said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
-    groups = grouped(found.selection, names)
-    seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
-    tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
-    where = ""
-    if found.selection.whole_record:
-        where = f" ({', '.join(found.selection.whole_record)} sought on the whole record)"
-    if any(CATALOGUE[name].local_in_time for name in names):
-        where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
-    better = improvement(before.figures, after.figures, seconds, wheel_units=found.prepared.in_rpm)
-    text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
-    if groups:
-        text += f" {separation(groups[0], found.selection)}."
-    elif any(_goes_with_time(name) for name in names):
-        for other in _CONFUSED_WITH_TIME:
-            if one_and_the_same(found.whole, "time", other):
-                way = separates(other)
-                text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
-                break
-    return Verdict("effect", names, groups, text)
-
-
-_CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
-
-
-def _goes_with_time(name: str) -> bool:
-    """Whether an effect varies smoothly with the record's clock; the onset of an event is no law of speed."""
-    return quantity_of(CATALOGUE[name]) == "time" and not CATALOGUE[name].local_in_time
-
-
-def _noise_text(found: Found) -> str:
-    noise, period = found.whole.noise, found.prepared.course.period_s
-    sigma, wander = float(np.sqrt(noise.variance)), float(np.sqrt(noise.ratio * noise.variance / period))
-    unit = "rad/s (or m/s)"
-    if found.prepared.in_rpm:
-        sigma, wander, unit = rpm_from_rad_s(sigma), rpm_from_rad_s(wander), "rpm"
-    if noise.ratio < _TOLD_RATIO:
-        return f"{sigma:.3g} {unit}"
-    return f"{sigma:.3g} {unit}, and a torque noise that moves the speed by {wander:.2g} in a second"
+        effects = EffectSet((*effects.terms, Term.of(GRID, value=lattice.grid_rad_s)))
+        variance = max(variance - GRID.variance(lattice.grid_rad_s), (0.02 * lattice.grid_rad_s) ** 2)
+    names = {code: name for name, code in LAW_CODES.items()}
+    return WheelModel(
+        fit.model.parameters,
+        tuple(tuple(float(v) for v in row) for row in covariance),
+        fit.model.omega_s,
+        names[fit.model.law],
+        float(np.sqrt(variance)),
+        float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.course.period_s)),
+        prepared.setup.inertia_kg_m2,
+        {"method": "diagnose, fitted to the whole record", "log": prepared.log.name, "rw_ekf": __version__},
+        effects,
+    )

@@ -6,19 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rw_ekf.diagnosis.judge.confirmation import confirm, veto
+from rw_ekf.diagnosis.judge.heldout import confirm, veto
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.selection import Search
-from rw_ekf.diagnosis.search.significance import (
+from rw_ekf.diagnosis.search.trial import (
     EXPLAINED_SHARE,
+    IMPOSSIBLE,
     INDISTINGUISHABLE,
     LOCAL_P,
     MAP_P,
     WHOLE_P,
+    Selection,
+    determined,
+    matters,
+    possible,
 )
-from rw_ekf.diagnosis.search.trial import IMPOSSIBLE, Selection, determined, matters, possible
 from rw_ekf.diagnosis.search.wander import wandering
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work

@@ -13,7 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.significance import INFLATION
+from rw_ekf.diagnosis.search.trial import INFLATION
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior

@@ -5,20 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.search.confounding import quantity_of, separates
+from rw_ekf.diagnosis.judge.heldout import Performance
+from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.lattice import Lattice
+from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.search.trial import Selection
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.numbers import number_text
-from rw_ekf.units import rad_s_from_rpm
+from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 _FIGURES = (
     ("free_run_rms_rpm", "free-run error"),
     ("horizon_20s_rms_rpm", "error 20 s ahead"),
     ("one_step_rms_rpm", "one-step error"),
 )
+_TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
+_CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 _GROUP = 3  # at most so many are named together
 
 
@@ -41,7 +48,70 @@ class Verdict:
         }
 
 
-def _with_covariances(fit: Fit, name: str) -> list[tuple[int, Term, Float64Array]]:
+def verdict_on(found: Found, lattice: Lattice | None, before: Performance, after: Performance) -> Verdict:
+    """What is said of a record, from what was found in it; lattice: None where it is not named."""
+    facts, names, left = found.prepared.facts, found.new_ids, found.left
+    if found.is_unexplained:
+        along = ", ".join(item.name for item in left[:2])
+        partly = f"; {', '.join(names)} would explain {100.0 * found.share:.0f} % of it" if names else ""
+        return Verdict(
+            "unexplained",
+            statement=(
+                f"The residual is not noise: it depends on {along} (p = {left[0].p_value:.0e}) in a way that no effect "
+                f"of the catalogue explains{partly}; see the map of the residual for its shape."
+            ),
+        )
+    if not names and lattice is None:
+        given, kept = found.selection.base.model.effects.ids, found.selection.final.model.effects.ids
+        note = " (nothing was added to the model given)" if given else ""
+        if set(given) - set(kept):
+            note = f" (of the model given, {', '.join(sorted(set(given) - set(kept)))} is not missed)"
+        return Verdict(
+            "adequate",
+            statement=f"The model explains this log: what is left is noise of {_noise_text(found)}{note}.",
+        )
+    said = [_sentence(found.selection.final, name, facts) for name in names]
+    if lattice is not None:
+        names = [*names, GRID.id]
+        said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
+    groups = _grouped(found.selection, names)
+    seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
+    tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
+    where = ""
+    if found.selection.whole_record:
+        where = f" ({', '.join(found.selection.whole_record)} sought on the whole record)"
+    if any(CATALOGUE[name].local_in_time for name in names):
+        where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
+    better = _improvement(before.figures, after.figures, seconds, wheel_units=found.prepared.in_rpm)
+    text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
+    if groups:
+        text += f" {_separation(groups[0], found.selection)}."
+    elif any(_goes_with_time(name) for name in names):
+        for other in _CONFUSED_WITH_TIME:
+            if one_and_the_same(found.whole, "time", other):
+                way = separates(other)
+                text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
+                break
+    return Verdict("effect", names, groups, text)
+
+
+def _goes_with_time(name: str) -> bool:
+    """Whether an effect varies smoothly with the record's clock; the onset of an event is no law of speed."""
+    return quantity_of(CATALOGUE[name]) == "time" and not CATALOGUE[name].local_in_time
+
+
+def _noise_text(found: Found) -> str:
+    noise, period = found.whole.noise, found.prepared.course.period_s
+    sigma, wander = float(np.sqrt(noise.variance)), float(np.sqrt(noise.ratio * noise.variance / period))
+    unit = "rad/s (or m/s)"
+    if found.prepared.in_rpm:
+        sigma, wander, unit = rpm_from_rad_s(sigma), rpm_from_rad_s(wander), "rpm"
+    if noise.ratio < _TOLD_RATIO:
+        return f"{sigma:.3g} {unit}"
+    return f"{sigma:.3g} {unit}, and a torque noise that moves the speed by {wander:.2g} in a second"
+
+
+def fitted_terms(fit: Fit, name: str) -> list[tuple[int, Term, Float64Array]]:
     """Terms of an effect in the order of use: (number among all, term, covariance of its coefficients)."""
     return [
         (number, term, fit.likelihood.covariance[at, at])
@@ -50,30 +120,16 @@ def _with_covariances(fit: Fit, name: str) -> list[tuple[int, Term, Float64Array
     ]
 
 
-def described(fit: Fit, name: str) -> dict[str, Any]:
-    """`parameters` of a candidate that was fitted, with standard deviations; the strongest term of several first."""
-    found: dict[str, Any] = {}
-    terms = sorted(_with_covariances(fit, name), key=lambda item: -item[1].size)
-    for count, (number, term, covariance) in enumerate(terms, start=1):
-        parameters = dict(term.described(covariance))
-        for at, (i, j) in enumerate(fit.model.refined, start=fit.model.known):
-            if i == number:
-                constant = term.effect.constants[j].name
-                parameters[constant] = {**parameters[constant], "std": float(fit.std[at])}
-        found |= {key if count == 1 else f"{key}_{count}": value for key, value in parameters.items()}
-    return found
-
-
-def sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
+def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     """What was found of one effect, its size as a share of the friction that the final model has."""
     facts = replace(facts, friction=fit.model.parameters)
-    terms = _with_covariances(fit, name)  # pieces of a broken line are in the order of time
+    terms = fitted_terms(fit, name)  # pieces of a broken line are in the order of time
     if CATALOGUE[name].repeats:
         terms.sort(key=lambda item: -item[1].size)
     return "; ".join(term.sentence(covariance, facts) for _, term, covariance in terms)
 
 
-def grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:
+def _grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:
     """Each effect with those that the data cannot tell from it."""
     groups: list[list[str]] = []
     for name in chosen:
@@ -86,7 +142,7 @@ def grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:
     return groups
 
 
-def separation(group: list[str], selection: Selection) -> str:
+def _separation(group: list[str], selection: Selection) -> str:
     """What would tell the members of a group apart."""
     first, *others = group
     same = selection.constructed.get(first, set())
@@ -101,7 +157,7 @@ def separation(group: list[str], selection: Selection) -> str:
     return f"{' or '.join(group)} fit alike; what separates them: {'; '.join(ways)}"
 
 
-def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
+def _improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
     """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
     for key, words in _FIGURES:
         if before.get(key) is None or after.get(key) is None:

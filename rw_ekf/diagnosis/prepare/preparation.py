@@ -10,12 +10,11 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.prepare.base_fit import model_of_setup, part_of, start_parameters
 from rw_ekf.diagnosis.prepare.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
-from rw_ekf.diagnosis.prepare.gross_errors import gross_errors
-from rw_ekf.diagnosis.prepare.source import Source
-from rw_ekf.diagnosis.prepare.split import Kind, Split, running_time, split_record
+from rw_ekf.diagnosis.prepare.source import Source, gross_errors
+from rw_ekf.diagnosis.prepare.split import Kind, Split, split_record
 from rw_ekf.filter.belief import Belief, prior_around
+from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
@@ -23,24 +22,22 @@ from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
+from rw_ekf.wheel.table import EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
 
-
 # Of the top speed. A record cleaner than the first shows the steps of any integration near rest as structure, and is
 # looked at with noise of the second added: 0.06 rpm of 2000.
 _CLEAN, _LEAST_NOISE = 1.5e-5, 3.0e-5
 _WIDENED, _AGEING = 3.0, 0.2
 _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known exactly
-_LEAST_READINGS = 100
-_LEAST_SECONDS = 10.0
-_LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
 
 
 @dataclass(frozen=True)
@@ -92,35 +89,9 @@ class Prepared:
         return _with_base(replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part), self.base.model)
 
 
-def with_running_time(log: WheelLog) -> WheelLog:
-    """The log in a time that only grows: where a segment restarts its clock, it follows on the one before."""
-    time = log.time_s
-    if time.size < 2 or bool(np.all(np.diff(time) >= 0.0)):
-        return log
-    return replace(log, time_s=time[0] + running_time(time, log.segment))
-
-
-def unfit(log: WheelLog, course: Course) -> str | None:
-    """Why the base model cannot be judged on this log; None if it can."""
-    speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
-    if speed.size < _LEAST_READINGS or log.duration_s < _LEAST_SECONDS:
-        return (
-            f"the log has {speed.size} speed readings over {log.duration_s:.3g} s; "
-            f"{_LEAST_READINGS} readings over {_LEAST_SECONDS:g} s are the least that can be judged"
-        )
-    low, high = np.quantile(speed, (0.01, 0.99))
-    top = max(abs(low), abs(high))
-    third = np.diff(speed, 3)
-    noise = float(np.median(np.abs(third))) / 0.6745 / math.sqrt(20.0)
-    if high - low <= _LEAST_MOVE * top or high - low <= 8.0 * noise:
-        return "the speed hardly changes in this log, so that any friction fits it"
-    return None
-
-
 def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
-    """Fit the base model to the part that is searched. The log must not be `unfit`."""
-    log, log_of = source.log, source.log_of
-    course = Course.of_log(with_running_time(log))
+    """Fit the base model to the part that is searched. The source must not be `unfit`."""
+    log, log_of, course = source.log, source.log_of, source.course
     wrong = gross_errors(course.speed_rad_s, course.segment)
     notes: tuple[str, ...] = ()
     if wrong.any():
@@ -183,7 +154,21 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = replace(facts, timing_doubt_s=source.timing_doubt_s, log_starts_s=starts)
     return Prepared(
-        source, course, setup, split, prior, facts, fit_part, whole, heldout, base, seen, turned, warm, kept, notes
+        source=source,
+        course=course,
+        setup=setup,
+        split=split,
+        prior=prior,
+        facts=facts,
+        fit_part=fit_part,
+        whole=whole,
+        heldout=heldout,
+        base=base,
+        seen=seen,
+        angle_is_logged=turned,
+        temperature_is_logged=warm,
+        kept=kept,
+        notes=notes,
     )
 
 
@@ -228,3 +213,37 @@ def _with_base(prepared: Prepared, model: Model) -> Prepared:
     before = prepared.facts
     facts = replace(facts, timing_doubt_s=before.timing_doubt_s, log_starts_s=before.log_starts_s)
     return replace(prepared, base=base, facts=facts)
+
+
+_LEAST_SQUARES_SAMPLES = 20_000
+
+
+def part_of(course: Course, current_A: Float64Array, delay_s: Float64Array, part: BoolArray) -> Course:
+    """The samples of a part alone, a segment for each of its blocks."""
+    jumps = np.flatnonzero(part)
+    block = np.cumsum(np.diff(jumps, prepend=jumps[:1]) > 1)
+    segment = course.segment[part] * (int(block.max(initial=0)) + 1) + block
+    return Course.of(
+        course.time_s[part],
+        course.speed_rad_s[part],
+        current_A[part],
+        delay_s[part],
+        segment,
+        course.temperature_degC[part],
+        course.angle_rad[part],
+    )
+
+
+def start_parameters(part: Course, setup: FilterSetup) -> FrictionParameters:
+    """Least squares over the part, from several starts: the likelihood has one valley from here."""
+    head = part.window(0, _LEAST_SQUARES_SAMPLES)
+    return least_squares(head, setup.constants, setup.prior.core).parameters
+
+
+def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:
+    """The model to begin with: the setup's effects, if a model file gave some, and its Stribeck curve.
+
+    Their shapes stay as they were found: on a whole record, of which only a part is fitted here.
+    """
+    effects = EffectSet(tuple(replace(term, settled=True) for term in setup.effects.terms))
+    return Model(parameters, setup.stribeck_speed_rad_s, LAW_CODES[setup.stribeck_law], effects)

@@ -1,22 +1,38 @@
-"""What a diagnosis is made of: one log or several of one wheel, mended where rows or readings are missing."""
+"""What a diagnosis is made of: one log or several of one wheel, mended where rows or readings are missing or wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from rw_ekf.arrays import Int64Array
+import numpy as np
+
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.course.course import Course
+from rw_ekf.diagnosis.prepare.split import running_time
+from rw_ekf.identify.record_scale import speed_noise_of
 from rw_ekf.logs.joined import joined
 from rw_ekf.logs.sampling import mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
 
+_NOISES = 15.0  # of the readings beside their neighbours' median
+_CHANGES = 4.0  # of the change from sample to sample that nine in ten stay below
+_AT_EDGES = 3.0  # times as far: a ramp leaves the median of neighbours on one side
+_MOST_SHARE = 0.1  # more than so many are no errors but the record itself
+_NOISE_OF_MEDIAN = 1.0 / 0.6745
+_LEAST_READINGS = 100
+_LEAST_SECONDS = 10.0
+_LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
+
 
 @dataclass(frozen=True)
 class Source:
-    """The log as it is looked at, and what must be said of it first."""
+    """The log that is diagnosed, and what must be said of it first."""
 
     log: WheelLog
+    course: Course  # the same as filters read it, in a time that only grows
+    unfit: str | None  # why the base model cannot be judged on it
     log_of: Int64Array  # (n,) which of the logs a sample belongs to
     parts: tuple[dict[str, Any], ...]  # of each log: its name, samples, rate, where it begins in the joint time
     samples: int  # rows that were read
@@ -32,7 +48,7 @@ class Source:
 
 
 def source_of(logs: Sequence[WheelLog]) -> Source:
-    """Look at the rows of each log, mend what is lost, and join them."""
+    """Look at the rows of each log, mend what is lost, and join them. Raises LogError for wild values."""
     seen = [sampling_of(log) for log in logs]
     whole = joined([mended(log, sampling) for log, sampling in zip(logs, seen, strict=True)])
     several = len(logs) > 1
@@ -44,13 +60,68 @@ def source_of(logs: Sequence[WheelLog]) -> Source:
             first.append(of + sampling.said_first)
     parts = tuple(part | {"samples": len(log)} for part, log in zip(whole.parts, logs, strict=True))
     doubts = [s.period_s for s in seen if s.refresh_s is not None]
+    log = whole.log
+    course = Course.of_log(_with_running_time(log))
     return Source(
-        whole.log,
-        whole.log_of,
-        parts,
-        sum(len(log) for log in logs),
-        logs[0].rate_hz if not several else whole.log.rate_hz,
-        "".join(first),
-        (*notes, *whole.notes),
-        max(doubts, default=0.0),
+        log=log,
+        course=course,
+        unfit=_unfit(log, course),
+        log_of=whole.log_of,
+        parts=parts,
+        samples=sum(len(one) for one in logs),
+        rate_hz=log.rate_hz if several else logs[0].rate_hz,
+        said_first="".join(first),
+        notes=(*notes, *whole.notes),
+        timing_doubt_s=max(doubts, default=0.0),
     )
+
+
+def _with_running_time(log: WheelLog) -> WheelLog:
+    """The log in a time that only grows: where a segment restarts its clock, it follows on the one before."""
+    time = log.time_s
+    if time.size < 2 or bool(np.all(np.diff(time) >= 0.0)):
+        return log
+    return replace(log, time_s=time[0] + running_time(time, log.segment))
+
+
+def _unfit(log: WheelLog, course: Course) -> str | None:
+    """Why the base model cannot be judged on this log; None if it can."""
+    speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
+    if speed.size < _LEAST_READINGS or log.duration_s < _LEAST_SECONDS:
+        return (
+            f"the log has {speed.size} speed readings over {log.duration_s:.3g} s; "
+            f"{_LEAST_READINGS} readings over {_LEAST_SECONDS:g} s are the least that can be judged"
+        )
+    low, high = np.quantile(speed, (0.01, 0.99))
+    top = max(abs(low), abs(high))
+    noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment) or 0.0
+    if high - low <= _LEAST_MOVE * top or high - low <= 8.0 * noise:
+        return "the speed hardly changes in this log, so that any friction fits it"
+    return None
+
+
+def gross_errors(speed_rad_s: Float64Array, segment: Int64Array) -> BoolArray:
+    """Readings (n,) far from the median of the five around them, within a segment; NaN is none.
+
+    A median of five follows a ramp and a corner exactly, and two wrong readings in a row leave it where it was. Far
+    means beyond what the noise does and beyond what the wheel's own changes are; none where too many would be.
+    """
+    n = speed_rad_s.size
+    wrong = np.zeros(n, dtype=bool)
+    good = np.flatnonzero(np.isfinite(speed_rad_s))
+    if good.size < 5:
+        return wrong
+    speed = speed_rad_s[good]
+    block = np.cumsum(np.diff(segment[good], prepend=segment[good][:1]) != 0)
+    first, last = np.searchsorted(block, block, side="left"), np.searchsorted(block, block, side="right") - 1
+    begin = np.clip(np.arange(good.size) - 2, first, np.maximum(last - 4, first))
+    around = np.minimum(begin[:, None] + np.arange(5), last[:, None])
+    off = np.abs(speed - np.median(speed[around], axis=1))
+    edge = begin != np.arange(good.size) - 2
+    noise = _NOISE_OF_MEDIAN * float(np.median(off))
+    changes = np.abs(np.diff(speed))[np.diff(block) == 0]
+    usual = float(np.quantile(changes, 0.9)) if changes.size else 0.0
+    found = off > max(_NOISES * noise, _CHANGES * usual) * np.where(edge, _AT_EDGES, 1.0)
+    if found.mean() <= _MOST_SHARE:
+        wrong[good[found]] = True
+    return wrong

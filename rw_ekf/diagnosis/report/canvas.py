@@ -1,17 +1,25 @@
-"""What the pictures of a report share: colours that a colour-blind eye tells apart, plain axes, PNG bytes."""
+"""What the pictures of a report share: colours, axes, PNG bytes, and how a million samples are thinned to be drawn.
+
+Colours are told apart by a colour-blind eye; lines keep the extremes of bins, dependences their means.
+"""
 
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.diagnosis.report.thinning import TimeAxis, spans
+import numpy as np
+
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from rw_ekf.diagnosis.result import Diagnosis
+    from rw_ekf.logs.wheel_log import WheelLog
 
 # Okabe and Ito's vermilion and blue: far apart for every kind of colour vision, and in grey.
 BEFORE, AFTER = "#c8500a", "#0067b1"
@@ -78,3 +86,160 @@ def png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=_DPI, format="png")
     return buffer.getvalue()
+
+
+_LINE_BINS = 1500  # about the pixels of a picture's width: two points each
+_CORRELATION_SAMPLES = 2**17
+_LEAST_IN_BIN = 8.0  # independent samples that make a mean
+
+
+@dataclass(frozen=True)
+class TimeAxis:
+    """Time as it is drawn: increasing throughout, in seconds or hours."""
+
+    values: Float64Array  # (n,) in `unit`
+    unit: str
+    label: str
+
+
+def time_axis(log: WheelLog) -> TimeAxis:
+    """The log's own time where it is one; a segment whose time restarts follows the one before."""
+    time_s = np.asarray(log.time_s, dtype=np.float64)
+    if time_s.size == 0:
+        return TimeAxis(time_s, "s", "time [s]")
+    step_s = np.diff(time_s)
+    forward = step_s[step_s > 0.0]
+    usual_s = float(np.median(forward)) if forward.size else 1.0
+    shift = np.cumsum(np.where(step_s > 0.0, 0.0, usual_s - step_s))
+    drawn = time_s.copy()
+    drawn[1:] += shift
+    start = f" since {time_s[0]:.0f} s" if abs(time_s[0]) > 1.0e5 else ""  # a clock's time, not a run's
+    if start:
+        drawn -= time_s[0]
+    if drawn[-1] - drawn[0] > 3.0 * 3600.0:
+        return TimeAxis(drawn / 3600.0, "h", f"time{start} [h]")
+    return TimeAxis(drawn, "s", f"time{start} [s]")
+
+
+def thinned_line(x: Float64Array, y: Float64Array, bins: int = _LINE_BINS) -> tuple[Float64Array, Float64Array]:
+    """The line's lowest and highest point of each bin, in order; NaN where a whole bin is missing.
+
+    Nothing that a picture could show is lost. Short lines come back as they are.
+    """
+    n = y.size
+    if n <= 4 * bins:
+        return x, y
+    width = -(-n // bins)
+    whole = np.full((-(-n // width), width), np.nan)
+    whole.ravel()[:n] = y
+    missing = np.isnan(whole)
+    low = np.argmin(np.where(missing, np.inf, whole), axis=1)
+    high = np.argmax(np.where(missing, -np.inf, whole), axis=1)
+    start = np.arange(whole.shape[0]) * width
+    index = np.sort(np.column_stack((start + low, start + high)), axis=1).ravel()
+    return x[index], y[index]
+
+
+def broken(y: Float64Array, starts: BoolArray) -> Float64Array:
+    """The line with a gap at every start of a new stretch."""
+    return np.where(starts, np.nan, y)
+
+
+def running_means(y: Float64Array, starts: BoolArray, window: int) -> Float64Array:
+    """Centred mean of what is there over `window` samples, or a tenth of a stretch; none reaches over its ends."""
+    from scipy.ndimage import uniform_filter1d
+
+    known = np.isfinite(y).astype(np.float64)
+    values = np.where(known > 0.0, y, 0.0)
+    means = np.full(y.size, np.nan)
+    edges = [0, *(int(i) for i in np.flatnonzero(starts) if i > 0), y.size]
+    for first, last in pairwise(edges):
+        if last <= first:
+            continue
+        width = max(1, min(window, (last - first) // 10))
+        share = uniform_filter1d(known[first:last], width, mode="constant")
+        total = uniform_filter1d(values[first:last], width, mode="constant")
+        # A share is a whole number of samples over the width, but for rounding.
+        means[first:last] = np.where(share > 0.5 / width, total / np.maximum(share, 1.0e-12), np.nan)
+    return means
+
+
+def spans(mask: BoolArray) -> list[tuple[int, int]]:
+    """First and last index of every run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def point_indices(mask: BoolArray, most: int) -> Int64Array:
+    """At most `most` indices where mask holds, evenly spread."""
+    index = np.flatnonzero(mask)
+    if index.size <= most:
+        return index
+    return index[np.linspace(0, index.size - 1, most).astype(np.int64)]
+
+
+@dataclass(frozen=True)
+class BinnedMeans:
+    """Mean of y over bins of x, with its standard error; bins with too little are joined."""
+
+    x: Float64Array  # (m,) mean of x in the bin
+    mean: Float64Array
+    standard_error: Float64Array
+    count: Float64Array
+
+    @property
+    def structure(self) -> float:
+        """Root mean square of the means, what noise alone would give taken off; 0 where nothing is left."""
+        if self.count.size == 0:
+            return float("nan")
+        excess = np.average(self.mean**2 - self.standard_error**2, weights=self.count)
+        return float(np.sqrt(max(0.0, float(excess))))
+
+
+def binned_means(
+    x: Float64Array, y: Float64Array, mask: BoolArray, edges: Float64Array, correlation: float
+) -> BinnedMeans:
+    """Means of y over the bins given by (m + 1,) edges, neighbours joined until there is enough for a mean.
+
+    correlation: samples that count as one.
+    """
+    usable = mask & (x >= edges[0]) & (x <= edges[-1]) & np.isfinite(y)
+    x, y = x[usable], y[usable]
+    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+    sums = np.array([np.bincount(index, values, edges.size - 1) for values in (np.ones_like(x), x, y, y * y)])
+    joined: list[Float64Array] = []
+    gathered = np.zeros(4)
+    for column in sums.T:
+        gathered = gathered + column
+        if gathered[0] >= _LEAST_IN_BIN * correlation:
+            joined.append(gathered)
+            gathered = np.zeros(4)
+    if joined:
+        joined[-1] = joined[-1] + gathered  # what is left at the end is too little to stand alone
+    count, *totals = np.array(joined).T if joined else np.zeros((4, 0))
+    mean_x, mean, square = (total / count for total in totals)
+    variance = np.maximum(square - mean**2, 0.0)
+    return BinnedMeans(mean_x, mean, np.sqrt(variance * correlation / count), count)
+
+
+def correlation_samples(residual: Float64Array, window: int) -> float:
+    """Samples of a smoothed residual that count as one: the sum of its autocorrelation, structure taken off.
+
+    window: samples of the running mean that stands for structure; the sum ends where the correlation has died down.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    values = residual[:_CORRELATION_SAMPLES]
+    values = np.where(np.isfinite(values), values, 0.0)
+    window = min(window, values.size)
+    if window < 3:
+        return 1.0
+    values = values - uniform_filter1d(values, window)
+    power = np.abs(np.fft.rfft(values, 2 * values.size)) ** 2
+    correlation = np.fft.irfft(power)[: max(2, window // 2)]
+    if not correlation[0] > 0.0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    died = np.flatnonzero(correlation < 0.05)
+    end = int(died[0]) if died.size else correlation.size
+    return float(1.0 + 2.0 * correlation[1:end].sum())

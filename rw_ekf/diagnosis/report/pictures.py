@@ -12,15 +12,18 @@ from rw_ekf.diagnosis.report.canvas import (
     AFTER,
     GREY,
     INK,
+    broken,
     colour_of_first,
     ground,
     legend,
     new_figure,
     plain,
     png,
+    running_means,
     shade,
+    thinned_line,
+    time_axis,
 )
-from rw_ekf.diagnosis.report.thinning import broken, running_means, thinned_line, time_axis
 from rw_ekf.diagnosis.report.words import (
     Standing,
     Units,

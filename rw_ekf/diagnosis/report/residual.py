@@ -12,19 +12,17 @@ from rw_ekf.diagnosis.report.canvas import (
     AFTER,
     GREY,
     INK,
+    BinnedMeans,
+    binned_means,
     colour_of_first,
+    correlation_samples,
     ground,
     legend,
     new_figure,
     plain,
     png,
-    shade,
-)
-from rw_ekf.diagnosis.report.thinning import (
-    BinnedMeans,
-    binned_means,
-    correlation_samples,
     point_indices,
+    shade,
     time_axis,
 )
 from rw_ekf.diagnosis.report.words import Units

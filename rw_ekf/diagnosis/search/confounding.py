@@ -14,7 +14,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.significance import p_value
+from rw_ekf.diagnosis.search.trial import p_value
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import Record

@@ -15,8 +15,19 @@ import numpy as np
 from rw_ekf.diagnosis.search.candidates import Score, hypotheses
 from rw_ekf.diagnosis.search.confounding import Quantity, may_confound, quantity_of, says_more, scorer_beside
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.significance import EXPLAINED_SHARE, LOCAL_P, SIGNIFICANT_P, p_value
-from rw_ekf.diagnosis.search.trial import IMPOSSIBLE, Selection, Trial, determined, matters, possible, terms_in
+from rw_ekf.diagnosis.search.trial import (
+    EXPLAINED_SHARE,
+    IMPOSSIBLE,
+    LOCAL_P,
+    SIGNIFICANT_P,
+    Selection,
+    Trial,
+    determined,
+    matters,
+    p_value,
+    possible,
+    terms_in,
+)
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit, fit_model

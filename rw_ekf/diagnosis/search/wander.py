@@ -13,8 +13,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.selection import Search
-from rw_ekf.diagnosis.search.significance import INFLATION
-from rw_ekf.diagnosis.search.trial import Trial
+from rw_ekf.diagnosis.search.trial import INFLATION, Trial
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
