@@ -73,6 +73,17 @@ def test_every_page_is_in_the_index() -> None:
     assert {name for name in pages if f"]({name}" not in index} == set()
 
 
+def test_every_folder_of_code_is_in_the_index() -> None:
+    """docs/README.md says of each folder of the program what is inside."""
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    there = {
+        str(path.parent.relative_to(ROOT))
+        for top in ("rw_ekf", "drivers", "tools")
+        for path in ROOT.glob(f"{top}/*/__init__.py")
+    }
+    assert set(re.findall(r"^\| `([\w/]+)/` \|", index, re.MULTILINE)) == there
+
+
 def test_the_figures_can_be_drawn_again(tmp_path: Path) -> None:
     """Each figure is drawn without a word, is small, stands in docs/figures, and is shown on a page."""
     shown = "".join(page.read_text(encoding="utf-8") for page in PAGES)

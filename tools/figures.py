@@ -183,7 +183,7 @@ def sample_path() -> Figure:
     box(19.0, 22.0, "driver", "bytes to SI,\nthe wheel's clock")
     box(36.0, 22.0, "telemetry check", "silent? stuck?\nrestarted?")
     box(53.0, 22.0, "filter", "predict, gate,\nupdate")
-    box(69.0, 13.0, "sinks", "log, estimates,\nstate file, watch", "white")
+    box(69.0, 13.0, "sinks", "log, estimates,\nstate file", "white")
     box(53.0, 4.0, "controller", "a profile asks\nfor a current")
     box(19.0, 4.0, "guard", "finite, limits,\nslew; else zero", "#fbe9df")
     arrow((8.0, 20.5), (18.5, 25.5), "reading", 1.8)
@@ -192,7 +192,9 @@ def sample_path() -> Figure:
     arrow((60.0, 21.5), (60.0, 11.5))
     axis.text(60.8, 16.5, "estimate", fontsize=8, color=GREY, va="center")
     arrow((67.5, 25.5), (76.0, 20.5))
-    axis.text(78.0, 24.6, "sample, estimate,\ncommand", fontsize=8, color=GREY, ha="center", va="center")
+    axis.text(
+        78.0, 24.6, "tick: sample, estimate,\ncommand, alarms, link", fontsize=8, color=GREY, ha="center", va="center"
+    )
     arrow((52.5, 7.5), (33.5, 7.5), "request")
     arrow((18.5, 7.5), (8.0, 12.5), "current", -1.8)
     axis.text(
