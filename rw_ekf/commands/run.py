@@ -11,7 +11,6 @@ from rw_ekf.console import shown_path
 if TYPE_CHECKING:
     from rw_ekf.live.daemon import RunOutcome
     from rw_ekf.settings.schema import Configuration
-    from rw_ekf.sinks.sinks import Unwritten
 
 HELP = "attach to a wheel: estimate, log and publish until a signal"
 EXAMPLE = """example:
@@ -105,7 +104,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
             f"the link was lost and taken up again {outcome.link.reconnects} times; the log has a gap each time"
         )
     if outcome.unwritten:
-        found.append(_unwritten_text(outcome.unwritten))
+        found.append(outcome.unwritten.text())
     found += outcome.findings
     if outcome.statistics.samples == 0:
         return [*found, "no sample came from the wheel"]
@@ -120,13 +119,6 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         return [*found, f"the run's log could not be judged: {error}"]
     # A command that is named can be run from here, as it stands.
     return [*found, *(text.replace(" LOG", f" {log}") for text in judged.warnings())]
-
-
-def _unwritten_text(unwritten: Unwritten) -> str:
-    """What is missing from the run's files, in a sentence."""
-    missing = [f"{unwritten.log_rows} rows of the log"] if unwritten.log_rows else []
-    missing += [f"{unwritten.estimate_rows} rows of the estimates"] if unwritten.estimate_rows else []
-    return f"not written: {', '.join([*missing, *unwritten.other_files])} ({unwritten.reason})"
 
 
 def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:

@@ -76,6 +76,11 @@ class RowWriter:
             raise
         self._length += len(line)
 
+    def sync(self) -> None:
+        """Force what was written onto the disk. Raises OSError."""
+        if self._descriptor is not None:
+            os.fsync(self._descriptor)
+
     def close(self) -> None:
         """Close the file. Safe to call twice."""
         descriptor, self._descriptor = self._descriptor, None

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,20 +111,39 @@ def test_a_wheel_lost_and_back_only_at_the_end_is_still_given_zero(bench: Bench)
 
 def test_an_exception_inside_the_loop_leaves_the_wheel_at_zero(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever breaks after the wheel was driven, zero reaches it before the exception is seen."""
-    from rw_ekf.sinks.sinks import StatisticsSink
+    from rw_ekf.filter.estimator import Estimator
 
     was_driven: list[bool] = []
 
-    def burst(*arguments: object) -> None:
+    def burst(*arguments: Any) -> Any:
         if driven(bench)():
             was_driven.append(True)
             raise ZeroDivisionError("injected")
+        return step(*arguments)
 
-    monkeypatch.setattr(StatisticsSink, "write", burst)
+    step = Estimator.step
+    monkeypatch.setattr(Estimator, "step", burst)
     with pytest.raises(ZeroDivisionError, match="injected"):
         run(bench, 5.0)
     assert was_driven == [True]
     assert bench.registers.command_A == 0.0
+
+
+def test_a_sink_that_breaks_does_not_end_the_run(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wheel is driven to the end, the failure is said once and counted, the run is not a good one."""
+    from rw_ekf.sinks.status_line import StatusLine
+
+    def burst(*arguments: object) -> None:
+        raise ZeroDivisionError("injected")
+
+    monkeypatch.setattr(StatusLine, "write", burst)
+    ran = run(bench, 0.6)
+    assert ran.notes.events.count("sink_failed") == 1
+    assert ran.outcome.unwritten.failed_sinks == {"status": ran.outcome.statistics.samples}
+    assert ran.outcome.unwritten
+    assert "ticks of sink status (ZeroDivisionError: injected)" in ran.outcome.unwritten.text()
+    assert ran.outcome.zero_confirmed
+    assert len(ran.log) == ran.outcome.statistics.samples
 
 
 def test_a_port_that_cannot_be_opened_leaves_nothing_open(bench: Bench) -> None:

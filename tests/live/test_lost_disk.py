@@ -13,10 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from rw_ekf.clock import VirtualClock
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.records import IssuedCommand, WheelSample
-from rw_ekf.sinks.sinks import LogSink, Unwritten
+from rw_ekf.sinks.log import LogSink
+from rw_ekf.sinks.run_files import Unwritten
 from tests.commands.documents import run_document
 from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for
 from tests.live.daemon import Notes, run
@@ -135,9 +137,8 @@ def test_each_gap_in_a_log_begins_a_segment(tmp_path: Path) -> None:
     notes: list[str] = []
     samples = _Full(tmp_path / "log.csv")
     unwritten = Unwritten()
-    sink = LogSink(
-        samples, EstimateWriter(tmp_path / "estimates.csv"), unwritten, lambda event, **context: notes.append(event)
-    )
+    estimates = EstimateWriter(tmp_path / "estimates.csv")
+    sink = LogSink(samples, estimates, VirtualClock(), unwritten, lambda event, **context: notes.append(event))
     for i in range(8):
         samples.full = i in (2, 3, 6)
         sink.write(tick_of(WheelSample(0.1 * i, 1.0, segment=4), IssuedCommand(0.1)))

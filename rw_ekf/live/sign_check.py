@@ -13,7 +13,7 @@ WRONG_SIGN = "wrong_sign"
 ODD_GAIN = "odd_gain"
 
 
-class SignSink:
+class SignCheck:
     """Feeds the watch with what was commanded and read, and says what it finds, once."""
 
     def __init__(
@@ -38,7 +38,7 @@ class SignSink:
         self._note = note
         self._said: set[str] = set()
 
-    def write(self, tick: Tick) -> None:
+    def step(self, tick: Tick) -> None:
         """Take one turn of the loop."""
         pieces = self._watch.pieces
         self._watch.add(tick)
@@ -52,9 +52,6 @@ class SignSink:
         factor = self._watch.odd_factor
         if factor is not None and self._said.isdisjoint((ODD_GAIN, WRONG_SIGN)):
             self._tell(ODD_GAIN, self._odd_gain(factor))
-
-    def close(self) -> None:
-        """Nothing to finish."""
 
     def _tell(self, event: str, text: str) -> None:
         self._said.add(event)

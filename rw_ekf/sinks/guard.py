@@ -1,0 +1,119 @@
+"""The guard before every sink: what a slow or a broken one may cost the loop, which is next to nothing."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from rw_ekf.records import Clock, Sink, Tick
+from rw_ekf.sinks.run_files import Note, Unwritten
+
+_BUDGET_S = 0.02  # for which a turn waits for a queue that is full; once, until there is room again
+_CLOSE_WITHIN_S = 5.0
+
+
+class Queue(NamedTuple):
+    """How a sink that may be slow gets its ticks: in a thread of its own."""
+
+    ticks: int  # as many may wait
+    every_s: float = 0.0  # above 0: the newest tick alone, so often by the run's clock, and the last one
+    lost: Callable[[int], None] = lambda ticks: None  # told how many were lost before the tick that comes next
+
+
+class GuardedSink:
+    """A sink whose exceptions are counted and said once, and whose slowness stays its own. Control goes on."""
+
+    def __init__(
+        self, name: str, sink: Sink, queue: Queue | None, clock: Clock, unwritten: Unwritten, note: Note
+    ) -> None:
+        """queue: None where the sink takes its ticks within the turn."""
+        self.name = name
+        self._sink = sink
+        self._rule = queue
+        self._clock = clock
+        self._unwritten = unwritten
+        self._note = note
+        self._waiting: deque[tuple[int, Tick]] = deque()  # (ticks lost before it, tick)
+        self._lost = 0
+        self._behind = False
+        self._due_s = 0.0
+        self._is_due = self._closing = self._closed = False
+        self._wake = threading.Condition()
+        self._thread: threading.Thread | None = None
+        if queue is not None:
+            self._thread = threading.Thread(target=self._serve, args=(queue,), name=f"sink-{name}", daemon=True)
+            self._thread.start()
+
+    def write(self, tick: Tick) -> None:
+        """Hand a tick over. Never raises."""
+        if self._rule is None:
+            self._guarded(lambda: self._sink.write(tick))
+        elif self._rule.every_s > 0.0:
+            now = self._clock.monotonic()
+            with self._wake:
+                self._waiting.clear()
+                self._waiting.append((0, tick))
+                if now >= self._due_s:
+                    self._due_s, self._is_due = now + self._rule.every_s, True
+                    self._wake.notify_all()
+        else:
+            self._put(tick, self._rule.ticks)
+
+    def close(self) -> None:
+        """Let what waits be written, and finish the sink; one that hangs is left alone after five seconds."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._thread is not None and self._rule is not None:
+            with self._wake:
+                self._closing = True
+                self._wake.notify_all()
+            self._thread.join(_CLOSE_WITHIN_S)
+            self._lost += len(self._waiting)
+            if self._lost:
+                self._rule.lost(self._lost)
+            if self._thread.is_alive():
+                return
+        self._guarded(self._sink.close)
+
+    def _put(self, tick: Tick, most: int) -> None:
+        with self._wake:
+            if len(self._waiting) >= most and not self._behind:
+                self._behind = not self._wake.wait_for(lambda: len(self._waiting) < most, _BUDGET_S)
+            if len(self._waiting) >= most:
+                self._lost += 1
+                return
+            self._behind = False
+            self._waiting.append((self._lost, tick))
+            self._lost = 0
+            self._wake.notify_all()
+
+    def _serve(self, rule: Queue) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(self._has_work)
+                self._is_due = False
+                if not self._waiting:
+                    return
+                lost, tick = self._waiting.popleft()
+                self._wake.notify_all()
+            if lost:
+                rule.lost(lost)
+            self._guarded(lambda tick=tick: self._sink.write(tick))  # type: ignore[misc]
+
+    def _has_work(self) -> bool:
+        newest_alone = self._rule is not None and self._rule.every_s > 0.0
+        return self._closing or self._is_due or (bool(self._waiting) and not newest_alone)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - whatever it is: the wheel is driven on
+            failed = self._unwritten.failed_sinks
+            failed[self.name] = failed.get(self.name, 0) + 1
+            if failed[self.name] == 1:
+                reason = f"{type(error).__name__}: {error}"
+                self._unwritten.note(reason)
+                self._note("sink_failed", sink=self.name, reason=reason, do="the run goes on, and counts how often")

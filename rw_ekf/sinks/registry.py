@@ -1,0 +1,70 @@
+"""Every sink of a run by its name. Adding one is its module and a line here."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rw_ekf.control.commanders import Phase
+from rw_ekf.logs.writer import EstimateWriter, SampleWriter
+from rw_ekf.records import Clock, Sink
+from rw_ekf.sinks.guard import GuardedSink, Queue
+from rw_ekf.sinks.log import LogSink
+from rw_ekf.sinks.run_files import RunFiles, Unwritten
+from rw_ekf.sinks.state_file import StateFileSink
+from rw_ekf.sinks.statistics_sink import StatisticsSink
+from rw_ekf.sinks.status_line import StatusLine
+from rw_ekf.statistics import RunStatistics
+
+_LOG_TICKS = 4096  # seven minutes at 10 Hz of a disk that hangs
+_STATE_EVERY_S = 1.0
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """What the sinks of a run may need of it."""
+
+    files: RunFiles
+    wheel: str
+    state_names: tuple[str, ...]
+    clock: Clock
+    logger: Any
+    total_s: float | None = None
+    phase: Phase | None = None
+    watched: bool = True  # whether there can be alarms
+    statistics: RunStatistics = field(default_factory=RunStatistics)
+    unwritten: Unwritten = field(default_factory=Unwritten)
+
+
+def _log(run: RunContext) -> tuple[Sink, Queue]:
+    samples, estimates = SampleWriter(run.files.log), EstimateWriter(run.files.estimates, run.state_names)
+    sink = LogSink(samples, estimates, run.clock, run.unwritten, run.logger.warning)
+    return sink, Queue(_LOG_TICKS, lost=sink.lost)
+
+
+def _state(run: RunContext) -> tuple[Sink, Queue]:
+    about = {"schema": "rw_ekf.state/1", "wheel": run.wheel, "log": run.files.log.name}
+    sink = StateFileSink(run.files.state, about, run.unwritten, watched=run.watched)
+    return sink, Queue(1, every_s=_STATE_EVERY_S)
+
+
+SINKS: dict[str, Callable[[RunContext], tuple[Sink, Queue | None]]] = {
+    "log": _log,
+    "statistics": lambda run: (StatisticsSink(run.statistics), None),
+    "state": _state,
+    "status": lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
+}
+
+
+def sinks_of(run: RunContext) -> list[GuardedSink]:
+    """Every sink of a run behind its guard; raises BadInputError where a file that it needs cannot be made."""
+    with contextlib.ExitStack() as undo:
+        made = []
+        for name, make in SINKS.items():
+            sink, queue = make(run)
+            made.append(GuardedSink(name, sink, queue, run.clock, run.unwritten, run.logger.error))
+            undo.callback(made[-1].close)
+        undo.pop_all()
+    return made

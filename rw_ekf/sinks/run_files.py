@@ -1,0 +1,85 @@
+"""Where one run leaves its files, and what of them it could not write."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from rw_ekf.errors import BadInputError, RwEkfError
+
+Note = Callable[..., None]  # takes named events for the log
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """Where one run leaves its files; all beside each other under one stem."""
+
+    log: Path
+    estimates: Path
+    model: Path
+    state: Path
+
+    @classmethod
+    def in_directory(cls, directory: Path, wheel: str, began: datetime) -> RunFiles:
+        """Name the files of a run; the directory is made if it is not there. Raises BadInputError if it cannot be."""
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInputError(
+                f"output.directory {directory} cannot be made ({error.strerror}): give another one"
+            ) from None
+        safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)[:60]
+        stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
+        number = 1
+        while os.path.lexists(directory / f"{stem}.csv"):
+            number += 1
+            stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
+        return cls(
+            directory / f"{stem}.csv",
+            directory / f"{stem}.estimates.csv",
+            directory / f"{stem}.model.yaml",
+            directory / f"{safe}.state.json",
+        )
+
+
+@dataclass
+class Unwritten:
+    """What a run could not put on the disk: it went on without (the `unwritten` object of `run --json`)."""
+
+    log_rows: int = 0
+    estimate_rows: int = 0
+    state_files: int = 0
+    other_files: list[str] = field(default_factory=list)  # metadata or model
+    failed_sinks: dict[str, int] = field(default_factory=dict)  # ticks that a sink failed at, by its name
+    reason: str | None = None  # of the first failure
+
+    def __bool__(self) -> bool:
+        """Whether anything that the run was to leave is missing; the state file only tells of the moment."""
+        return self.log_rows + self.estimate_rows + len(self.other_files) + len(self.failed_sinks) > 0
+
+    def text(self) -> str:
+        """What is missing from the run's files, in a sentence."""
+        missing = [f"{self.log_rows} rows of the log"] if self.log_rows else []
+        missing += [f"{self.estimate_rows} rows of the estimates"] if self.estimate_rows else []
+        missing += [f"{ticks} ticks of sink {name}" for name, ticks in self.failed_sinks.items()]
+        return f"not written: {', '.join([*missing, *self.other_files])} ({self.reason})"
+
+    def note(self, reason: str) -> bool:
+        """Keep the first reason; True if this is the first."""
+        first = self.reason is None
+        self.reason = self.reason or reason
+        return first
+
+    @contextlib.contextmanager
+    def tried(self, path: Path, note: Note) -> Iterator[None]:
+        """A file whose loss must not end a run that drives a wheel: counted, and said where it is the first."""
+        try:
+            yield
+        except (RwEkfError, OSError) as error:
+            self.other_files.append(path.name)
+            if self.note(str(error)):
+                note("not_written", file=str(path), reason=str(error))
