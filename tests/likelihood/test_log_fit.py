@@ -11,16 +11,17 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
-from rw_ekf.starting_point import setup_of_record
-from tests.likelihood.wandering import wandering_run
+from rw_ekf.starting_point import FilterSetup, setup_of_record
+from tests.likelihood.wandering import wandering_setup
 from tests.truth import constants_for, cramer_rao_std, run_of
+
+pytestmark = pytest.mark.xdist_group("wandering")  # the records are looked at once
 
 SEEDS = range(12)
 
 
-def fitted(course: Course) -> LogFit:
-    """As `rw-ekf fit` does without a configuration."""
-    setup = setup_of_record(course)
+def fitted(course: Course, setup: FilterSetup) -> LogFit:
+    """As `rw-ekf fit` does without a configuration, whose setup is the record's."""
     start = least_squares(course, setup.constants, setup.prior).parameters
     return fit_log(course, setup.constants, setup.prior, start, stribeck_speed_std=setup.stribeck_speed_std)
 
@@ -29,13 +30,12 @@ def errors_of(profile: str, torque_noise_rpm: float, *, by_filter: bool) -> tupl
     """Errors in own sigmas, (runs, 4), and NEES, (runs,), of the fit or of the replayed filter."""
     normalised, nees = [], []
     for seed in SEEDS:
-        course, truth = wandering_run(profile, seed, torque_noise_rpm)
+        course, truth, setup = wandering_setup(profile, seed, torque_noise_rpm, 0.0)
         if by_filter:
-            setup = setup_of_record(course)
             run = filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance)
             found, covariance = run.mean[1:5], run.covariance[1:5, 1:5]
         else:
-            fit = fitted(course)
+            fit = fitted(course, setup)
             found, covariance = np.array(fit.parameters), fit.covariance
         error = found - np.array(truth)
         normalised.append(error / np.sqrt(np.diag(covariance)))
@@ -63,8 +63,7 @@ def test_sigmas_hold_for_a_speed_that_wanders(profile: str, torque_noise_rpm: fl
 def test_a_healthy_wheel_that_hardly_moves_stays_the_default_wheel(profile: str) -> None:
     """A top speed of some 10 rpm is no evidence of a foreign machine: prior, Stribeck speed and inertia stay."""
     for seed in range(6):
-        course, _ = wandering_run(profile, seed, 0.03)
-        setup = setup_of_record(course)
+        _, _, setup = wandering_setup(profile, seed, 0.03, 0.0)
         assert setup.prior is DEFAULT_PRIOR
         assert setup.inertia_kg_m2 is not None
         assert setup.notes == ()
@@ -98,10 +97,11 @@ def carriage_log(stribeck_speed: float) -> Course:
 @pytest.mark.parametrize("stribeck_speed", [0.002, 0.01])
 def test_a_stribeck_speed_that_nobody_gave_is_found_and_not_taken_for_known(stribeck_speed: float) -> None:
     """On a foreign machine it is fitted with the rest: truth within a tenth, and the parameters within four sigmas."""
-    setup = setup_of_record(carriage_log(stribeck_speed))
+    course = carriage_log(stribeck_speed)
+    setup = setup_of_record(course)
     assert setup.inertia_kg_m2 is None
     assert setup.stribeck_speed_std > 0.0
     assert setup.stribeck_speed_rad_s == pytest.approx(stribeck_speed, rel=0.1)
-    fit = fitted(carriage_log(stribeck_speed))
+    fit = fitted(course, setup)
     truth = np.array([1.0 / 95.0, 200.0 / 95.0, 20.0 / 95.0, 26.0 / 95.0])
     assert np.max(np.abs((np.array(fit.parameters) - truth) / fit.std)) < 4.0

@@ -6,14 +6,14 @@ import pytest
 
 from rw_ekf.filter.consistency import STRUCTURE_P, Consistency
 from rw_ekf.likelihood.judgement import judge_fit
-from rw_ekf.starting_point import setup_of_record
-from tests.likelihood.wandering import wandering_run
+from tests.likelihood.wandering import wandering_setup
+
+pytestmark = pytest.mark.xdist_group("wandering")  # the records are looked at once
 
 
 def judged(profile: str, seed: int, torque_noise_rpm: float, offset_share: float = 0.0) -> Consistency:
     """Judge a run as `replay` and `fit` do, at the record's own noises."""
-    data, _ = wandering_run(profile, seed, torque_noise_rpm, offset_share=offset_share)
-    setup = setup_of_record(data)
+    _, _, setup = wandering_setup(profile, seed, torque_noise_rpm, offset_share)
     assert setup.fit_of_record is not None
     return judge_fit(setup.fit_of_record, setup.constants)
 

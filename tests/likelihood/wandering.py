@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
+from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.truth import fine_trajectory, run_of
 
@@ -47,3 +50,12 @@ def wandering_run(
     speed = fine_trajectory(wheel, time_s, driven_A, kicks_rad_s=kicks)
     reading = speed + RAD_S_PER_RPM * rng.standard_normal(time_s.size)
     return Course.of(time_s, reading, current_A), wheel
+
+
+@lru_cache(maxsize=192)
+def wandering_setup(
+    profile: str, seed: int, torque_noise_rpm: float, offset_share: float
+) -> tuple[Course, FrictionParameters, FilterSetup]:
+    """The same, and the setup that its record tells: made once for all tests of one process."""
+    course, wheel = wandering_run(profile, seed, torque_noise_rpm, offset_share=offset_share)
+    return course, wheel, setup_of_record(course)

@@ -245,14 +245,14 @@ def test_parameters_gone_wild_end_soon_in_finite_numbers() -> None:
     rng = np.random.default_rng(11)
     values = np.array([0.0, 1e-12, -1e-3, 0.6, -0.6, 5.0, -5.0, 100.0, -100.0, 1e4, -1e4, 1e8, -1e8])
     starts = np.array([0.0, 1e-300, 0.01, -0.3, 2.5, -30.0, 400.0, -1e4])
-    for _ in range(1500):
+    for i in range(1500):
         omega, law = float(rng.choice(starts)), int(rng.integers(3))
         drive, b, c, s = (float(v) for v in rng.choice(values, 4))
         duration_s = float(rng.choice([1e-6, 1e-3, 0.1, 1.0, 3600.0]))
-        found: list[float] = []
-        lines = lines_of(lambda: found.extend(flow(omega, drive, FrictionCurve(b, c, s, OMEGA_S, law), duration_s)))  # noqa: B023
-        assert all(math.isfinite(v) for v in found), (omega, drive, b, c, s, law)
-        assert lines < MOST_LINES, (omega, drive, b, c, s, law)
+        case = (omega, drive, FrictionCurve(b, c, s, OMEGA_S, law), duration_s)
+        assert all(math.isfinite(v) for v in flow(*case)), case
+        if i % 3 == 0:  # to count takes ten times as long as to compute
+            assert lines_of(lambda: flow(*case)) < MOST_LINES, case  # noqa: B023
 
 
 @pytest.mark.parametrize("duration", [1e-9, 1e-6, 5e-4, 0.1, 1.0])

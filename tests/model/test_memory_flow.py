@@ -342,10 +342,9 @@ def test_parameters_gone_wild_end_soon_in_finite_numbers() -> None:
         memory, drive, b, c, s = (float(v) for v in rng.choice(values, 5))
         case = Case(omega, memory, drive, b, c, s, OMEGA_S, law, float(rng.choice(sizes)))
         duration_s = float(rng.choice([1e-6, 1e-3, 0.1, 1.0, 3600.0]))
-        found: list[float] = []
-        lines = lines_of(lambda: found.extend(run(i % 2, case, duration_s)))  # noqa: B023
-        assert all(math.isfinite(v) for v in found), case
-        assert lines < MOST_LINES, case
+        assert all(math.isfinite(v) for v in run(i % 2, case, duration_s)), case
+        if i % 3 == 0:  # to count takes ten times as long as to compute
+            assert lines_of(lambda: run(i % 2, case, duration_s)) < MOST_LINES, case  # noqa: B023
 
 
 @pytest.mark.slow
