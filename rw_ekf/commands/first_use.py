@@ -30,4 +30,6 @@ def make_ready(kernels: Sequence[str]) -> None:
     with progress("compiling", len(missing), delay_s=0.0) as bar:
         done = compile_in_children(missing, bar.update)
     if not done:
-        sys.stderr.write("rw-ekf: the compiler could not run beside; it runs within, and Ctrl-C may be answered late\n")
+        sys.stderr.write(
+            "rw-ekf: the compiler could not run in its own process; it runs in this one, so Ctrl-C may wait\n"
+        )
