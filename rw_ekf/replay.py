@@ -15,14 +15,13 @@ from rw_ekf.course.course import WILD, Course
 from rw_ekf.errors import BadInputError, FilterError, LogError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
-from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, judge
+from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, consistency_of
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
-from rw_ekf.likelihood.judgement import judge_fit
-from rw_ekf.likelihood.log_fit import fit_log
+from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.logs.sampling import sampling_of
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.starting_point import FilterSetup, setup_of_record
@@ -158,22 +157,22 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
     the setup's is told apart from that. A model with effects is judged where the filter ended: the fit knows none.
     """
     if setup.fit_of_record is not None:
-        return judge_fit(setup.fit_of_record, setup.constants)
+        return consistency_of_fit(setup.fit_of_record, setup.constants)
     head = busiest(course, most_samples)
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
-        return judge(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
+        return consistency_of(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters
     if setup.effects.terms:
         head = course.window(0, most_samples)
         mean, covariance = frozen(found, belief.mean)
         run = filter_log(head, without_drift(setup.constants), mean, covariance, setup.effects)
-        return judge(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
+        return consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     starts = [found, found._replace(static=found.coulomb), found._replace(static=1.35 * found.coulomb)]
     start = least_squares(head, setup.constants, setup.prior.core, starts=starts).parameters
-    return judge_fit(fit_log(head, setup.constants, setup.prior.core, start), setup.constants)
+    return consistency_of_fit(fit_log(head, setup.constants, setup.prior.core, start), setup.constants)
 
 
-def judge_now(course: Course, setup: FilterSetup, belief: Belief) -> tuple[Consistency, int]:
+def consistency_now(course: Course, setup: FilterSetup, belief: Belief) -> tuple[Consistency, int]:
     """`judge_log` without ever waiting for a compiler, and the samples it looked at.
 
     Where the cache of compiled routines is cold, the same functions run as plain Python over fewer samples: some four

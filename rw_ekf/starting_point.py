@@ -216,15 +216,15 @@ def model_of(
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
     known = STATE_SIZE + setup.effects.size
     return WheelModel(
-        belief.parameters,
-        tuple(tuple(float(v) for v in row) for row in belief.covariance[1:known, 1:known]),
-        setup.stribeck_speed_rad_s,
-        setup.stribeck_law,
-        setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
-        setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
-        setup.inertia_kg_m2,
-        {**source, "rw_ekf": __version__},
-        setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
+        parameters=belief.parameters,
+        covariance=tuple(tuple(float(v) for v in row) for row in belief.covariance[1:known, 1:known]),
+        stribeck_speed_rad_s=setup.stribeck_speed_rad_s,
+        stribeck_law=setup.stribeck_law,
+        speed_noise_rad_s=setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
+        acceleration_noise=setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
+        inertia_kg_m2=setup.inertia_kg_m2,
+        source={**source, "rw_ekf": __version__},
+        effects=setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
     )
 
 

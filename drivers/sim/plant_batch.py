@@ -176,6 +176,13 @@ def simulate_run(
     if grid > 0.0:
         measured = np.round(measured / grid) * grid
     return PlantRun(
-        times_s, currents_A, float(command_delay_s), measured, truth[:, 0].copy(), truth[:, 1].copy(),
-        truth[:, 2].copy(), truth[:, 3].copy(), parameters,
-    )  # fmt: skip
+        time_s=times_s,
+        current_command_A=currents_A,
+        command_delay_s=float(command_delay_s),
+        measured_speed_rad_s=measured,
+        speed_rad_s=truth[:, 0].copy(),
+        temperature_degC=truth[:, 1].copy(),
+        angle_rad=truth[:, 2].copy(),
+        current_A=truth[:, 3].copy(),
+        parameters=parameters,
+    )

@@ -160,8 +160,7 @@ def _least_squares(
     from rw_ekf.errors import FilterError
     from rw_ekf.filter.belief import Belief
     from rw_ekf.identify.least_squares import least_squares
-    from rw_ekf.likelihood.judgement import judge_fit
-    from rw_ekf.likelihood.log_fit import fit_log
+    from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
     from rw_ekf.units import rpm_from_rad_s
 
     free_run = least_squares(course, setup.constants, setup.prior, advance=advance)
@@ -185,7 +184,7 @@ def _least_squares(
         "outliers": max(free_run.outliers, found.left_out),
     }
     said = [] if found.converged else ["the iteration did not converge: believe the values with care"]
-    judged = judge_fit(found, setup.constants)
+    judged = consistency_of_fit(found, setup.constants)
     if judged.is_noise is False:
         said += judged.warnings()
     return Belief(np.array([0.0, *found.parameters]), covariance), found.noises, quality, said

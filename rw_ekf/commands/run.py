@@ -94,7 +94,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
     from rw_ekf.course.course import Course
     from rw_ekf.errors import RwEkfError
     from rw_ekf.logs.reader import read_log
-    from rw_ekf.replay import judge_now
+    from rw_ekf.replay import consistency_now
 
     found = _said_while_running(outcome)
     if outcome.lost:
@@ -114,7 +114,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
     log = shown_path(outcome.files.log)
     try:
         course = Course.of_log(read_log(outcome.files.log))
-        judged, _ = judge_now(course, outcome.setup, outcome.belief)
+        judged, _ = consistency_now(course, outcome.setup, outcome.belief)
     except (RwEkfError, ArithmeticError, ValueError, LookupError) as error:
         return [*found, f"the run's log could not be judged: {error}"]
     # A command that is named can be run from here, as it stands.

@@ -76,7 +76,7 @@ class Consistency:
         )
 
 
-def judge(innovation_rad_s: Float64Array, variance: Float64Array, used: BoolArray) -> Consistency:
+def consistency_of(innovation_rad_s: Float64Array, variance: Float64Array, used: BoolArray) -> Consistency:
     """Test standardised innovations; arrays (n,), `used` marks the accepted ones, others in between are skipped."""
     z = innovation_rad_s[used] / np.sqrt(variance[used])
     z = z[np.isfinite(z)]

@@ -82,9 +82,7 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def predict_over(self, dt: float, surroundings: Surroundings) -> None:
         """Predict over dt [s] under pieces of current; process noise grows with dt."""
-        if (
-            self.table.hidden
-        ):  # one that has settled stands at the last bits of P: they are the compiled pass's
+        if self.table.hidden:  # one that has settled stands at the last bits of P: they are the compiled pass's
             self.predict_x(surroundings)
             noise = np.array((self._speed_noise(dt), *self._parameter_noise(dt)))
             predict_covariance_full(self.P, self.F, noise, self._work)

@@ -119,15 +119,17 @@ def linearise(
     step = np.where(record.follows, np.diff(record.course.time_s, prepend=record.course.time_s[:1]), 0.0)
     reading = np.where(omit, np.nan, record.course.speed_rad_s - reference.speed)
     chain = Chain(
-        record.follows,
-        step,
-        np.where(resting, 0.0, step),  # a torque that does not break the wheel away does not move it
-        centre.slopes,
-        np.where(record.follows, centre.end - reference.speed, 0.0),
-        np.where(record.follows, centre.memory_end - reference.memory, 0.0) if with_memory else np.zeros(extra.size),
-        extra,
-        (0.5 * model.parameters.coulomb) ** 2 if with_memory else 0.0,
-        reading,
+        follows=record.follows,
+        step_s=step,
+        noisy_s=np.where(resting, 0.0, step),  # a torque that does not break the wheel away does not move it
+        slopes=centre.slopes,
+        defect=np.where(record.follows, centre.end - reference.speed, 0.0),
+        memory_defect=np.where(record.follows, centre.memory_end - reference.memory, 0.0)
+        if with_memory
+        else np.zeros(extra.size),
+        extra=extra,
+        memory_variance=(0.5 * model.parameters.coulomb) ** 2 if with_memory else 0.0,
+        reading=reading,
     )
     return Frame(record, model, reference, chain, columns, memory_columns)
 

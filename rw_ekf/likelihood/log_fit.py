@@ -9,21 +9,26 @@ small. Here every interval is predicted from the smoothed speed, one Kalman filt
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import STRIBECK
+from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.consistency import Consistency, consistency_of
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.frozen import frozen, without_drift
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.structure import structure
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
 
@@ -101,3 +106,23 @@ def fit_log(
         fit=fit,
         prior=known,
     )
+
+
+def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
+    """Whether what a fit leaves is noise: whiteness, mean, structure at its own noises; those beside the given ones.
+
+    The first three ask whether the model is right whatever the noises are; the last whether the noises that a filter
+    was told (constants) are the record's. Kept apart because torque noise large enough explains any model.
+    """
+    frame, noises = fit.fit.frame, fit.noises
+    course = frame.record.course
+    ratio = noises.acceleration_noise**2 * course.period_s / noises.speed_noise_rad_s**2
+    r, A, _ = frame.whitened(ratio, noises.speed_noise_rad_s**2, frame.columns)
+    left = r - A @ noises.correction
+    found = consistency_of(left, np.ones(left.size), np.ones(left.size, dtype=bool))
+    if found.whiteness_p is None:
+        return found
+    mean, covariance = frozen(fit.parameters)
+    run = filter_log(course, without_drift(constants), mean, covariance)
+    told = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
+    return replace(found, noise_ratio=told.noise_ratio, structure_p=structure(fit.fit, fit.prior).p_value)

@@ -218,7 +218,17 @@ def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Fl
 def _chain() -> Chain:
     """An empty one, for its types."""
     series = np.zeros(0)
-    return Chain(np.zeros(0, np.bool_), series, series, np.zeros((0, 4)), series, series, series, 0.0, series)
+    return Chain(
+        follows=np.zeros(0, np.bool_),
+        step_s=series,
+        noisy_s=series,
+        slopes=np.zeros((0, 4)),
+        defect=series,
+        memory_defect=series,
+        extra=series,
+        memory_variance=0.0,
+        reading=series,
+    )
 
 
 def _whiten_example() -> tuple[Any, ...]:

@@ -83,10 +83,21 @@ class EvidenceReader:
         self._last, self._belief, self._following = sample, estimate.state, tick.command
         self._static_std = estimate.std.static
         return Evidence(
-            sample.time_s, dt_s, direction, predicted, current_A, self._temperature_degC,
-            innovation, variance, gain, keep, belief, estimate.std.coulomb,
-            outcome is Outcome.RESEEDED, restart,
-        )  # fmt: skip
+            time_s=sample.time_s,
+            dt_s=dt_s,
+            direction=direction,
+            speed_rad_s=predicted,
+            current_A=current_A,
+            temperature_degC=self._temperature_degC,
+            innovation_rad_s=innovation,
+            variance=variance,
+            gain=gain,
+            keep=keep,
+            belief=belief,
+            coulomb_std=estimate.std.coulomb,
+            reseeded=outcome is Outcome.RESEEDED,
+            restart=restart,
+        )
 
     def _current_over(self, dt_s: float) -> tuple[float, bool]:
         """Mean current [A] over the interval that has just ended, and whether the wheel confirmed it."""

@@ -14,7 +14,7 @@ import pytest
 from rw_ekf import compile_ahead
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
-from rw_ekf.replay import judge_log, judge_now
+from rw_ekf.replay import consistency_now, judge_log
 from rw_ekf.starting_point import setup_of_record
 from rw_ekf.wheel.compiled import interpreted
 from tests.commands.logs import write_log
@@ -119,7 +119,7 @@ def test_plain_python_judges_as_the_compiled_routine_does(effects: list[str], mo
     with interpreted():
         warm = judge_log(course, setup, setup.prior)
         monkeypatch.setattr(compile_ahead, "cold", list)
-        cold, looked_at = judge_now(course, setup, setup.prior)
+        cold, looked_at = consistency_now(course, setup, setup.prior)
     assert looked_at == 900
     compiled = judge_log(course, setup, setup.prior)
     assert cold == warm

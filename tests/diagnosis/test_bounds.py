@@ -13,7 +13,20 @@ from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from tests.diagnosis.simulated import TRUTH
 
-WHEEL = RecordFacts(0.0, 600.0, 0.1, 250.0, 0.3, CK13_STATISTICAL, 0.42, 0, 0.1, 10, 8.0, True)
+WHEEL = RecordFacts(
+    first_s=0.0,
+    last_s=600.0,
+    period_s=0.1,
+    top_speed_rad_s=250.0,
+    top_current_A=0.3,
+    friction=CK13_STATISTICAL,
+    stribeck_speed_rad_s=0.42,
+    stribeck_law=0,
+    speed_noise_rad_s=0.1,
+    reversals=10,
+    temperature_range_K=8.0,
+    angle=True,
+)
 CARRIAGE = replace(
     WHEEL, top_speed_rad_s=0.15, top_current_A=60.0, stribeck_speed_rad_s=1e-3, speed_noise_rad_s=1e-4, period_s=0.01,
     friction=CK13_STATISTICAL._replace(motor_gain=0.01, viscous=2.0, coulomb=0.2, static=0.25),

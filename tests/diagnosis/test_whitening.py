@@ -26,15 +26,15 @@ def random_chain(seed: int, *, memory: bool, samples: int = 34) -> Chain:
     reading[[0, 5, 6, 7, 11, 12, 17]] = np.nan
     step = rng.uniform(0.05, 0.2, samples)
     return Chain(
-        follows,
-        step,
-        np.where(rng.random(samples) < 0.2, 0.0, step),
-        slopes,
-        rng.normal(0.0, 0.5, samples),
-        rng.normal(0.0, 0.5, samples) if memory else np.zeros(samples),
-        np.where(rng.random(samples) < 0.3, rng.uniform(0.0, 0.4, samples), 0.0),
-        1.7 if memory else 0.0,
-        reading,
+        follows=follows,
+        step_s=step,
+        noisy_s=np.where(rng.random(samples) < 0.2, 0.0, step),
+        slopes=slopes,
+        defect=rng.normal(0.0, 0.5, samples),
+        memory_defect=rng.normal(0.0, 0.5, samples) if memory else np.zeros(samples),
+        extra=np.where(rng.random(samples) < 0.3, rng.uniform(0.0, 0.4, samples), 0.0),
+        memory_variance=1.7 if memory else 0.0,
+        reading=reading,
     )
 
 

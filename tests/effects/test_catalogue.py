@@ -1,4 +1,4 @@
-"""Every effect of the catalogue: complete, differentiated rightly, of the plant's mind, and sized for any plant."""
+"""Every effect of the catalogue: complete, with the right slopes, like its twin in the plant, sized for any plant."""
 
 from __future__ import annotations
 

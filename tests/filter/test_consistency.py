@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.consistency import FALSE_ALARM, chi_square_tail, judge
+from rw_ekf.filter.consistency import FALSE_ALARM, chi_square_tail, consistency_of
 
 
 def verdict(z: Float64Array) -> bool | None:
-    return judge(z, np.ones(z.size), np.ones(z.size, dtype=bool)).is_noise
+    return consistency_of(z, np.ones(z.size), np.ones(z.size, dtype=bool)).is_noise
 
 
 def test_white_noise_is_called_noise() -> None:
@@ -23,7 +23,7 @@ def test_white_noise_is_called_noise() -> None:
 def test_the_scale_of_the_noise_alone_accuses_nobody() -> None:
     """Residuals three times too large are still noise; the ratio is reported for what it is."""
     z = 3.0 * np.random.default_rng(2).standard_normal(2000)
-    found = judge(z, np.ones(2000), np.ones(2000, dtype=bool))
+    found = consistency_of(z, np.ones(2000), np.ones(2000, dtype=bool))
     assert found.is_noise
     assert found.noise_ratio == pytest.approx(3.0, rel=0.05)
     assert any("larger" in sentence for sentence in found.warnings())
@@ -32,7 +32,7 @@ def test_the_scale_of_the_noise_alone_accuses_nobody() -> None:
 def test_a_mean_is_seen() -> None:
     """A bias of a fifth of a sigma over 2000 samples is structure, and the sentence says so."""
     z = 0.2 + np.random.default_rng(3).standard_normal(2000)
-    found = judge(z, np.ones(2000), np.ones(2000, dtype=bool))
+    found = consistency_of(z, np.ones(2000), np.ones(2000, dtype=bool))
     assert found.is_noise is False
     assert "mean" in found.warnings()[0]
 
@@ -40,7 +40,7 @@ def test_a_mean_is_seen() -> None:
 def test_correlation_is_seen() -> None:
     """A first-order correlation of 0.15 over 2000 samples is structure, and its lag is named."""
     white = np.random.default_rng(4).standard_normal(2001)
-    found = judge(white[1:] + 0.15 * white[:-1], np.ones(2000), np.ones(2000, dtype=bool))
+    found = consistency_of(white[1:] + 0.15 * white[:-1], np.ones(2000), np.ones(2000, dtype=bool))
     assert found.is_noise is False
     assert found.largest_lag == 1
     assert "lag 1" in found.warnings()[0]
@@ -48,7 +48,7 @@ def test_correlation_is_seen() -> None:
 
 def test_too_few_samples_are_not_judged() -> None:
     """Under a hundred samples there is no verdict, and no warning either."""
-    found = judge(np.zeros(50), np.ones(50), np.ones(50, dtype=bool))
+    found = consistency_of(np.zeros(50), np.ones(50), np.ones(50, dtype=bool))
     assert found.is_noise is None
     assert found.warnings() == []
 
@@ -60,7 +60,7 @@ def test_samples_that_were_not_used_are_not_judged() -> None:
     used[::7] = False
     z[::7] = 100.0
     z[1::70] = np.nan
-    found = judge(z, np.ones(2000), used)
+    found = consistency_of(z, np.ones(2000), used)
     assert found.is_noise
     assert found.samples < 1715
 

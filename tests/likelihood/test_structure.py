@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rw_ekf.filter.consistency import STRUCTURE_P, Consistency
-from rw_ekf.likelihood.judgement import judge_fit
+from rw_ekf.likelihood.log_fit import consistency_of_fit
 from tests.likelihood.wandering import wandering_setup
 
 pytestmark = pytest.mark.xdist_group("wandering")  # the records are looked at once
@@ -15,7 +15,7 @@ def judged(profile: str, seed: int, torque_noise_rpm: float, offset_share: float
     """Judge a run as `replay` and `fit` do, at the record's own noises."""
     _, _, setup = wandering_setup(profile, seed, torque_noise_rpm, offset_share)
     assert setup.fit_of_record is not None
-    return judge_fit(setup.fit_of_record, setup.constants)
+    return consistency_of_fit(setup.fit_of_record, setup.constants)
 
 
 @pytest.mark.parametrize("torque_noise_rpm", [0.0, 0.1])

@@ -151,7 +151,7 @@ def test_the_phases_of_a_profile() -> None:
 
 
 def test_numbers_of_log_lines_have_six_digits(capsys: pytest.CaptureFixture[str]) -> None:
-    """Seventeen digits of a current are nobody's business; times keep a tenth of a second."""
+    """Currents are not shown with seventeen digits; times keep a tenth of a second."""
     console.logger("json").warning("slewed", current_A=0.30000000000000004, since_s=1234567.891, n=3)
     told = capsys.readouterr().err
     assert '"current_A": 0.3,' in told

@@ -43,7 +43,15 @@ def model_with(*terms: Term) -> WheelModel:
     root = np.random.default_rng(size).normal(size=(size, size))
     covariance = tuple(tuple(float(v) for v in row) for row in 1.0e-4 * root @ root.T + 1.0e-3 * np.eye(size))
     return WheelModel(
-        CK13_STATISTICAL, covariance, 1.0 / 3.0, "tustin", 0.1, 0.01, 1.5e-3, {"method": "diagnose"}, effects
+        parameters=CK13_STATISTICAL,
+        covariance=covariance,
+        stribeck_speed_rad_s=1.0 / 3.0,
+        stribeck_law="tustin",
+        speed_noise_rad_s=0.1,
+        acceleration_noise=0.01,
+        inertia_kg_m2=1.5e-3,
+        source={"method": "diagnose"},
+        effects=effects,
     )
 
 

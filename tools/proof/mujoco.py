@@ -145,9 +145,16 @@ def foreign_run(case: Case, time_s: Float64Array, current_A: Float64Array) -> Pl
     rows = _advance(mujoco, model, data, case, time_s, current_A)
     noise = np.random.default_rng(case.seed).standard_normal(time_s.size) * case.noise_rpm * RAD_S_PER_RPM
     return PlantRun(
-        time_s, current_A, 0.0, rows[:, 0] + noise, rows[:, 0].copy(), rows[:, 2].copy(), rows[:, 1].copy(),
-        current_A.copy(), case.wheel,
-    )  # fmt: skip
+        time_s=time_s,
+        current_command_A=current_A,
+        command_delay_s=0.0,
+        measured_speed_rad_s=rows[:, 0] + noise,
+        speed_rad_s=rows[:, 0].copy(),
+        temperature_degC=rows[:, 2].copy(),
+        angle_rad=rows[:, 1].copy(),
+        current_A=current_A.copy(),
+        parameters=case.wheel,
+    )
 
 
 def _advance(

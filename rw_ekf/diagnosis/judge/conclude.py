@@ -30,7 +30,7 @@ Advance = Callable[[str], object]
 
 SCHEMA = "rw_ekf.diagnosis/1"
 MODEL_FILE = "augmented-model.yaml"
-_REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which nobody calls an effect
+_REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which is no effect
 
 
 def _lattice(found: Found) -> Lattice | None:
@@ -148,13 +148,13 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
         variance = max(variance - GRID.variance(lattice.grid_rad_s), (0.02 * lattice.grid_rad_s) ** 2)
     names = {code: name for name, code in LAW_CODES.items()}
     return WheelModel(
-        fit.model.parameters,
-        tuple(tuple(float(v) for v in row) for row in covariance),
-        fit.model.omega_s,
-        names[fit.model.law],
-        float(np.sqrt(variance)),
-        float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.course.period_s)),
-        prepared.setup.inertia_kg_m2,
-        {"method": "diagnose, fitted to the whole record", "log": prepared.log.name, "rw_ekf": __version__},
-        effects,
+        parameters=fit.model.parameters,
+        covariance=tuple(tuple(float(v) for v in row) for row in covariance),
+        stribeck_speed_rad_s=fit.model.omega_s,
+        stribeck_law=names[fit.model.law],
+        speed_noise_rad_s=float(np.sqrt(variance)),
+        acceleration_noise=float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.course.period_s)),
+        inertia_kg_m2=prepared.setup.inertia_kg_m2,
+        source={"method": "diagnose, fitted to the whole record", "log": prepared.log.name, "rw_ekf": __version__},
+        effects=effects,
     )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.consistency import chi_square_tail, judge
+from rw_ekf.filter.consistency import chi_square_tail, consistency_of
 
 FALSE_ALARM = 1.0e-3  # of each test
 _MOST = 200_000
@@ -25,7 +25,7 @@ def residual_tests(normalised_innovation: Float64Array) -> dict[str, Any]:
     the largest peak against all (Fisher's g); false_alarm: the level at which each is called significant.
     """
     z = normalised_innovation[np.isfinite(normalised_innovation)][:_MOST]
-    simple = judge(z, np.ones(z.size), np.ones(z.size, dtype=bool))
+    simple = consistency_of(z, np.ones(z.size), np.ones(z.size, dtype=bool))
     found: dict[str, Any] = {
         "samples": int(z.size),
         "ljung_box_p": simple.whiteness_p,

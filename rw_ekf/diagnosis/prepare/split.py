@@ -21,7 +21,7 @@ _MOST_SAMPLES = 25_000  # of each part: what a diagnosis can look at within its 
 
 @dataclass(frozen=True)
 class Split:
-    """Stretches of time in turn; every sample belongs to one, `part` tells which."""
+    """Stretches of time in turn: `block` numbers them; each is searched, held out, or not looked at."""
 
     kind: Kind
     fit: BoolArray  # (n,)
