@@ -2,7 +2,7 @@
 
 The rule is that of `transition` (docs/filter.md eq. 6-8): the derivative of the flow away from zero speed, the
 statistical slope over a turned root of the covariance near it; and always the latter where an effect has a hidden
-state, a delay or a Stribeck shape, whose derivatives nobody should write by hand.
+state, a delay or a Stribeck shape, whose derivatives are not written out.
 """
 
 import math

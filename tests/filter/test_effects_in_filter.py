@@ -17,6 +17,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.effect import Shape, Term
 from rw_ekf.model.friction import GAUSS, FrictionCurve, Stribeck
@@ -29,7 +30,7 @@ from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import interval
 from tests.filter.effect_replay import believed, both, in_use, rough_log
 from tests.filter.replay import OUTCOMES
-from tests.truth import OMEGA_S, constants_for, prior_drawn_around
+from tests.truth import OMEGA_S, constants_for, prior_drawn_around, run_of
 
 Injected = tuple[str, str, EffectSet, Float64Array]
 
@@ -166,6 +167,18 @@ def test_an_effect_known_to_be_nothing_is_none() -> None:
     assert np.max(np.abs(run.states[:, :5] - plain.states) / plain.stds) < 1e-9
     assert np.max(np.abs(run.stds[:, :5] / plain.stds - 1.0)) < 1e-9
     assert np.all(run.stds[:, 5] == 0.0)
+
+
+@pytest.mark.parametrize("profile", ["P1", "P2", "S1", "S2"])
+def test_the_five_states_alone_are_the_general_pass_unrolled(profile: str) -> None:
+    """The pass for a model without effects, kept for its speed, and the general one agree to the last bit."""
+    course, constants = run_of(profile, 3).course, constants_for()
+    runs = [FilterRun.empty(DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, course.samples, states=True) for _ in "ab"]
+    filter_pass(constants, None, course, runs[0])
+    filter_pass_with_effects(constants, NO_EFFECTS.table(), course, runs[1])
+    assert np.array_equal(runs[0].states, runs[1].states)
+    assert np.array_equal(runs[0].stds, runs[1].stds)
+    assert np.array_equal(runs[0].outcome, runs[1].outcome)
 
 
 def test_the_flow_of_a_table_without_effects_is_the_models() -> None:
