@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, filter_constants
 from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, Prior, linearise
@@ -89,3 +92,10 @@ def log_of(run: PlantRun, *, angle: bool = False) -> WheelLog:
         channels,
         rows_read=n,
     )
+
+
+@lru_cache
+def diagnosed_once(effect: str) -> tuple[WheelLog, Diagnosis]:
+    """The log of a wheel with one effect, and its diagnosis, made once for all tests of one process."""
+    log = log_of(simulated([effect], seed=41), angle=effect.startswith("torque_ripple"))
+    return log, diagnose_log(log)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +11,18 @@ import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.split import split_record
-from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.model_file import WheelModel, read_model
 from rw_ekf.wheel.table import EffectSet
-from tests.diagnosis.simulated import TRUTH, log_of, simulated
+from tests.diagnosis.simulated import TRUTH, diagnosed_once, log_of, simulated
+from tests.wheel.test_walk import injected
 
 pytestmark = pytest.mark.xdist_group("rough logs")  # some are diagnosed once for several tests
 
-DRAG = "quadratic_drag:coefficient_1_rad=1.2e-6"
-LAG = "actuator_lag:time_constant_s=0.06"
-SPIKE = "drag_spike:onset_s=250,amplitude_rad_s2=0.05"
-OUTSIDE = "external_torque:amplitude_rad_s2=0.04,frequency_Hz=0.05"
-
-
-@lru_cache
-def plainly(text: str) -> tuple[WheelLog, Diagnosis]:
-    """A log of an effect with nothing odd about it, and its diagnosis."""
-    log = log_of(simulated([text], seed=2))
-    return log, diagnose_log(log)
+DRAG = injected("quadratic_drag")
 
 
 def diagnosed(log: WheelLog, model: WheelModel | None = None) -> dict[str, Any]:
@@ -56,12 +45,11 @@ def test_a_few_spiked_readings_hide_nothing(part: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text", [OUTSIDE, SPIKE])
-def test_the_clock_of_a_log_may_begin_anywhere(text: str) -> None:
+@pytest.mark.parametrize("name", ["external_torque", "drag_spike"])
+def test_the_clock_of_a_log_may_begin_anywhere(name: str) -> None:
     """Seconds since 1970 or since the start: the same effect with the same size, an onset on the log's own clock."""
-    log, since_start = plainly(text)
+    log, since_start = diagnosed_once(injected(name))
     since_1970 = diagnose_log(replace(log, time_s=log.time_s + 1.76e9))
-    name = text.split(":", maxsplit=1)[0]
     sizes, onsets = [], []
     for begins_s, document in ((0.0, since_start.document), (1.76e9, since_1970.document)):
         assert document["verdict"]["effects"] == [name], document["verdict"]["statement"]
@@ -102,10 +90,10 @@ def test_a_given_effect_that_is_not_missed_is_no_error() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text", [DRAG, LAG, SPIKE])
-def test_the_loop_closes(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize("name", ["quadratic_drag", "actuator_lag", "drag_spike"])
+def test_the_loop_closes(tmp_path: Path, name: str) -> None:
     """Diagnosed again with the model that the diagnosis wrote, read back from its file, the log is explained."""
-    log, found = plainly(text)
+    log, found = diagnosed_once(injected(name))
     assert found.model is not None, found.document["verdict"]["statement"]
     path = tmp_path / "augmented-model.yaml"
     path.write_text(found.model.to_text(), encoding="utf-8")

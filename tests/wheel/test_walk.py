@@ -13,9 +13,10 @@ from drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.diagnosis.simulated import log_of, simulated
+from tests.diagnosis.simulated import diagnosed_once, log_of, simulated
 
-SEED = 41
+# These logs are diagnosed for tests/diagnosis/test_rough_logs.py as well: once, where one process has both.
+SHARED = ("quadratic_drag", "actuator_lag", "drag_spike", "external_torque")
 # Parameters of the plant's twin, by id; those that a diagnosis must find to a share of this, with that share.
 INJECTED: dict[str, tuple[dict[str, float], dict[str, float]]] = {
     "offset_torque": ({"torque_rad_s2": 0.03}, {"torque_rad_s2": 0.1}),
@@ -40,8 +41,16 @@ INJECTED: dict[str, tuple[dict[str, float], dict[str, float]]] = {
 }
 
 
+def injected(effect_id: str) -> str:
+    """What the simulated wheel is given of an effect."""
+    return f"{effect_id}:" + ",".join(f"{name}={value!r}" for name, value in INJECTED[effect_id][0].items())
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("effect_id", list(CATALOGUE))
+@pytest.mark.parametrize(
+    "effect_id",
+    [pytest.param(name, marks=pytest.mark.xdist_group("rough logs")) if name in SHARED else name for name in CATALOGUE],
+)
 def test_what_the_plant_has_is_named(effect_id: str) -> None:
     """The effect is named, by itself or in a group that the log cannot tell apart, with a size near the plant's."""
     if effect_id not in CATALOGUE_IDS:
@@ -49,9 +58,8 @@ def test_what_the_plant_has_is_named(effect_id: str) -> None:
     if effect_id not in INJECTED:
         pytest.fail(f"{effect_id} has no amplitude here: add one of 5 to 10 % of Coulomb friction to INJECTED")
     given, sizes = INJECTED[effect_id]
-    text = f"{effect_id}:" + ",".join(f"{name}={value!r}" for name, value in given.items())
-    run = simulated([text], seed=SEED)
-    document = diagnose_log(log_of(run, angle=effect_id == "torque_ripple")).document
+    _, diagnosis = diagnosed_once(injected(effect_id))
+    document = diagnosis.document
     verdict = document["verdict"]
     assert verdict["kind"] == "effect", verdict["statement"]
     groups = [group for group in verdict["indistinguishable"] if effect_id in group]
