@@ -138,10 +138,11 @@ def _beside_other_stribeck_speeds(course: Course, setup: FilterSetup, run: Filte
     """
     if setup.stribeck_speed_std <= 0.0:
         return Belief(run.mean, run.covariance)
-    spread = min(setup.stribeck_speed_std / setup.stribeck_speed_rad_s, 0.5)
+    middle = setup.constants.stribeck.omega_s
+    spread = min(setup.stribeck_speed_std / middle, 0.5)
     parts = [(2.0 / 3.0, run.mean, run.covariance)]
     for sign in (-1.0, 1.0):
-        omega_s = setup.stribeck_speed_rad_s * math.exp(sign * math.sqrt(3.0) * spread)
+        omega_s = middle * math.exp(sign * math.sqrt(3.0) * spread)
         there = setup.constants.with_stribeck_speed(omega_s)
         other = filter_log(course, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
         parts.append((1.0 / 6.0, other.mean, other.covariance))

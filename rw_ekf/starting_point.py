@@ -20,6 +20,7 @@ from rw_ekf.filter.belief import (
     with_prior_table,
 )
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
@@ -41,16 +42,12 @@ class FilterSetup:
     constants: FilterConstants
     noise: NoiseModel
     prior: Belief
-    stribeck_speed_rad_s: float
-    stribeck_law: str
     inertia_kg_m2: float | None  # None: not known, nothing is turned into torques
     notes: tuple[str, ...] = ()
     effects: EffectSet = NO_EFFECTS
     inertia_from: str = ""  # "configuration", "model", or "assumed": what stands behind every torque
     fit_of_record: LogFit | None = None  # where the noises came from the record
-    stribeck_speed_std: float = (
-        0.0  # where the Stribeck speed was not given and the record had to tell it; 0: it is given
-    )
+    stribeck_speed_std: float = 0.0  # where the record had to tell the Stribeck speed; 0: it is given
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -103,8 +100,6 @@ def setup_of_configuration(
         constants,
         noise,
         prior,
-        omega_s,
-        law,
         configuration.wheel.inertia_kg_m2,
         effects=NO_EFFECTS if model is None else model.effects,
         inertia_from="configuration" if "inertia_kg_m2" in configuration.wheel.model_fields_set else "assumed",
@@ -134,8 +129,6 @@ def setup_of_record(
             constants,
             noise,
             belief_of_model(model),
-            model.stribeck_speed_rad_s,
-            model.stribeck_law,
             model.inertia_kg_m2,
             effects=model.effects,
             inertia_from="model",
@@ -155,8 +148,6 @@ def setup_of_record(
         constants,
         noise,
         scale.prior,
-        omega_s,
-        "gauss",
         DEFAULT_INERTIA_KG_M2,
         inertia_from="assumed",
         fit_of_record=fit,
@@ -218,8 +209,8 @@ def model_of(
     return WheelModel(
         parameters=belief.parameters,
         covariance=tuple(tuple(float(v) for v in row) for row in belief.covariance[1:known, 1:known]),
-        stribeck_speed_rad_s=setup.stribeck_speed_rad_s,
-        stribeck_law=setup.stribeck_law,
+        stribeck_speed_rad_s=setup.constants.stribeck.omega_s,
+        stribeck_law=LAW_NAMES[setup.constants.stribeck.law],
         speed_noise_rad_s=setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
         acceleration_noise=setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
         inertia_kg_m2=setup.inertia_kg_m2,
@@ -258,6 +249,4 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
     )
     constants = filter_constants(noise, omega_s, nominal_period_s=period)
     fit = None if found is None else found.fit
-    return FilterSetup(
-        constants, noise, scale.prior, omega_s, "gauss", None, (said,), fit_of_record=fit, stribeck_speed_std=spread
-    )
+    return FilterSetup(constants, noise, scale.prior, None, (said,), fit_of_record=fit, stribeck_speed_std=spread)

@@ -142,7 +142,7 @@ def _deterministic(course: Course, log: WheelLog, setup: FilterSetup) -> tuple[B
     from rw_ekf.identify.deterministic import deterministic
 
     noise = math.sqrt(setup.constants.speed_variance)
-    found = deterministic(course, log.current_A, setup.stribeck_speed_rad_s, noise, setup.prior)
+    found = deterministic(course, log.current_A, setup.constants.stribeck.omega_s, noise, setup.prior)
     quality = {"coast_down_s": found.coast_down_s, "driven_s": found.driven_s, "break_aways": found.break_aways}
     said = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
     if found.driven_s == 0.0:

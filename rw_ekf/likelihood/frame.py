@@ -102,9 +102,7 @@ def linearise(
     with_columns: bool = True,
 ) -> Frame:
     """Predict every interval and differentiate by the model's vector; `omit` (n,) readings are left out."""
-    centre = predict(
-        record, model.coefficients, model.effects, model.omega_s, model.law, reference, with_rows=with_columns
-    )
+    centre = predict(record, model.coefficients, model.effects, model.stribeck, reference, with_rows=with_columns)
     with_memory = model.effects.table().memory_state_at != ABSENT
     n = reference.speed.size
     if with_columns:
@@ -137,7 +135,7 @@ def linearise(
 def _before(memory_end: Float64Array, record: Record, reference: Reference, model: Model) -> Float64Array:
     """Memory at each sample as a pass carried it along: its end where an interval led there, else settled or none."""
     settled = np.where(
-        np.abs(reference.speed) > model.omega_s, np.copysign(model.parameters.coulomb, reference.speed), 0.0
+        np.abs(reference.speed) > model.stribeck.omega_s, np.copysign(model.parameters.coulomb, reference.speed), 0.0
     )
     return np.where(record.follows, memory_end, settled)
 
@@ -181,9 +179,7 @@ def _differences(
             there = model.with_vector(point)
             moved.append(there.vector[j])
             ends.append(
-                predict(
-                    record, there.coefficients, there.effects, model.omega_s, model.law, reference, with_slopes=False
-                )
+                predict(record, there.coefficients, there.effects, model.stribeck, reference, with_slopes=False)
             )
         width = moved[0] - moved[1]
         if width != 0.0:

@@ -15,7 +15,6 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, state_vector
-from rw_ekf.model.friction import Stribeck
 from rw_ekf.wheel.table import ABSENT
 
 _OPEN_GATE = 1.0e30
@@ -30,7 +29,7 @@ def run_frozen(
     """Filter `course` with a model that stays as it is; states are kept, and all that a smoother needs on demand."""
     mean, covariance = frozen(model.parameters, state_vector(model.coefficients, model.effects))
     steered = without_drift(constants)._replace(
-        stribeck=Stribeck(model.omega_s, model.law),
+        stribeck=model.stribeck,
         gate=_OPEN_GATE,
         speed_variance=max(noise.variance - model.effects.reading_variance, 1.0e-3 * noise.variance),
         acceleration_noise=noise.ratio * noise.variance / course.period_s,

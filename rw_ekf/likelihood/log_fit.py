@@ -82,7 +82,7 @@ def fit_log(
     noise = float(np.sqrt(constants.speed_variance))
     everything = np.ones(course.samples, dtype=bool)
     record = Record.of(course, everything, constants)
-    bare = Model(start, *constants.stribeck)
+    bare = Model(start, constants.stribeck)
     known = Prior.of(prior.core.mean[1:], prior.core.covariance[1:, 1:])
     model, (omega_s, law) = bare, constants.stribeck
     if stribeck_speed_std > 0.0:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.effect import Shape, Term
+from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
@@ -16,11 +17,10 @@ _BASE = 4
 
 @dataclass(frozen=True)
 class Model:
-    """Parameters and effects with their values; omega_s [rad/s] and law are the base's Stribeck curve."""
+    """Parameters and effects with their values; stribeck is the base's."""
 
     parameters: FrictionParameters
-    omega_s: float
-    law: int
+    stribeck: Stribeck
     effects: EffectSet = NO_EFFECTS
 
     @property

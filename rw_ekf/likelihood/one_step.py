@@ -177,8 +177,7 @@ def predict(
     record: Record,
     parameters: Float64Array,
     effects: EffectSet,
-    omega_s: float,
-    law: int,
+    stribeck: Stribeck,
     reference: Reference,
     *,
     with_rows: bool = False,
@@ -199,7 +198,7 @@ def predict(
     # A column of a table has another layout, for which numba would compile the pass anew.
     speed, spread, memory = map(np.ascontiguousarray, reference[:3])
     one_step_pass(
-        state_vector(parameters, effects), table, Stribeck(omega_s, law), record.course, record.follows,
+        state_vector(parameters, effects), table, stribeck, record.course, record.follows,
         Reference(speed, spread, memory, memory_spread), out,
     )  # fmt: skip
     return out

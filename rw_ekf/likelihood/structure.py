@@ -43,7 +43,7 @@ def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
     model = fit.model
     probe = EffectSet((Term.of(TORQUE),))
     rows = predict(
-        fit.frame.record, np.array([*model.parameters, 0.0]), probe, model.omega_s, model.law, fit.reference,
+        fit.frame.record, np.array([*model.parameters, 0.0]), probe, model.stribeck, fit.reference,
         with_rows=True, with_slopes=False,
     ).rows  # fmt: skip
     return -rows[:, 5], rows[:, 3] + rows[:, 4]
@@ -137,5 +137,5 @@ def _columns(fit: Fit) -> Float64Array:
         if np.ptp(warmer) > 0.5:
             found += [dry * warmer, drive * speed * warmer, drive * current * warmer]
     columns = np.column_stack(found)
-    columns[~record.follows | (size < _TURNING * model.omega_s)] = 0.0
+    columns[~record.follows | (size < _TURNING * model.stribeck.omega_s)] = 0.0
     return np.ascontiguousarray(columns[:, np.any(columns != 0.0, axis=0)])

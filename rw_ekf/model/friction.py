@@ -17,6 +17,7 @@ GAUSS = 0  # exp(-u^2)      [CK13 (1)]
 TUSTIN = 1  # exp(-|u|)      [F12, introduction]
 LORENTZ = 2  # 1 / (1 + u^2)  [F12, introduction]
 LAW_CODES = {"gauss": GAUSS, "tustin": TUSTIN, "lorentz": LORENTZ}
+LAW_NAMES = {code: name for name, code in LAW_CODES.items()}
 
 # In Stribeck speeds: beyond the first the Stribeck term has no slope left to speak of (Gauss: 2e-16) and the wheel is
 # fast; below the second it creeps, and its friction is not known better than by half of c.

@@ -20,13 +20,14 @@ from rw_ekf.likelihood.frame import Noise, Prior, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.truth import OMEGA_S
 
 RATE_HZ = 10.0
 MAX_GAP_S = 2.0
-TRUTH = Model(CK13_STATISTICAL, OMEGA_S, 0)  # the healthy plant
+TRUTH = Model(CK13_STATISTICAL, Stribeck(OMEGA_S, GAUSS))  # the healthy plant
 PRIOR = Prior.of(DEFAULT_PRIOR.mean[1:], DEFAULT_PRIOR.covariance[1:, 1:])
 
 
@@ -54,7 +55,7 @@ def record_of(run: PlantRun) -> Record:
     return Record.of(
         course,
         everything,
-        filter_constants(DEFAULT_NOISE, TRUTH.omega_s, max_gap_s=MAX_GAP_S),
+        filter_constants(DEFAULT_NOISE, TRUTH.stribeck.omega_s, max_gap_s=MAX_GAP_S),
     )
 
 

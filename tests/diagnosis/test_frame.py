@@ -56,7 +56,7 @@ def differences(record: Record, model: Model, reference: Reference, sizes: Float
         up[j] += size
         down[j] -= size
         ends = [
-            predict(record, point, model.effects, model.omega_s, model.law, reference, with_slopes=False).end
+            predict(record, point, model.effects, model.stribeck, reference, with_slopes=False).end
             for point in (up, down)
         ]
         found.append((ends[0] - ends[1]) / (2.0 * size))
@@ -96,7 +96,7 @@ def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Term) -> N
         for way in (size, -size):
             point = model.coefficients
             point[j] += way
-            ends.append(predict(record, point, model.effects, model.omega_s, model.law, reference, with_slopes=False))
+            ends.append(predict(record, point, model.effects, model.stribeck, reference, with_slopes=False))
         for found, up, down in (
             (frame.columns[:, j], ends[0].end, ends[1].end),
             (frame.memory_columns[:, j], ends[0].memory_end, ends[1].memory_end),

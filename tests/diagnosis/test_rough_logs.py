@@ -73,7 +73,7 @@ def test_a_model_without_viscous_friction_is_a_place_to_start_from() -> None:
     known = TRUTH.parameters
     covariance = tuple(tuple(float(v) for v in row) for row in np.diag([0.1, 1e-6, 1e-3, 1e-2]))
     model = WheelModel(
-        FrictionParameters(known.motor_gain, 0.0, known.coulomb, known.static), covariance, TRUTH.omega_s
+        FrictionParameters(known.motor_gain, 0.0, known.coulomb, known.static), covariance, TRUTH.stribeck.omega_s
     )
     document = diagnosed(log_of(simulated(seed=4, samples=3000)), model)
     assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
@@ -84,7 +84,7 @@ def test_a_given_effect_that_is_not_missed_is_no_error() -> None:
     """A model that claims an offset which is not there, on a log with drag: drag is found."""
     claimed = EffectSet((Term.of(CATALOGUE["offset_torque"], value=0.001, std=0.01),))
     covariance = tuple(tuple(float(v) for v in row) for row in np.diag([0.1, 1e-6, 1e-3, 1e-2, 1e-4]))
-    model = WheelModel(TRUTH.parameters, covariance, TRUTH.omega_s, effects=claimed)
+    model = WheelModel(TRUTH.parameters, covariance, TRUTH.stribeck.omega_s, effects=claimed)
     document = diagnosed(log_of(simulated([DRAG], seed=31)), model)
     assert "quadratic_drag" in document["verdict"]["effects"], document["verdict"]["statement"]
 

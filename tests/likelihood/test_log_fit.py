@@ -101,7 +101,7 @@ def test_a_stribeck_speed_that_nobody_gave_is_found_and_not_taken_for_known(stri
     setup = setup_of_record(course)
     assert setup.inertia_kg_m2 is None
     assert setup.stribeck_speed_std > 0.0
-    assert setup.stribeck_speed_rad_s == pytest.approx(stribeck_speed, rel=0.1)
+    assert setup.constants.stribeck.omega_s == pytest.approx(stribeck_speed, rel=0.1)
     fit = fitted(course, setup)
     truth = np.array([1.0 / 95.0, 200.0 / 95.0, 20.0 / 95.0, 26.0 / 95.0])
     assert np.max(np.abs((np.array(fit.parameters) - truth) / fit.std)) < 4.0

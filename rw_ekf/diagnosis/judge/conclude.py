@@ -134,7 +134,7 @@ def _not_written(refusal: str | None) -> list[str]:
 def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     """The final model, fitted to the whole record, as a file carries it on."""
     from rw_ekf import __version__
-    from rw_ekf.model.friction import LAW_CODES
+    from rw_ekf.model.friction import LAW_NAMES
     from rw_ekf.wheel.model_file import WheelModel
 
     fit, prepared = found.whole, found.prepared
@@ -146,12 +146,11 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     if lattice is not None:
         effects = EffectSet((*effects.terms, Term.of(GRID, value=lattice.grid_rad_s)))
         variance = max(variance - GRID.variance(lattice.grid_rad_s), (0.02 * lattice.grid_rad_s) ** 2)
-    names = {code: name for name, code in LAW_CODES.items()}
     return WheelModel(
         parameters=fit.model.parameters,
         covariance=tuple(tuple(float(v) for v in row) for row in covariance),
-        stribeck_speed_rad_s=fit.model.omega_s,
-        stribeck_law=names[fit.model.law],
+        stribeck_speed_rad_s=fit.model.stribeck.omega_s,
+        stribeck_law=LAW_NAMES[fit.model.stribeck.law],
         speed_noise_rad_s=float(np.sqrt(variance)),
         acceleration_noise=float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.course.period_s)),
         inertia_kg_m2=prepared.setup.inertia_kg_m2,

@@ -25,7 +25,6 @@ from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference, run_frozen
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
-from rw_ekf.model.friction import Stribeck
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import ABSENT
 
@@ -74,8 +73,7 @@ def _free_run(whole: Record, model: Model, states: Float64Array, block: Int64Arr
     # The filter itself begins with one reading: where a stretch opens the record, let it settle for some samples.
     settle = _settling(states, whole, first)
     last = np.append(first[1:], n) - 1
-    stribeck = Stribeck(model.omega_s, model.law)
-    run = free_run(whole.course, model.effects, stribeck, states[settle], settle, last, keep_path=True)
+    run = free_run(whole.course, model.effects, model.stribeck, states[settle], settle, last, keep_path=True)
     return run.path_rad_s
 
 
@@ -107,8 +105,7 @@ def _horizon(whole: Record, model: Model, states: Float64Array, heldout: BoolArr
     if ends.size == 0:
         return np.zeros(0)
     first = ends - steps
-    stribeck = Stribeck(model.omega_s, model.law)
-    predicted = free_run(whole.course, model.effects, stribeck, states[first], first, ends).ends_rad_s
+    predicted = free_run(whole.course, model.effects, model.stribeck, states[first], first, ends).ends_rad_s
     return whole.course.speed_rad_s[ends] - predicted
 
 

@@ -22,7 +22,6 @@ from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import RecordFacts
-from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
@@ -246,4 +245,4 @@ def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:
     Their shapes stay as they were found: on a whole record, of which only a part is fitted here.
     """
     effects = EffectSet(tuple(replace(term, settled=True) for term in setup.effects.terms))
-    return Model(parameters, setup.stribeck_speed_rad_s, LAW_CODES[setup.stribeck_law], effects)
+    return Model(parameters, setup.constants.stribeck, effects)

@@ -93,8 +93,7 @@ def analytic(frame: Frame, places: list[tuple[type[Effect], Candidate]]) -> list
         frame.record,
         coefficients,
         effects,
-        model.omega_s,
-        model.law,
+        model.stribeck,
         frame.reference,
         with_rows=True,
         with_slopes=False,
@@ -115,7 +114,7 @@ def _secant(frame: Frame, effect: type[Effect], candidate: Candidate) -> Hypothe
     model_with = model.with_terms(Term.at(effect, candidate))
     try:
         ends = predict(
-            frame.record, model_with.coefficients, model_with.effects, model.omega_s, model.law, frame.reference,
+            frame.record, model_with.coefficients, model_with.effects, model.stribeck, frame.reference,
             with_slopes=False,
         ).end  # fmt: skip
     except ZeroDivisionError:
