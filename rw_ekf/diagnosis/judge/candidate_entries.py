@@ -11,6 +11,19 @@ from rw_ekf.diagnosis.judge.verdict import Verdict, fitted_terms
 from rw_ekf.diagnosis.search.candidates import testable
 from rw_ekf.diagnosis.search.event import event_gain
 from rw_ekf.diagnosis.search.trial import threshold
+from rw_ekf.diagnosis.standing import (
+    ADDED,
+    GIVEN,
+    NO_GRID,
+    NOT_CONFIRMED,
+    NOT_SIGNIFICANT,
+    TOO_SMALL,
+    UNTESTABLE,
+    explained_by,
+    explanations,
+    indistinguishable_from,
+    standing_of,
+)
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term, size_of
@@ -27,19 +40,19 @@ def candidate_entries(
         trial = selection.trials.get(name)
         entry: dict[str, Any] = {
             "effect": name, "parameters": {}, "statistic": None, "p_value": None,
-            "heldout_gain_percent": None, "decision": "not significant",
+            "heldout_gain_percent": None, "decision": NOT_SIGNIFICANT,
         }  # fmt: skip
         if name in selection.base.model.effects.ids:
-            entry["decision"] = "in the model already"
+            entry["decision"] = GIVEN
             entry["parameters"] = _parameters(selection.final, name)
         elif name == GRID.id:
             if lattice is not None:
                 entry |= _lattice_entry(lattice)
-                entry["decision"] = "added" if name in verdict.effects else "not significant"
+                entry["decision"] = ADDED if name in verdict.effects else NOT_SIGNIFICANT
             else:
-                entry["decision"] = "no grid coarser than the noise"
+                entry["decision"] = NO_GRID
         elif reasons[name] is not None:
-            entry["decision"] = f"not testable: {reasons[name]}"
+            entry["decision"] = f"{UNTESTABLE}: {reasons[name]}"
         elif trial is not None:
             entry |= {"statistic": trial.statistic, "p_value": trial.p_value, "decision": trial.decision}
             entry["threshold"] = threshold(effect, facts)
@@ -50,13 +63,11 @@ def candidate_entries(
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial.terms, trial.std)
-                if trial.decision == "not significant" and trial.p_value < 1.0e-5:
-                    entry["decision"] = (
-                        f"explained by {', '.join(found.new_ids)}" if found.new_ids else "too small to matter"
-                    )
+                if trial.decision == NOT_SIGNIFICANT and trial.p_value < 1.0e-5:
+                    entry["decision"] = explained_by(found.new_ids) if found.new_ids else TOO_SMALL
             for group in verdict.indistinguishable:
                 if name in group[1:]:
-                    entry["decision"] = f"indistinguishable from {group[0]}"
+                    entry["decision"] = indistinguishable_from(group[0])
         entries.append(entry)
     _explained_by_what_stands(entries)
     return sorted(entries, key=lambda e: -(e["statistic"] if e["statistic"] is not None else -1.0e300))
@@ -65,14 +76,14 @@ def candidate_entries(
 def _explained_by_what_stands(entries: list[dict[str, Any]]) -> None:
     """Only what is in the model explains anything; what looked like a cause that was rejected is said to."""
     said = {str(entry["effect"]): str(entry["decision"]) for entry in entries}
+    stand = {str(entry["effect"]) for entry in entries if standing_of(entry) == "added"}
     for entry in entries:
-        _, _, causes = str(entry["decision"]).partition("explained by ")
-        names = causes.split(", ") if causes else []
-        standing = [name for name in names if said.get(name, "").startswith(("added", "in the model"))]
+        names = explanations(str(entry["decision"]))
+        standing = [name for name in names if name in stand]
         if standing:
-            entry["decision"] = f"explained by {', '.join(standing)}"
+            entry["decision"] = explained_by(standing)
         elif names:
-            entry["decision"] = f"looks like {names[0]}: {said.get(names[0], 'not confirmed')}"
+            entry["decision"] = f"looks like {names[0]}: {said.get(names[0], NOT_CONFIRMED)}"
 
 
 def _gain(found: Found, name: str, before: Performance, after: Performance) -> float | None:

@@ -16,6 +16,7 @@ from rw_ekf.diagnosis.judge.residual_tests import residual_tests
 from rw_ekf.diagnosis.judge.verdict import verdict_on
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.diagnosis.standing import ADDED, PARTIAL
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.model.effect import Term
 from rw_ekf.units import RAD_S_PER_RPM
@@ -64,7 +65,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
     for name in names:
         trial = selection.trials[name]
-        trial.decision = "added" if not unexplained else "explains only part of the residual"
+        trial.decision = ADDED if not unexplained else PARTIAL
     advance("writing the model")
     model = augmented_model(found, lattice if quantised else None) if chosen else None
     refusal = None if model is None else refusal_of(model)

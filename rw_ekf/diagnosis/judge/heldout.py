@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.diagnosis.search.event import event_gain
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import Selection
+from rw_ekf.diagnosis.standing import NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, likelihood, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, linearise
@@ -189,7 +190,7 @@ def confirm(prepared: Prepared, search: Search, selection: Selection, names: lis
         likelier = with_it > heldout_likelihood(prepared.heldout, less, prepared.seen)
         gain = gain_over(prepared, less, selection.final)
         if not likelier or (gain is not None and gain < _WORST_GAIN_PERCENT):
-            selection.trials[name].decision = "not confirmed on the held-out part"
+            selection.trials[name].decision = f"{NOT_CONFIRMED} on the held-out part"
             selection.final = less
 
 
@@ -206,7 +207,7 @@ def veto(prepared: Prepared, search: Search, selection: Selection) -> None:
             if gain is not None and gain.statistic < _LEAST_EVENT:
                 worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
         if worse is not None:
-            selection.trials[name].decision = f"not confirmed: on the held-out part {worse}"
+            selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"
             selection.final = less
 
 

@@ -13,7 +13,6 @@ from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import (
     EXPLAINED_SHARE,
-    IMPOSSIBLE,
     INDISTINGUISHABLE,
     LOCAL_P,
     MAP_P,
@@ -24,6 +23,7 @@ from rw_ekf.diagnosis.search.trial import (
     possible,
 )
 from rw_ekf.diagnosis.search.wander import wandering
+from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_CONFIRMED, TOO_SMALL, explained_by
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
@@ -117,7 +117,7 @@ def _drop_trifles(search: Search, selection: Selection) -> None:
     """Drop what the searched part has next to nothing of, or impossibly much, once all else is in the model."""
     for name in selection.new_ids:
         if not matters(selection.final.model, name, search.facts):
-            selection.trials[name].decision = "too small to matter"
+            selection.trials[name].decision = TOO_SMALL
             selection.final = search.without(selection.final, name)
         elif not possible(selection.final.model, name, search.facts):
             selection.trials[name].decision = IMPOSSIBLE
@@ -177,14 +177,14 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     for name in [name for name in fit.model.effects.ids if name not in wide.final.model.effects.ids]:
         fit = search.without(fit, name)
         if name in selection.trials:  # else the model given had it
-            selection.trials[name].decision = f"explained by {', '.join(names)}"
+            selection.trials[name].decision = explained_by(names)
     for name in names:
         told = search.told(fit, name)
         selection.trials[name] = wide.trials[name]
         if determined(told, name, _LEAST_SIGMAS_OF_PART):
             fit = told
         else:
-            selection.trials[name].decision = "not confirmed: the searched part knows no size of it"
+            selection.trials[name].decision = f"{NOT_CONFIRMED}: the searched part knows no size of it"
     before = set(fit.model.effects.ids)
     selection.final = fit
     confirm(prepared, search, selection, [name for name in names if name in before])
@@ -214,7 +214,7 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
         )
         selection.rivals.pop(name)
         if best is not selection.final:
-            selection.trials[name].decision = f"explained by {winner}"
+            selection.trials[name].decision = explained_by([winner])
             selection.final = best
         others = [fit for _, other, fit in near if other != winner]
         if others:

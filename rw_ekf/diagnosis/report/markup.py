@@ -20,9 +20,9 @@ from rw_ekf.diagnosis.report.words import (
     parameter_text,
     percent_text,
     ranked,
-    standing_of,
     statistic_text,
 )
+from rw_ekf.diagnosis.standing import standing_of
 from rw_ekf.numbers import MISSING, number_text
 
 STYLE = """

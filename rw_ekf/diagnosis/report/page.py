@@ -22,8 +22,9 @@ from rw_ekf.diagnosis.report.markup import (
     table,
     tiles,
 )
-from rw_ekf.diagnosis.report.words import Units, figure_pairs, standing_of, untestable_reasons, verdict_of
+from rw_ekf.diagnosis.report.words import Units, figure_pairs, untestable_reasons, verdict_of
 from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.diagnosis.standing import standing_of
 from rw_ekf.documents import inertia_text
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.numbers import number_text

@@ -25,15 +25,14 @@ from rw_ekf.diagnosis.report.canvas import (
     time_axis,
 )
 from rw_ekf.diagnosis.report.words import (
-    Standing,
     Units,
     gain_text,
     p_value_text,
     ranked,
-    standing_of,
     statistic_text,
     untestable_reasons,
 )
+from rw_ekf.diagnosis.standing import Standing, standing_of
 
 if TYPE_CHECKING:
     from rw_ekf.arrays import BoolArray, Float64Array

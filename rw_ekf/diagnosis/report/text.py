@@ -15,11 +15,11 @@ from rw_ekf.diagnosis.report.words import (
     parameter_text,
     percent_text,
     ranked,
-    standing_of,
     statistic_text,
     untestable_reasons,
     verdict_of,
 )
+from rw_ekf.diagnosis.standing import standing_of
 from rw_ekf.numbers import number_text
 
 _OTHERS = 5

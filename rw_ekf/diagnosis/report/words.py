@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
+from rw_ekf.diagnosis.standing import UNTESTABLE, standing_of
 from rw_ekf.numbers import MISSING, number_of, number_text, plus_minus
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm
-
-Standing = Literal["added", "related", "rejected", "untestable"]
 
 VERDICTS = {
     "adequate": "Model adequate",
@@ -115,18 +114,6 @@ def verdict_of(document: Mapping[str, Any]) -> tuple[str, str, str]:
     return kind, name, str(verdict.get("statement") or "")
 
 
-def standing_of(candidate: Mapping[str, Any]) -> Standing:
-    """What the decision's words come down to."""
-    decision = str(candidate.get("decision") or "")
-    if decision.startswith(("added", "in the model", "already")):
-        return "added"
-    if decision.startswith("not testable"):
-        return "untestable"
-    if decision.startswith(("explained by", "indistinguishable")):
-        return "related"
-    return "rejected"
-
-
 def ranked(candidates: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Those that were tested: what was added first, then by falling statistic."""
 
@@ -142,7 +129,7 @@ def untestable_reasons(candidates: Sequence[Mapping[str, Any]]) -> dict[str, lis
     reasons: dict[str, list[str]] = {}
     for candidate in candidates:
         if standing_of(candidate) == "untestable":
-            reason = str(candidate["decision"]).removeprefix("not testable").lstrip(": ") or "no reason given"
+            reason = str(candidate["decision"]).removeprefix(UNTESTABLE).lstrip(": ") or "no reason given"
             reasons.setdefault(reason, []).append(str(candidate["effect"]))
     return reasons
 

@@ -17,7 +17,6 @@ from rw_ekf.diagnosis.search.confounding import Quantity, may_confound, quantity
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.trial import (
     EXPLAINED_SHARE,
-    IMPOSSIBLE,
     LOCAL_P,
     SIGNIFICANT_P,
     Selection,
@@ -28,6 +27,7 @@ from rw_ekf.diagnosis.search.trial import (
     possible,
     terms_in,
 )
+from rw_ekf.diagnosis.standing import IMPOSSIBLE, TOO_SMALL, explained_by
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit, fit_model
@@ -241,7 +241,7 @@ class Search:
             if not local and trial.p_value >= self._enough(effect):
                 continue
             if not (matters(fit.model, score.id, self.facts) and determined(fit, score.id)):
-                trial.decision = "too small to matter"
+                trial.decision = TOO_SMALL
                 continue
             if not possible(fit.model, score.id, self.facts):
                 trial.decision = IMPOSSIBLE
@@ -406,7 +406,7 @@ class Search:
                 break
             rest = [other for other in fit.model.effects.ids if other != name]
             if name in selection.trials:  # else the model given had it
-                selection.trials[name].decision = f"explained by {', '.join(rest)}"
+                selection.trials[name].decision = explained_by(rest)
             fit = less
         return fit
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from rw_ekf.diagnosis.standing import NOT_SIGNIFICANT
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
@@ -50,7 +51,6 @@ def threshold(effect: type[Effect], facts: RecordFacts, p: float = SIGNIFICANT_P
 
 
 _LEAST_SIGMAS = 2.5
-IMPOSSIBLE = "of a size that no machine has"
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Trial:
     size: float  # coefficient, or amplitude of sine and cosine
     std: float
     terms: tuple[Term, ...] = ()
-    decision: str = "not significant"
+    decision: str = NOT_SIGNIFICANT
     shape_std: dict[str, float] = field(default_factory=dict)  # of constants that the whole record settled, by name
 
 
