@@ -29,7 +29,7 @@ from rw_ekf.records import (
 )
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 
-_OUTCOMES = {
+OUTCOMES = {
     decisions.FIRST: Outcome.FIRST,
     decisions.UPDATED: Outcome.UPDATED,
     decisions.MISSING: Outcome.MISSING,
@@ -177,7 +177,7 @@ class Estimator:
         )
         return Estimate(
             time_s=sample.time_s,
-            outcome=_OUTCOMES[what],
+            outcome=OUTCOMES[what],
             state=WheelState(*values[:STATE_SIZE]),
             std=WheelState(*stds[:STATE_SIZE]),
             innovation=innovation,

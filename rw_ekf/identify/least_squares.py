@@ -28,8 +28,8 @@ from rw_ekf.wheel.table import NO_EFFECTS
 
 _MAX_ITERATIONS = 60
 _STEP_TOLERANCE = 1.0e-3  # in standard deviations of the estimate
-_OUTLIER_STDS = 6.0
-_OUTLIER_SHARE = 0.01
+OUTLIER_STDS = 6.0  # of what is left: readings beyond are no noise, ...
+OUTLIER_SHARE = 0.01  # ... unless there are more of them than this share: then the model is wrong
 
 
 @dataclass(frozen=True)
@@ -245,8 +245,8 @@ def _outliers(problem: _Problem, at: _Point) -> NDArray[np.intp]:
     residual = np.where(problem.used, problem.course.speed_rad_s - at.simulated, np.nan)
     middle = np.nanmedian(residual)
     spread = 1.4826 * float(np.nanmedian(np.abs(residual - middle)))
-    found = np.flatnonzero(np.abs(residual - middle) > _OUTLIER_STDS * max(spread, 1.0 / problem.weight))
-    return found if found.size <= _OUTLIER_SHARE * problem.used.sum() else found[:0]
+    found = np.flatnonzero(np.abs(residual - middle) > OUTLIER_STDS * max(spread, 1.0 / problem.weight))
+    return found if found.size <= OUTLIER_SHARE * problem.used.sum() else found[:0]
 
 
 def _covariance(prior_root: Float64Array, R: Float64Array, variance_factor: float = 1.0) -> Float64Array:

@@ -8,14 +8,13 @@ from rw_ekf.arrays import BoolArray
 from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.smoother import smooth_log
+from rw_ekf.identify.least_squares import OUTLIER_SHARE, OUTLIER_STDS
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frame import Noise, Prior
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 
-_OUTLIER_STDS = 6.0
-_OUTLIER_SHARE = 0.01
 _FILTER_RATIO = 1.0e-3  # q dt / R
 
 
@@ -47,7 +46,7 @@ def robust_fit(record: Record, model: Model, prior: Prior, noise_rad_s: float, s
     fits = [fit_model(record, model, prior, reference, noise, none) for reference in starts]
     fit = max(fits, key=lambda item: item.likelihood.value)
     spikes = outliers(fit)
-    if spikes.any() and spikes.sum() <= _OUTLIER_SHARE * n:
+    if spikes.any() and spikes.sum() <= OUTLIER_SHARE * n:
         return fit_model(record, fit.model, prior, fit.reference, fit.noise, spikes)
     return fit
 
@@ -57,5 +56,5 @@ def outliers(fit: Fit) -> BoolArray:
     none = np.zeros((fit.frame.chain.reading.size, 0))
     r, _, _ = fit.frame.whitened(fit.noise.ratio, fit.noise.variance, none)
     found = np.zeros(fit.frame.chain.reading.size, dtype=bool)
-    found[fit.frame.innovation_at] = np.abs(r) > _OUTLIER_STDS
+    found[fit.frame.innovation_at] = np.abs(r) > OUTLIER_STDS
     return found

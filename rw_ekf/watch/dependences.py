@@ -13,7 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.friction import CREEP_STRIBECK_SPEEDS
-from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.observation import Observation
 
 
 class Torque(NamedTuple):
@@ -53,7 +53,7 @@ class Responses:
         self._temperature_mean = 0.0
         self._time_mean = 0.0
 
-    def of_block(self, rows: list[Evidence]) -> tuple[Float64Array, Float64Array]:
+    def of_block(self, rows: list[Observation]) -> tuple[Float64Array, Float64Array]:
         """(responses (n, q), normalised innovations (n,); NaN where there is none or it tells nothing of torques)."""
         columns = np.array([row[:10] for row in rows])
         time_s, dt_s, direction, speed, current, temperature, innovation, variance, gain, keep = columns.T

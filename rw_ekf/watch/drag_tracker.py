@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from rw_ekf.records import WheelState
-from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.observation import Observation
 
 _WANDER = (
     0.01  # of the first amplitude, per sqrt(s): follows a decay of half a minute, and averages over some ten seconds
@@ -50,7 +50,7 @@ class DragTracker:
         """Standard deviation of the extra drag."""
         return math.sqrt(self._p22)
 
-    def add(self, e: Evidence) -> Evidence:
+    def add(self, e: Observation) -> Observation:
         """Take one sample; return it as this filter saw it."""
         self._p22 += self._wander * e.dt_s
         self.drag_gain = 0.0
@@ -68,7 +68,7 @@ class DragTracker:
             return e._replace(speed_rad_s=speed, gain=0.0)
         return self._update(e, e.speed_rad_s + e.innovation_rad_s - speed)
 
-    def _moved(self, e: Evidence) -> float:
+    def _moved(self, e: Observation) -> float:
         """Acceleration [rad/s^2] by which this model differs from the estimator's of the moment (eq. 8)."""
         now, before = e.belief, self.reference
         friction = now.coulomb - before.coulomb - self.drag_rad_s2
@@ -76,7 +76,7 @@ class DragTracker:
         motor_gain = now.motor_gain - before.motor_gain
         return e.direction * friction + viscous * e.speed_rad_s - motor_gain * e.current_A
 
-    def _update(self, e: Evidence, innovation: float) -> Evidence:
+    def _update(self, e: Observation, innovation: float) -> Observation:
         variance = self._p11 + self._variance
         gain, drag_gain = self._p11 / variance, self._p12 / variance
         seen = e._replace(
@@ -92,7 +92,7 @@ class DragTracker:
         self.drag_gain = drag_gain
         return seen
 
-    def _set_afresh(self, e: Evidence) -> Evidence:
+    def _set_afresh(self, e: Observation) -> Observation:
         """At rest, on a reversal, after a gap: nothing is learnt of the drag, and the speed starts from the reading."""
         if math.isnan(e.innovation_rad_s):
             self.speed_rad_s = e.speed_rad_s

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.observation import Observation
 
 _CLIP = 4.0  # standard deviations that one reading counts for at most: three wild ones raise no alarm
 _PER_OCTAVE = 4  # onsets kept per doubling of age
@@ -67,7 +67,7 @@ class OnsetBank:
         self._onsets.clear()
         self._left = 1.0
 
-    def add(self, e: Evidence, drag_gain: float = 0.0) -> Onset | None:
+    def add(self, e: Observation, drag_gain: float = 0.0) -> Onset | None:
         """Weigh one sample; the best onset so far, if any speaks for more drag.
 
         drag_gain: L of a filter that has a drag state.
@@ -85,7 +85,7 @@ class OnsetBank:
             self._thin()
         return best
 
-    def _respond(self, e: Evidence, drag_gain: float) -> None:
+    def _respond(self, e: Observation, drag_gain: float) -> None:
         keep = e.keep * self._left
         push = -e.direction * e.dt_s
         if self._drag_gain == 0.0:
@@ -101,7 +101,7 @@ class OnsetBank:
         self._left = 1.0 - e.gain
         self._drag_gain = drag_gain if e.gain > 0.0 else 0.0
 
-    def _weigh(self, e: Evidence) -> Onset | None:
+    def _weigh(self, e: Observation) -> Onset | None:
         weight = 1.0 / e.variance
         limit = _CLIP * math.sqrt(e.variance)
         told = weight * min(max(e.innovation_rad_s, -limit), limit)

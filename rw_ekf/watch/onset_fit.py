@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rw_ekf.watch.evidence import Evidence, breakaway
+from rw_ekf.watch.observation import Observation, breakaway
 
 _CANDIDATES = 64
 _SURE_SQUARE = 16.0  # an amplitude of fewer than four standard deviations is no number to report
@@ -27,11 +27,11 @@ class OnsetFit(NamedTuple):
 
 
 def fit_onset(
-    recent: Sequence[Evidence], drag_gains: Sequence[float], earliest_s: float, near_rest_rad_s: float
+    recent: Sequence[Observation], drag_gains: Sequence[float], earliest_s: float, near_rest_rad_s: float
 ) -> OnsetFit | None:
     """Try onsets between `earliest_s` and the last sample; None where no drag above zero explains anything.
 
-    recent: evidence without a gap, oldest first; drag_gains: L of each (docs/watch.md eq. 3), zero for the estimator.
+    recent: observations, no gap, oldest first; drag_gains: L of each (docs/watch.md eq. 3), zero for the estimator.
     Readings count in full: once a spike is sure there is no wild one among them. A reading below `near_rest_rad_s` may
     be that of a wheel at rest, which tells no more than that its drag holds it.
     """
@@ -75,7 +75,7 @@ def _weighed(tried: Sequence[tuple[float, float, float, float, float]], rival: f
 
 
 def _response(
-    recent: Sequence[Evidence], drag_gains: Sequence[float], onset_s: float, near_rest_rad_s: float
+    recent: Sequence[Observation], drag_gains: Sequence[float], onset_s: float, near_rest_rad_s: float
 ) -> tuple[float, float, float, float]:
     """(lag after the last update, sum m^2/S, sum m nu/S, square of the rival) of a unit of drag from `onset_s` on."""
     lag, missing, information, score = 0.0, 1.0, 0.0, 0.0
@@ -99,7 +99,7 @@ def _response(
     return lag, information, score, step_score * step_score / step_information if step_information > 0.0 else 0.0
 
 
-def _held(recent: Sequence[Evidence], first_s: float, near_rest_rad_s: float) -> float:
+def _held(recent: Sequence[Observation], first_s: float, near_rest_rad_s: float) -> float:
     """Largest drive beyond break-away [rad/s^2] under which the wheel stood still; 0 where it did not.
 
     It stood, and did not just pass through zero slowly, where that drive would have moved it well away meanwhile.

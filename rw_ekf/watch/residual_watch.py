@@ -16,7 +16,7 @@ import numpy as np
 
 from rw_ekf.watch.alarms import RESIDUAL, Alarm
 from rw_ekf.watch.dependences import TORQUES, Responses
-from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.observation import Observation
 from rw_ekf.watch.residual_window import (
     LAGS,
     BlockSums,
@@ -75,14 +75,14 @@ class ResidualWatch:
         self._blocks.clear()
         self._responses = Responses(self._stribeck_speed_rad_s)
         self._before = np.full(LAGS, math.nan)
-        self._rows: list[Evidence] = []
+        self._rows: list[Observation] = []
         self._pieces: list[BlockSums] = []
         self._block_s = 0.0
         self._other_name = 0  # blocks running in which another dependence than the alarm's was clearly larger
         self._blocks_since_named = self._name_lasts = 0
         self._begun_s = -math.inf  # of the active alarm, in the time of these blocks
 
-    def add(self, e: Evidence) -> list[Alarm]:
+    def add(self, e: Observation) -> list[Alarm]:
         """Take one sample; return the alarm that began, changed its name or ended with it."""
         self._rows.append(e)
         self._block_s += min(e.dt_s, BLOCK_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rw_ekf.watch.drag_tracker import DragTracker
-from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.observation import Observation
 
 FADED = "faded"
 _SHORTEST_S = 60.0  # a drag spike decays in minutes or hours; what is gone sooner is another thing
@@ -47,7 +47,7 @@ class SpikeCourse:
         self._after_s += dt_s
         return self._calm_s > _BACK_FOR_S or self._after_s > _BACK_AT_LATEST_S
 
-    def over(self, tracker: DragTracker, e: Evidence, seen: Evidence) -> str | None:
+    def over(self, tracker: DragTracker, e: Observation, seen: Observation) -> str | None:
         """Take one sample, as the estimator and as the tracker saw it; why the spike is over, or None."""
         self._elapsed_s += e.dt_s
         self._watch_estimator(e)
@@ -68,7 +68,7 @@ class SpikeCourse:
             return None
         return "gone within a minute: shorter than a drag spike" if self.is_short else FADED
 
-    def _watch_estimator(self, e: Evidence) -> None:
+    def _watch_estimator(self, e: Observation) -> None:
         if e.restart or e.direction == 0.0 or math.isnan(e.innovation_rad_s):
             return
         share = min(e.dt_s / _BACK_TIME_S, 1.0)

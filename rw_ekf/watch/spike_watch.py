@@ -13,7 +13,7 @@ from collections import deque
 from rw_ekf.records import WheelState
 from rw_ekf.watch.alarms import DRAG_SPIKE, Alarm
 from rw_ekf.watch.drag_tracker import DragTracker
-from rw_ekf.watch.evidence import Evidence
+from rw_ekf.watch.observation import Observation
 from rw_ekf.watch.onset_bank import Onset, OnsetBank
 from rw_ekf.watch.onset_fit import OnsetFit, fit_onset
 from rw_ekf.watch.spike_course import FADED, SpikeCourse
@@ -52,7 +52,7 @@ class SpikeWatch:
         self._near_rest_rad_s = _NEAR_REST * math.sqrt(speed_variance)
         self._threshold, self._smallest, self._inertia = threshold, smallest_share, inertia_kg_m2
         self._bank = OnsetBank(LONGEST_ONSET_S, period_s)
-        self._recent: deque[Evidence] = deque(maxlen=_KEPT)
+        self._recent: deque[Observation] = deque(maxlen=_KEPT)
         self._gains: deque[float] = deque(maxlen=_KEPT)
         self._sure = False
         self._quiet_until_s = -math.inf
@@ -74,7 +74,7 @@ class SpikeWatch:
             return None
         return self._tracker.drag_rad_s2, self._tracker.std_rad_s2
 
-    def add(self, e: Evidence) -> list[Alarm]:
+    def add(self, e: Observation) -> list[Alarm]:
         """Take one sample; return the spikes that began or ended with it."""
         if e.restart:
             self._recent.clear()
@@ -91,7 +91,7 @@ class SpikeWatch:
             return self._begin(seen, begun)
         return [] if self._tracker is None else self._follow(self._tracker, e, seen)
 
-    def _look(self, e: Evidence, onset: Onset) -> OnsetFit | None:
+    def _look(self, e: Observation, onset: Onset) -> OnsetFit | None:
         """Decide whether an onset is sure, and sized; its fit once it is to be reported."""
         if not self._sure:
             self._sure = onset.statistic > self._threshold and onset.margin > _MARGIN
@@ -113,7 +113,7 @@ class SpikeWatch:
         self._quiet_until_s = e.time_s + (_AGAIN_AFTER_S if none else _RETRY_S)
         return None
 
-    def _begin(self, e: Evidence, fit: OnsetFit) -> list[Alarm]:
+    def _begin(self, e: Observation, fit: OnsetFit) -> list[Alarm]:
         ended = [] if self.active is None else [self._ended(fit.time_s, "another one set in")]
         if ended and self._course.is_short:
             self._remember(e.time_s)
@@ -142,7 +142,7 @@ class SpikeWatch:
         self._start_afresh()
         return [*ended, self.active]
 
-    def _follow(self, tracker: DragTracker, e: Evidence, seen: Evidence) -> list[Alarm]:
+    def _follow(self, tracker: DragTracker, e: Observation, seen: Observation) -> list[Alarm]:
         """See whether the spike is over; then, whether the estimator has got over it."""
         over = self._course.over(tracker, e, seen)
         if self.active is not None and over is not None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rw_ekf.records import Tick
 from rw_ekf.watch.alarms import Alarm
-from rw_ekf.watch.evidence import Evidence, EvidenceReader
+from rw_ekf.watch.observation import Observation, ObservationReader
 from rw_ekf.watch.residual_watch import BLOCK_S, ResidualWatch
 from rw_ekf.watch.spike_watch import SpikeWatch
 from rw_ekf.watch.thresholds import dependence_threshold, onset_threshold
@@ -44,7 +44,7 @@ class WheelWatch:
     """Takes the loop's stream and says what begins and what ends. Time comes with the data."""
 
     def __init__(self, about: WatchedFilter, knobs: WatchKnobs) -> None:
-        self._reader = EvidenceReader(about.speed_variance, about.period_s, about.stribeck_speed_rad_s)
+        self._reader = ObservationReader(about.speed_variance, about.period_s, about.stribeck_speed_rad_s)
         self._spikes = SpikeWatch(
             about.speed_variance,
             about.acceleration_noise,
@@ -74,29 +74,29 @@ class WheelWatch:
 
     def step(self, tick: Tick) -> list[Alarm]:
         """Take one turn of the loop; return the alarms that began, changed or ended."""
-        evidence = self._reader.read(tick)
-        return [] if evidence is None else self.add(evidence)
+        seen = self._reader.read(tick)
+        return [] if seen is None else self.add(seen)
 
-    def add(self, evidence: Evidence) -> list[Alarm]:
-        """Take one sample as evidence."""
+    def add(self, seen: Observation) -> list[Alarm]:
+        """Take one sample as it was observed."""
         if not self._settled:
-            self._settled = self._settles(evidence)
+            self._settled = self._settles(seen)
             return []
-        news = self._spikes.add(evidence)
+        news = self._spikes.add(seen)
         if self._spikes.following:
             if news:
                 self._residual.forget()
                 self._residual.context = AFTER_SPIKE
-                self._unlearns_until_s = evidence.time_s + _UNLEARNS_S
+                self._unlearns_until_s = seen.time_s + _UNLEARNS_S
             return news
-        if evidence.time_s > self._unlearns_until_s:
+        if seen.time_s > self._unlearns_until_s:
             self._residual.context = None
-        if not 0.0 <= evidence.time_s - self._last_s < _JUMP_S:  # a new segment's clock, or a gap as long as a window
+        if not 0.0 <= seen.time_s - self._last_s < _JUMP_S:  # a new segment's clock, or a gap as long as a window
             self._residual.forget()
-        self._last_s = evidence.time_s
-        return news + self._residual.add(evidence)
+        self._last_s = seen.time_s
+        return news + self._residual.add(seen)
 
-    def _settles(self, e: Evidence) -> bool:
+    def _settles(self, e: Observation) -> bool:
         if e.direction != 0.0:
             self._turned_s += e.dt_s
         known = e.coulomb_std < _SETTLED_COULOMB * abs(e.belief.coulomb)

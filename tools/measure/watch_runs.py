@@ -1,7 +1,7 @@
 """Simulated wheels under watch, fast: the plant and the filter compiled, then the watch itself, sample by sample.
 
-The compiled pass and the online estimator agree to rounding (tests/watch/test_evidence.py holds this stream against the
-daemon's), so that hours of a loop take seconds.
+The compiled pass and the online estimator agree to rounding (tests/watch/test_observation.py holds this stream
+against the daemon's), so that hours of a loop take seconds.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ from rw_ekf.course.course import Course
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, NoiseModel, filter_constants
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.estimator import OUTCOMES
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.records import Estimate, Innovation, IssuedCommand, Outcome, Tick, WheelSample, WheelState
+from rw_ekf.records import Estimate, Innovation, IssuedCommand, Tick, WheelSample, WheelState
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
@@ -47,15 +48,6 @@ PROFILES: dict[str, tuple[str, dict[str, Any]]] = {
     "P1": ("P1", {}),
     "P2": ("P2", {}),
     "identification": ("identification", {}),
-}
-_OUTCOMES = {
-    decisions.FIRST: Outcome.FIRST,
-    decisions.UPDATED: Outcome.UPDATED,
-    decisions.MISSING: Outcome.MISSING,
-    decisions.GATED: Outcome.GATED,
-    decisions.REPEATED: Outcome.REPEATED,
-    decisions.BACKWARD: Outcome.BACKWARD,
-    decisions.RESEEDED: Outcome.RESEEDED,
 }
 
 
@@ -141,7 +133,7 @@ def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterat
             test = Innovation(time_s, innovation, root, innovation**2 / variance, constants.gate, accepted)
         state = WheelState(*mean)
         predicted = reading - innovation if tested else state.speed_rad_s
-        estimate = Estimate(time_s, _OUTCOMES[code], state, WheelState(*std), test, predicted)
+        estimate = Estimate(time_s, OUTCOMES[code], state, WheelState(*std), test, predicted)
         speed = None if math.isnan(reading) else reading
         sample = WheelSample(time_s, speed, temperature_degC=warmth)
         yield Tick(sample, estimate, IssuedCommand(current_A, run.command_delay_s))

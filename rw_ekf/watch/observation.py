@@ -18,7 +18,7 @@ _CREEP_SIGMAS = 3.0  # ... or as many of its standard deviations
 _LONGEST_STEP_IN_PERIODS = 3.5  # after a longer one the watch begins anew: the line, not the wheel, is in question
 
 
-class Evidence(NamedTuple):
+class Observation(NamedTuple):
     """One sample, as the watch sees it. `dt_s` is the interval that ended with it."""
 
     time_s: float
@@ -39,8 +39,8 @@ class Evidence(NamedTuple):
     restart: bool  # first sample, gap or new segment: what was before says nothing about what follows
 
 
-class EvidenceReader:
-    """Turns the stream of a loop's sinks into evidence. One of these per run."""
+class ObservationReader:
+    """Turns the stream of a loop's sinks into observations. One of these per run."""
 
     def __init__(self, speed_variance: float, period_s: float, stribeck_speed_rad_s: float) -> None:
         """speed_variance: R of the filter [rad^2/s^2]; period_s: nominal, of the loop."""
@@ -54,7 +54,7 @@ class EvidenceReader:
         self._in_force_A = 0.0
         self._following: IssuedCommand | None = None
 
-    def read(self, tick: Tick) -> Evidence | None:
+    def read(self, tick: Tick) -> Observation | None:
         """Take one turn of the loop; None where the sample's time did not move on."""
         sample, estimate = tick.sample, tick.estimate
         outcome = estimate.outcome
@@ -82,7 +82,7 @@ class EvidenceReader:
                 gain = 1.0 - self._speed_variance / variance
         self._last, self._belief, self._following = sample, estimate.state, tick.command
         self._static_std = estimate.std.static
-        return Evidence(
+        return Observation(
             time_s=sample.time_s,
             dt_s=dt_s,
             direction=direction,

@@ -11,7 +11,7 @@ import pytest
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.records import Estimate, Innovation, IssuedCommand, Outcome, Tick, WheelSample, WheelState
-from rw_ekf.watch.evidence import Evidence, EvidenceReader
+from rw_ekf.watch.observation import Observation, ObservationReader
 from tools.measure.watch_runs import OMEGA_S, commands, drawn_wheel, filtered, simulated, stream
 
 R = 0.01
@@ -25,8 +25,8 @@ def estimate(time_s: float, outcome: Outcome = Outcome.UPDATED, innovation: floa
     return Estimate(time_s, outcome, MEAN, WheelState(*(0.1,) * 5), test, 10.0)
 
 
-def read_all(*ticks: Tick) -> list[Evidence | None]:
-    reader = EvidenceReader(R, 0.1, OMEGA_S)
+def read_all(*ticks: Tick) -> list[Observation | None]:
+    reader = ObservationReader(R, 0.1, OMEGA_S)
     return [reader.read(tick) for tick in ticks]
 
 
@@ -36,14 +36,14 @@ def ordinary(index: int, **changes: float) -> Tick:
 
 
 def test_the_fast_stream_is_the_daemon_s() -> None:
-    """Evidence from the compiled pass and from the online estimator agree, so that the tests below judge the daemon."""
+    """Observations by the compiled pass and by the online estimator agree, so that the tests below judge the daemon."""
     time_s, current_A = commands("P2", 0.02, 3)
     run = simulated(drawn_wheel(3), time_s, current_A, 3)
     run.measured_speed_rad_s[300:303] = np.nan
     run.measured_speed_rad_s[400] += 5.0
     constants, done = filtered(run)
     estimator = Estimator(constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
-    readers = [EvidenceReader(constants.speed_variance, 0.1, OMEGA_S) for _ in range(2)]
+    readers = [ObservationReader(constants.speed_variance, 0.1, OMEGA_S) for _ in range(2)]
     for fast in stream(run, constants, done):
         online = replace(fast, estimate=estimator.step(fast.sample))
         assert fast.command is not None
@@ -69,7 +69,7 @@ def test_gain_and_current_are_those_of_the_interval() -> None:
 
 
 def test_a_reading_that_was_not_used_has_no_gain_but_its_innovation() -> None:
-    """A gated reading is evidence though the filter did not take it."""
+    """A gated reading is observed though the filter did not take it."""
     gated = replace(ordinary(1), estimate=estimate(0.1, Outcome.GATED, 0.9))
     _, second = read_all(ordinary(0), gated)
     assert second is not None
@@ -94,7 +94,7 @@ def test_gaps_segments_and_reseeding_begin_anew() -> None:
     assert math.isnan(told.innovation_rad_s)
 
 
-def test_time_that_does_not_move_on_is_no_evidence() -> None:
+def test_time_that_does_not_move_on_is_no_observation() -> None:
     """Repeated and backward samples are skipped."""
     for outcome in (Outcome.REPEATED, Outcome.BACKWARD):
         assert read_all(ordinary(0), replace(ordinary(1), estimate=estimate(0.1, outcome, None)))[1] is None
