@@ -213,6 +213,17 @@ class Estimate:
     effects: Mapping[str, Believed] = field(default_factory=dict)  # coefficients, by id, numbered where one repeats
     hidden: HiddenState | None = None
     conditions: Conditions | None = None
+    friction: Callable[[float | None], Believed] | None = field(default=None, compare=False, repr=False)
+
+    def friction_torque_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
+        """Friction torque per unit inertia, all effects of the model included: value and standard deviation.
+
+        Above zero it slows a wheel that turns forward. speed_rad_s: at another speed, taken for known, than the
+        believed one. Raises ValueError for an estimate that no estimator made.
+        """
+        if self.friction is None:
+            raise ValueError("nothing is known of the friction of an estimate that no estimator made")
+        return self.friction(speed_rad_s)
 
     @property
     def values(self) -> tuple[float, ...]:

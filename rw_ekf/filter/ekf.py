@@ -58,6 +58,9 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def check(self) -> None:
         """Raise FilterError where the belief is not a Gaussian any more."""
+        P = self.P
+        if math.isfinite(self.x.sum() + P.sum()) and P.diagonal().min() >= 0.0 and (P == P.T).all():
+            return  # as it nearly always is, found out in half the time
         if not (np.isfinite(self.x).all() and np.isfinite(self.P).all()):
             raise FilterError(f"the filter's state is no longer finite: x = {self.x}, diag P = {np.diag(self.P)}")
         scale = np.sqrt(np.maximum(np.diag(self.P), 0.0))

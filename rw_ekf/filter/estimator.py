@@ -7,6 +7,7 @@ pass over logs.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from rw_ekf.records import (
     WheelSample,
     WheelState,
 )
+from rw_ekf.wheel.friction_torque import friction_torque
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 
 OUTCOMES = {
@@ -166,15 +168,23 @@ class Estimator:
     def _estimate(
         self, sample: WheelSample, what: int, innovation: Innovation | None, predicted: float = math.nan
     ) -> Estimate:
-        ekf, names = self.ekf, self._effect_names
+        ekf, table, names = self.ekf, self.ekf.table, self._effect_names
         ekf.check()
         values, stds = ekf.x.tolist(), ekf.std.tolist()
-        known = STATE_SIZE + len(names)
-        effects = zip(names, map(Believed, values[STATE_SIZE:known], stds[STATE_SIZE:known]), strict=True)
-        hidden = HiddenState(
-            None if ekf.table.lag_state_at == ABSENT else values[ekf.table.lag_state_at],
-            None if ekf.table.memory_state_at == ABSENT else values[ekf.table.memory_state_at],
-        )
+        effects: dict[str, Believed] = {}
+        if names:
+            known = slice(STATE_SIZE, STATE_SIZE + len(names))
+            effects = dict(zip(names, map(Believed, values[known], stds[known]), strict=True))
+        hidden = None
+        if table.hidden:
+            hidden = HiddenState(
+                None if table.lag_state_at == ABSENT else values[table.lag_state_at],
+                None if table.memory_state_at == ABSENT else values[table.memory_state_at],
+            )
+        delay_s = 0.0 if table.delay_at == ABSENT else values[table.delay_at]
+        conditions = self._gatherer.conditions
+        current_A = self._gatherer.current_A(sample.time_s - delay_s)
+        at = (current_A, conditions.temperature_degC, conditions.angle_rad, sample.time_s)
         return Estimate(
             time_s=sample.time_s,
             outcome=OUTCOMES[what],
@@ -182,7 +192,8 @@ class Estimator:
             std=WheelState(*stds[:STATE_SIZE]),
             innovation=innovation,
             predicted_speed_rad_s=predicted,
-            effects=dict(effects),
-            hidden=hidden if ekf.table.hidden else None,
-            conditions=self._gatherer.conditions,
+            effects=effects,
+            hidden=hidden,
+            conditions=conditions,
+            friction=partial(friction_torque, ekf.x.copy(), ekf.P.copy(), table, self.constants.stribeck, at),
         )

@@ -36,6 +36,15 @@ class Gatherer:
         """At the last sample."""
         return Conditions(self._temperature_degC, self.angle_rad)
 
+    def current_A(self, time_s: float) -> float:
+        """In force at a time up to that of the last sample, as far back as is remembered."""
+        for begin_s, duration_s, current_A in reversed(self._past):
+            if time_s >= begin_s + duration_s:
+                break
+            if time_s >= begin_s:
+                return current_A
+        return self.schedule.in_force_A
+
     def restart(self) -> None:
         """Forget the currents: a new segment, whose clock says nothing about the old one's."""
         self.schedule.restart()

@@ -33,6 +33,8 @@ make_jitable(
         dispatch.lagged,
         dispatch.memory_flow,
         pieces._gather,
+        pieces.stribeck_of,
+        pieces.driven_by,
         pieces._slopes_of_static,
         pieces._chain,
         pieces._memory_moved,

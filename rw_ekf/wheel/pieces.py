@@ -59,6 +59,22 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
     return Terms(amperes, external, viscous, viscous_factor, dry_factor, dry)
 
 
+def stribeck_of(x: Any, table: EffectTable, stribeck: Stribeck) -> Stribeck:
+    """The Stribeck curve in force: the model's, unless an effect has another."""
+    if table.stribeck_at >= 0:
+        return Stribeck(max(x[table.stribeck_at], 0.05 * stribeck.omega_s), table.stribeck_law)
+    return stribeck
+
+
+def driven_by(x: Any, table: EffectTable, stribeck: Stribeck, at: Moment) -> tuple[Terms, float, FrictionCurve]:
+    """What moves the wheel over a step: the static effects' terms, the drive [rad/s^2] and the friction curve."""
+    terms = _gather(x, table, at)
+    drive = x[1] * (at.current + terms.amperes) + terms.external
+    b = x[2] * (1.0 + terms.viscous_factor) + terms.viscous
+    level = x[3] * terms.dry_factor + terms.dry
+    return terms, drive, FrictionCurve(b, x[3] + level, x[4] + level, stribeck.omega_s, stribeck.law)
+
+
 def _slopes_of_static(x: Any, table: EffectTable, at: Moment, j: int) -> tuple[float, float, float]:
     """Slopes of drive, viscous and dry friction of a step by the coefficient of static effect j."""
     q = table.static_shape[j]
@@ -175,7 +191,7 @@ def effect_interval(
     The coefficients in `end` are those of x.
     """
     from_s, to_s, temperature, angle, first, start, stop = interval
-    omega_s, law = stribeck
+    stribeck = stribeck_of(x, table, stribeck)
     begins, durations, currents = pieces
     n = table.size
     for j in range(n):
@@ -185,9 +201,6 @@ def effect_interval(
     if slopes and table.memory_at >= 0:
         for j in range(n):
             row[j] = row[n + j] = 0.0
-    if table.stribeck_at >= 0:
-        omega_s = max(x[table.stribeck_at], 0.05 * omega_s)
-        law = table.stribeck_law
     delay = max(x[table.delay_at], 0.0) if table.delay_at >= 0 else 0.0
     piece = start
     while piece > first and begins[piece] > from_s - delay:
@@ -211,15 +224,11 @@ def effect_interval(
                     table.lag_code, tau, q[0], q[1], q[2], end[table.lag_state_at], current, h
                 )
             moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h)
-            terms = _gather(x, table, moment)
-            drive = x[1] * (current + terms.amperes) + terms.external
-            b = x[2] * (1.0 + terms.viscous_factor) + terms.viscous
-            level = x[3] * terms.dry_factor + terms.dry
-            curve = FrictionCurve(b, x[3] + level, x[4] + level, omega_s, law)
+            terms, drive, curve = driven_by(x, table, stribeck, moment)
             before = omega
             if table.memory_at >= 0:
                 q = table.memory_shape
-                if table.memory_holds and abs(omega) < _HELD * omega_s and abs(drive) <= curve.s:
+                if table.memory_holds and abs(omega) < _HELD * stribeck.omega_s and abs(drive) <= curve.s:
                     # No estimate is exactly zero: below this speed a wheel that cannot break away counts as held.
                     omega = 0.0
                 held = end[table.memory_state_at]

@@ -26,7 +26,8 @@ def textbook(log: Columns, constants: FilterConstants, belief: Belief, direction
         A = np.zeros((5, 5))
         A[0] = (-B, log.current_A[i - 1], 0.0, -direction, 0.0)
         F = expm(A * dt)
-        rates = constants[3:8]  # acceleration noise, then the drifts of k, b, c, s
+        c = constants
+        rates = (c.acceleration_noise, c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift)
         x, P = F @ x, F @ P @ F.T + np.diag(rates) * dt
         if not np.isnan(log.speed_rad_s[i]):
             S = H @ P @ H.T + constants.speed_variance

@@ -1,0 +1,62 @@
+"""The friction torque at a moment, all effects of a model included: what the motor gives beyond what accelerates."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.model.friction import Stribeck, acceleration
+from rw_ekf.model.state import StateIndex
+from rw_ekf.records import Believed
+from rw_ekf.wheel.dispatch import memory_flow
+from rw_ekf.wheel.pieces import Moment, driven_by, stribeck_of
+from rw_ekf.wheel.table import ABSENT, EffectTable
+from rw_ekf.wheel.transition import factor_covariance
+
+_INSTANT_S = 1.0e-7  # over which a friction with a memory is followed
+
+
+def friction_torque(
+    x: Float64Array,
+    P: Float64Array,
+    table: EffectTable,
+    stribeck: Stribeck,
+    at: tuple[float, float, float, float],
+    speed_rad_s: float | None = None,
+) -> Believed:
+    """Friction per unit inertia [rad/s^2] and its standard deviation; above zero it slows a wheel that turns forward.
+
+    It is k I less the acceleration, with I the current in the winding after the effects that change it: torques from
+    outside count as friction, and at rest it is the drive that is held. x (n,), P (n, n): belief. at: the current in
+    force [A], temperature [degC], angle [rad] and time [s]. speed_rad_s: a speed to take for known
+    in place of the believed one; hidden states stay. The deviation is by divided differences (docs/filter.md eq. 7).
+    """
+    moment = Moment(0.0, *at, 0.0)
+    spread = P
+    if speed_rad_s is not None:
+        x, spread = x.copy(), P.copy()
+        x[StateIndex.SPEED], spread[StateIndex.SPEED, :], spread[:, StateIndex.SPEED] = speed_rad_s, 0.0, 0.0
+    root = np.zeros_like(spread)
+    factor_covariance(spread, root)
+    steps = math.sqrt(3.0) * root.T
+    differences = [_friction(x + d, table, stribeck, moment) - _friction(x - d, table, stribeck, moment) for d in steps]
+    return Believed(_friction(x, table, stribeck, moment), math.hypot(*differences) / math.sqrt(12.0))
+
+
+def _friction(x: Float64Array, table: EffectTable, stribeck: Stribeck, moment: Moment) -> float:
+    values = x.tolist()
+    speed, gain = values[StateIndex.SPEED], values[StateIndex.MOTOR_GAIN]
+    current = moment.current if table.lag_state_at == ABSENT else values[table.lag_state_at]
+    now = moment._replace(omega=speed, current=current)
+    terms, drive, curve = driven_by(values, table, stribeck_of(values, table, stribeck), now)
+    if table.memory_at == ABSENT:
+        rate = acceleration(speed, drive, *curve)
+    else:
+        memory, coefficient = values[table.memory_state_at], values[table.memory_at]
+        moved, _ = memory_flow(
+            table.memory_code, speed, memory, drive, curve, coefficient, *table.memory_shape.tolist(), _INSTANT_S
+        )
+        rate = (moved - speed) / _INSTANT_S
+    return float(gain * (current + terms.amperes) - rate)
