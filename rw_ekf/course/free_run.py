@@ -125,9 +125,10 @@ def free_run(
     n, m = course.samples, states.shape[1]
     kept = n if keep_path or with_jacobian else 0
     out = FreeRun(np.zeros(first.size), np.full(kept, np.nan), np.zeros((n if with_jacobian else 0, m)))
-    start = np.ascontiguousarray(states)
+    # Another layout would be compiled anew, in seconds.
+    start, begin, end = map(np.ascontiguousarray, (states, first, last))
     if m > STATE_SIZE:
-        run_free_with_effects(effects.table(), stribeck, course, start, first, last, out)
+        run_free_with_effects(effects.table(), stribeck, course, start, begin, end, out)
     else:
-        run_free(None, stribeck, course, start, first, last, out)
+        run_free(None, stribeck, course, start, begin, end, out)
     return out
