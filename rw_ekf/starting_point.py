@@ -156,14 +156,8 @@ def setup_of_record(
 
 def belief_of_model(model: WheelModel) -> Belief:
     """Belief over the state from a model file; the speed and hidden states are left to the first reading."""
-    size = model.effects.table().size
-    known = 1 + len(model.covariance)
-    mean = np.zeros(size)
-    mean[1:known] = (*model.parameters, *model.effects.values)
-    covariance = np.zeros((size, size))
-    covariance[0, 0] = 1.0
-    covariance[1:known, 1:known] = np.array(model.covariance)
-    return Belief(mean, covariance)
+    values = (*model.parameters, *model.effects.values)
+    return Belief.of_known(values, np.array(model.covariance), model.effects.table().size)
 
 
 def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:

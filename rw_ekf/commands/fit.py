@@ -96,7 +96,7 @@ def execute(args: argparse.Namespace) -> int:
             }
             for item in reports
         },
-        "covariance": belief.covariance[1:, 1:].tolist(),
+        "covariance": belief.parameter_covariance.tolist(),
         "physical": physical(belief.parameters, setup.inertia_kg_m2),
         "inertia_kg_m2": setup.inertia_kg_m2,
         **quality,
@@ -147,8 +147,10 @@ def _deterministic(course: Course, log: WheelLog, setup: FilterSetup) -> tuple[B
     said = [] if found.break_aways else ["no start from rest in this log: static friction keeps its prior"]
     if found.driven_s == 0.0:
         said.append("no stretch of this log is driven: the motor gain keeps its prior")
-    covariance = np.diag([setup.constants.speed_variance, *np.square(found.std)])
-    return Belief(np.array([0.0, *found.parameters]), covariance), quality, said
+    belief = Belief.of_known(
+        found.parameters, np.diag(np.square(found.std)), speed_variance=setup.constants.speed_variance
+    )
+    return belief, quality, said
 
 
 def _least_squares(
@@ -168,10 +170,8 @@ def _least_squares(
         course, setup.constants, setup.prior.core, free_run.parameters,
         stribeck_speed_std=setup.stribeck_speed_std, advance=advance,
     )  # fmt: skip
-    covariance = np.zeros((5, 5))
-    covariance[0, 0] = setup.constants.speed_variance
-    covariance[1:, 1:] = 0.5 * (found.covariance + found.covariance.T)
-    if not np.isfinite(covariance).all() or np.linalg.eigvalsh(covariance[1:, 1:]).min() <= 0.0:
+    covariance = 0.5 * (found.covariance + found.covariance.T)
+    if not np.isfinite(covariance).all() or np.linalg.eigvalsh(covariance).min() <= 0.0:
         raise FilterError(
             f"{log.name}: the fit leaves nothing that is a covariance: this log does not tell the parameters apart (is "
             "its speed constant, or free of noise?). Take one with reversals, or the filter's word (`rw-ekf replay`)"
@@ -187,7 +187,8 @@ def _least_squares(
     judged = consistency_of_fit(found, setup.constants)
     if judged.is_noise is False:
         said += judged.warnings()
-    return Belief(np.array([0.0, *found.parameters]), covariance), found.noises, quality, said
+    belief = Belief.of_known(found.parameters, covariance, speed_variance=setup.constants.speed_variance)
+    return belief, found.noises, quality, said
 
 
 def _noise_document(noise: NoisePosterior | None) -> dict[str, Any] | None:

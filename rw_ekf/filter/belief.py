@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,14 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.model.friction import LAW_CODES, Stribeck
-from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_SIZE, FrictionParameters
+from rw_ekf.model.state import (
+    CK13_STATISTICAL,
+    PARAMETERS,
+    STATE_NAMES,
+    STATE_SIZE,
+    FrictionParameters,
+    StateIndex,
+)
 from rw_ekf.units import RAD_S_PER_RPM
 
 SECONDS_PER_HOUR = 3600.0
@@ -33,6 +41,26 @@ class Belief:
     mean: Float64Array
     covariance: Float64Array
 
+    @classmethod
+    def of_known(
+        cls,
+        values: Sequence[float] | Float64Array,
+        covariance: Float64Array,
+        size: int = 0,
+        speed_variance: float = 1.0,
+    ) -> Belief:
+        """A belief over what stands behind the speed: values (m,), covariance (m, m), the parameters first.
+
+        The speed is left to the first reading, and so are hidden states, up to `size`.
+        """
+        known = StateIndex.SPEED + 1 + len(values)
+        mean = np.zeros(max(size, known))
+        mean[StateIndex.SPEED + 1 : known] = values
+        whole = np.zeros((mean.size, mean.size))
+        whole[StateIndex.SPEED, StateIndex.SPEED] = speed_variance
+        whole[StateIndex.SPEED + 1 : known, StateIndex.SPEED + 1 : known] = covariance
+        return cls(mean, whole)
+
     @property
     def std(self) -> Float64Array:
         """Standard deviations, (n,)."""
@@ -41,12 +69,17 @@ class Belief:
     @property
     def parameters(self) -> FrictionParameters:
         """The four parameters of the mean."""
-        return FrictionParameters(*(float(v) for v in self.mean[1:STATE_SIZE]))
+        return FrictionParameters(*(float(v) for v in self.mean[PARAMETERS]))
 
     @property
     def parameter_std(self) -> FrictionParameters:
         """Their standard deviations."""
-        return FrictionParameters(*(float(v) for v in self.std[1:STATE_SIZE]))
+        return FrictionParameters(*(float(v) for v in self.std[PARAMETERS]))
+
+    @property
+    def parameter_covariance(self) -> Float64Array:
+        """Their covariance, (4, 4)."""
+        return self.covariance[PARAMETERS, PARAMETERS]
 
     @property
     def core(self) -> Belief:
@@ -79,15 +112,11 @@ def prior_around(parameters: FrictionParameters, relative_std: tuple[float, floa
 
     s is correlated with c: s = c + excess, the excess of standard deviation c/2.
     """
-    mean = np.array([0.0, *parameters])
-    covariance = np.zeros((STATE_SIZE, STATE_SIZE))
-    covariance[0, 0] = 1.0
-    for i, share in enumerate(relative_std, start=1):
-        covariance[i, i] = (share * mean[i]) ** 2
-    excess = (_EXCESS_STD_IN_COULOMB * parameters.coulomb) ** 2
-    covariance[3, 4] = covariance[4, 3] = covariance[3, 3]
-    covariance[4, 4] = covariance[3, 3] + excess
-    return Belief(mean, covariance)
+    k, b, c = ((share * value) ** 2 for share, value in zip(relative_std, parameters, strict=False))
+    s = c + (_EXCESS_STD_IN_COULOMB * parameters.coulomb) ** 2
+    return Belief.of_known(
+        parameters, np.array([[k, 0.0, 0.0, 0.0], [0.0, b, 0.0, 0.0], [0.0, 0.0, c, c], [0.0, 0.0, c, s]])
+    )
 
 
 DEFAULT_PRIOR = prior_around(CK13_STATISTICAL)
@@ -98,7 +127,7 @@ def with_prior_table(belief: Belief, table: dict[str, tuple[float, float]]) -> B
     mean = belief.mean.copy()
     covariance = belief.covariance.copy()
     for name, (value, std) in table.items():
-        i = 1 + PARAMETER_NAMES.index(name)
+        i = STATE_NAMES.index(name)
         mean[i] = value
         covariance[i, :] = covariance[:, i] = 0.0
         covariance[i, i] = std**2

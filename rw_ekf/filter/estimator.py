@@ -17,7 +17,7 @@ from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.surroundings import Gatherer
-from rw_ekf.model.state import STATE_SIZE, FrictionParameters, StateIndex
+from rw_ekf.model.state import PARAMETERS, STATE_SIZE, FrictionParameters
 from rw_ekf.records import (
     Believed,
     Estimate,
@@ -81,12 +81,12 @@ class Estimator:
     @property
     def parameters(self) -> FrictionParameters:
         """Present friction parameters."""
-        return FrictionParameters(*self.ekf.x[StateIndex.MOTOR_GAIN : STATE_SIZE].tolist())
+        return FrictionParameters(*self.ekf.x[PARAMETERS].tolist())
 
     @property
     def parameter_covariance(self) -> Float64Array:
         """Their covariance, (4, 4), a copy."""
-        return np.array(self.ekf.P[StateIndex.MOTOR_GAIN : STATE_SIZE, StateIndex.MOTOR_GAIN : STATE_SIZE])
+        return np.array(self.ekf.P[PARAMETERS, PARAMETERS])
 
     def command_issued(self, command: IssuedCommand) -> None:
         """Note the current that goes into force after the last sample; without a call the old one holds.

@@ -63,14 +63,14 @@ def deterministic(
     decay = _regress(course, current_A, coast, speed_noise_rad_s, columns=(1, 2), known=np.zeros(3))
     b, c = (float(v) for v in decay.solution)
     driven = _stretches(course, fast & ~coasting, 1.0)
-    k, k_std = float(prior.mean[1]), float(prior.std[1])
+    k, k_std = prior.parameters.motor_gain, prior.parameter_std.motor_gain
     if driven:
         drive = _regress(course, current_A, driven, speed_noise_rad_s, columns=(0,), known=np.array([0.0, b, c]))
         k = float(drive.solution[0])
         # What b and c may be wrong by moves k: the mean drag over the driven stretch against the mean current.
         k_std = math.hypot(math.sqrt(float(drive.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])) / largest)
     starts = _break_away(course, current_A, speed_noise_rad_s, k, c) if driven else None
-    static, static_std, count = starts or (float(prior.mean[4]), float(prior.std[4]), 0)
+    static, static_std, count = starts or (prior.parameters.static, prior.parameter_std.static, 0)
     return DeterministicResult(
         FrictionParameters(k, b, c, static),
         (k_std, math.sqrt(float(decay.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])), static_std),

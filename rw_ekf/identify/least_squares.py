@@ -94,8 +94,8 @@ class _Problem:
         self.constants = constants
         self.used = used
         self.runs: list[Stretch] = stretches(course, constants.max_gap_s)
-        self.prior_mean = prior.mean[1:]
-        factor = np.linalg.cholesky(np.linalg.inv(prior.covariance[1:, 1:]))
+        self.prior_mean = np.array(prior.parameters)
+        factor = np.linalg.cholesky(np.linalg.inv(prior.parameter_covariance))
         self.prior_root = factor.T  # upper triangular, root' root = P_0^-1   [CK13 (7)]
         self.weight = 1.0 / math.sqrt(constants.speed_variance)
 
@@ -225,8 +225,8 @@ def least_squares(
 def default_starts(course: Course, constants: FilterConstants, prior: Belief) -> list[FrictionParameters]:
     """The filter's own estimate, and two others that differ in T_s: equal to c, and a third above it."""
     run = filter_log(course, constants, prior.mean, prior.covariance)
-    k, b, c, s = (float(v) for v in run.mean[1:])
-    return [FrictionParameters(k, b, c, v) for v in (s, c, 1.35 * c)]
+    found = Belief(run.mean, run.covariance).parameters
+    return [found._replace(static=static) for static in (found.static, found.coulomb, 1.35 * found.coulomb)]
 
 
 def _best_of(problem: _Problem, starts: list[FrictionParameters]) -> tuple[_Point, bool, int]:

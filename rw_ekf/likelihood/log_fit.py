@@ -83,7 +83,7 @@ def fit_log(
     everything = np.ones(course.samples, dtype=bool)
     record = Record.of(course, everything, constants)
     bare = Model(start, constants.stribeck)
-    known = Prior.of(prior.core.mean[1:], prior.core.covariance[1:, 1:])
+    known = Prior.of(np.array(prior.parameters), prior.parameter_covariance)
     model, (omega_s, law) = bare, constants.stribeck
     if stribeck_speed_std > 0.0:
         shape = (float(law), 0.0, 0.0)

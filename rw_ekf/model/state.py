@@ -28,6 +28,7 @@ STATE_UNITS = {
     "static": "rad/s^2",
 }
 STATE_SIZE = len(StateIndex)
+PARAMETERS = slice(StateIndex.MOTOR_GAIN, STATE_SIZE)  # where the four stand
 assert len(STATE_NAMES) == STATE_SIZE
 
 

@@ -132,7 +132,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     temperature, warm = filled(course.temperature_degC, REFERENCE_DEGC)
     logged_angle, turned = filled(course.angle_rad, 0.0)
     course = course._replace(temperature_degC=temperature, angle_rad=logged_angle)
-    prior = Prior.of(setup.prior.core.mean[1:], setup.prior.core.covariance[1:, 1:])
+    prior = Prior.of(np.array(setup.prior.parameters), setup.prior.parameter_covariance)
     if model is not None:
         prior = replace(prior, given=_given(model))
     part = part_of(course, current, delay, split.fit)
