@@ -102,10 +102,9 @@ def replay_log(
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
 
 
-def refuse_runaway_model(log: WheelLog, course: Course, configuration: Configuration | None, model: WheelModel) -> None:
-    """Raise BadInputError where the filter, with that model, goes beyond what any machine does in this log."""
-    setup = setup_of_record(course, configuration, model)
-    with _blaming(model, log.name):
+def refuse_runaway_model(log: str, course: Course, setup: FilterSetup, model: WheelModel) -> None:
+    """Raise BadInputError where the filter, set up from that model, goes beyond what any machine does in this log."""
+    with _blaming(model, log):
         _refuse_runaway(filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects))
 
 

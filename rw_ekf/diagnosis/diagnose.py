@@ -17,7 +17,6 @@ from rw_ekf.diagnosis.search.searched_part import richer_part
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.likelihood import work
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.replay import refuse_runaway_model
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -44,8 +43,6 @@ def diagnose_log(
     source = source_of([log] if isinstance(log, WheelLog) else log)
     if source.unfit is not None:
         return _unjudged(source, split)
-    if model is not None and model.effects.terms:
-        refuse_runaway_model(source.log, source.course, configuration, model)
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.work.start_clock()

@@ -23,6 +23,7 @@ from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.replay import refuse_runaway_model
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import EffectSet
@@ -89,34 +90,12 @@ class Prepared:
 
 
 def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
-    """Fit the base model to the part that is searched. The source must not be `unfit`."""
-    log, log_of, course = source.log, source.log_of, source.course
-    wrong = gross_errors(course.speed_rad_s, course.segment)
-    notes: tuple[str, ...] = ()
-    if wrong.any():
-        notes += (
-            f"{int(wrong.sum())} of {wrong.size} speed readings stood far from those around them and were left out, "
-            f"the first at {log.time_s[int(np.argmax(wrong))]:.10g} s",
-        )
-        course = course._replace(speed_rad_s=np.where(wrong, np.nan, course.speed_rad_s))
-    setup = setup_of_record(course, configuration, model)
-    if model is not None:
-        setup = replace(setup, prior=_aged(model))
-    noise = setup.noise.speed_noise_rad_s
-    own = setup if configuration is None and model is None else setup_of_record(course)
-    top = float(np.nanquantile(np.abs(course.speed_rad_s), 0.999))
-    if own.noise.speed_noise_rad_s < _CLEAN * top:
-        least = _LEAST_NOISE * top
-        course = course._replace(
-            speed_rad_s=course.speed_rad_s + least * np.random.default_rng(0).standard_normal(wrong.size)
-        )
-        if own is setup:
-            setup = setup_of_record(course)
-        noise = max(setup.noise.speed_noise_rad_s, least)
-        notes += (
-            f"the readings are cleaner than any integration of a wheel near rest: noise of {rpm_from_rad_s(least):.2g} "
-            "rpm was added to them",
-        )
+    """Fit the base model to the part that is searched. The source must not be `unfit`.
+
+    Raises BadInputError for a model with which the filter runs away.
+    """
+    log, log_of = source.log, source.log_of
+    course, setup, noise, notes = _set_up(source, configuration, model)
     split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise)
     kept = split.looked_at
     current, delay = log.current_A, log.command_delay_s
@@ -169,6 +148,42 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         kept=kept,
         notes=notes,
     )
+
+
+def _set_up(
+    source: Source, configuration: Configuration | None, model: WheelModel | None
+) -> tuple[Course, FilterSetup, float, tuple[str, ...]]:
+    """Readings without gross errors and not too clean, the filter's setup, the readings' noise [rad/s], and notes."""
+    course = source.course
+    wrong = gross_errors(course.speed_rad_s, course.segment)
+    notes: tuple[str, ...] = ()
+    if wrong.any():
+        notes += (
+            f"{int(wrong.sum())} of {wrong.size} speed readings stood far from those around them and were left out, "
+            f"the first at {source.log.time_s[int(np.argmax(wrong))]:.10g} s",
+        )
+        course = course._replace(speed_rad_s=np.where(wrong, np.nan, course.speed_rad_s))
+    setup = setup_of_record(course, configuration, model)
+    if model is not None:
+        if model.effects.terms:
+            refuse_runaway_model(source.log.name, course, setup, model)
+        setup = replace(setup, prior=_aged(model))
+    noise = setup.noise.speed_noise_rad_s
+    own = setup if configuration is None and model is None else setup_of_record(course)
+    top = float(np.nanquantile(np.abs(course.speed_rad_s), 0.999))
+    if own.noise.speed_noise_rad_s < _CLEAN * top:
+        least = _LEAST_NOISE * top
+        course = course._replace(
+            speed_rad_s=course.speed_rad_s + least * np.random.default_rng(0).standard_normal(wrong.size)
+        )
+        if own is setup:
+            setup = setup_of_record(course)
+        noise = max(setup.noise.speed_noise_rad_s, least)
+        notes += (
+            f"the readings are cleaner than any integration of a wheel near rest: noise of {rpm_from_rad_s(least):.2g} "
+            "rpm was added to them",
+        )
+    return course, setup, noise, notes
 
 
 def _aged(model: WheelModel) -> Belief:
