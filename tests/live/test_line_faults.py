@@ -80,15 +80,6 @@ def test_in_silence_zero_is_written_again_and_again_and_then_the_run_goes_on(ben
 
 
 @pytest.mark.slow
-def test_after_silence_the_speed_starts_afresh_where_the_current_is_not_known(bench: Bench) -> None:
-    """The wheel took a zero that it could not confirm, at a time nobody knows: a new segment, no wrong prediction."""
-    ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, link_faults.silent))
-    assert list(np.unique(ran.log.segment)) == [0, 1]
-    assert ran.outcome.statistics.reseeded == 1
-    assert ran.outcome.statistics.rejected == 0
-
-
-@pytest.mark.slow
 def test_a_zero_confirmed_in_silence_is_in_the_log_from_when_it_acted(bench: Bench) -> None:
     """Only the readings are lost: the zero is confirmed, logged as a row without a speed, and nothing is re-seeded."""
     silent = only(CYCLE, link_faults.silent)
@@ -165,17 +156,6 @@ def test_a_hot_wheel_is_given_no_current_until_it_has_cooled(bench: Bench) -> No
     assert np.all(log.current_A[hot] == 0.0)
     assert np.any(log.current_A[np.flatnonzero(hot)[-1] + 1 :] != 0.0)
     assert ("command_changed", "over_temperature") in [(e, c.get("reason")) for e, c in ran.notes.said]
-
-
-@pytest.mark.slow
-def test_a_wheel_too_fast_is_only_braked(bench: Bench) -> None:
-    """Above limits.speed_rpm no current in the direction of turning is ever written, all of it is zero or brakes."""
-    ran = run(bench, 2.0, limits={"speed_rpm": 100.0}, command={"period_s": 1.0, "amplitude_A": 0.3, "bias_A": 0.0})
-    log = ran.log
-    fast = log.speed_rad_s > 100.0 * RAD_S_PER_RPM
-    assert fast.sum() > 10
-    assert np.all(log.current_A[fast] <= 0.0)
-    assert np.any(log.current_A[fast] < 0.0)
 
 
 def longest_run_of_zeros(currents: list[float]) -> int:

@@ -4,53 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drivers.sim.plant_parameters import PlantNoise
-from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
-from rw_ekf.clock import VirtualClock
-from rw_ekf.live.daemon import run_daemon
-from rw_ekf.live.stop_signal import StopSignal
-from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.live.bench import write_config
-from tests.live.daemon import Notes, Ran
+from tests.live.virtual import run, setting
 
 HOUR_S = 3600.0
-Event = tuple[float, Callable[[SimulatedWheel, StopSignal], object]]
-
-
-def setting(**values: bool) -> Callable[[SimulatedWheel, StopSignal], object]:
-    """An event that sets attributes of the wheel."""
-
-    def happen(wheel: SimulatedWheel, stop: StopSignal) -> None:
-        for name, value in values.items():
-            setattr(wheel, name, value)
-
-    return happen
-
-
-def run(directory: Path, duration_s: float | None, *events: Event, rate_hz: float = 2.0) -> tuple[Ran, SimulatedWheel]:
-    """Run the daemon; each event is a time [s] and what happens then."""
-    clock = VirtualClock()
-    wheel = SimulatedWheel(
-        noise=PlantNoise(RAD_S_PER_RPM), seed=4, initial_speed_rad_s=20.0, clock=clock, fine_step_s=0.02
-    )
-    profile = {"profile": "random-sines", "amplitude_A": 0.1, "period_s": 40.0}
-    path = write_config(
-        directory, str(directory / "nowhere"), loop={"rate_hz": rate_hz}, limits={"silence_s": 1.5}, command=profile
-    )
-    notes = Notes()
-    with StopSignal() as stop:
-        for time_s, action in events:
-            clock.at(time_s, lambda action=action: action(wheel, stop))  # type: ignore[misc]
-        protocol = SimulatedProtocol(wheel)
-        outcome = run_daemon(load_configuration(path), protocol, None, duration_s, notes, stop, clock)
-    return Ran(outcome, notes), wheel
 
 
 def test_two_hours_with_a_silence_a_lost_line_and_a_stop(tmp_path: Path) -> None:
@@ -113,6 +75,24 @@ def test_a_wheel_silent_to_the_end_is_given_zero_all_the_same(tmp_path: Path) ->
     assert ran.outcome.lost
     assert not ran.outcome.zero_confirmed
     assert math.isfinite(wheel.truth.speed_rad_s)
+
+
+def test_after_a_silence_the_speed_starts_afresh_where_the_current_is_not_known(tmp_path: Path) -> None:
+    """The wheel took a zero that it could not confirm, at a time nobody knows: a new segment, no wrong prediction."""
+    ran, _ = run(tmp_path, 120.0, (60.0, setting(silent=True)), (64.0, setting(silent=False)))
+    assert list(np.unique(ran.log.segment)) == [0, 1]
+    assert ran.outcome.statistics.reseeded == 1
+    assert ran.outcome.statistics.rejected == 0
+
+
+def test_a_wheel_too_fast_is_only_braked(tmp_path: Path) -> None:
+    """Above limits.speed_rpm no current in the direction of turning is ever written, all of it is zero or brakes."""
+    steps = {"profile": "sine", "amplitude_A": 0.3, "period_s": 20.0, "bias_A": 0.0}
+    ran, _ = run(tmp_path, 120.0, limits={"speed_rpm": 100.0, "silence_s": 1.5}, command=steps)
+    fast = ran.log.speed_rad_s > 100.0 * RAD_S_PER_RPM
+    assert fast.sum() > 10
+    assert np.all(ran.log.current_A[fast] <= 0.0)
+    assert np.any(ran.log.current_A[fast] < 0.0)
 
 
 def test_the_same_run_twice_leaves_the_same_log(tmp_path: Path) -> None:

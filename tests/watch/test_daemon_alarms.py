@@ -1,4 +1,4 @@
-"""The daemon on a simulated wheel behind a pty: a spike in mid-run is logged, published and reported."""
+"""The daemon's loop over a simulated wheel: a spike in mid-run is logged, published and reported."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from typing import Any
 
 import pytest
 
+from drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.commands.run import _warnings
+from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.logs.metadata import read_metadata
-from tests.live.bench import Bench, served_wheel
+from tests.live.bench import served_wheel
 from tests.live.daemon import run
+from tests.live.virtual import published
+from tests.live.virtual import run as run_virtually
 
 # The wheel is known well, so that the estimator has settled before the spike: a test cannot wait for minutes.
 PRIOR = {
@@ -24,30 +28,28 @@ AMPLITUDE_RAD_S2 = 1.5
 SPIKE_S = 5.0
 
 
-def spike(bench: Bench) -> None:
+def spike(wheel: SimulatedWheel, stop: StopSignal) -> None:
     """From now on the wheel drags, less and less."""
-    plant = bench.registers.plant
+    plant = wheel.truth
     plant.parameters = plant.parameters._replace(
         spike_rad_s2=AMPLITUDE_RAD_S2, spike_onset_s=plant.time_s, spike_decay_s=5.0
     )
 
 
-@pytest.mark.slow
 def test_a_spike_in_a_run_is_logged_published_and_reported(tmp_path: Path) -> None:
     """Said as `drag_spike` with amplitude and hour, it is in the state file while it lasts, ends, and is reported."""
-    published: list[list[dict[str, Any]]] = []
-    with served_wheel(tmp_path, initial_speed_rad_s=30.0) as bench:
+    published_alarms: list[list[dict[str, Any]]] = []
 
-        def look() -> None:
-            path = next(bench.runs.glob("*.state.json"))
-            published.append(json.loads(path.read_text(encoding="utf-8"))["alarms"])
+    def look(wheel: SimulatedWheel, stop: StopSignal) -> None:
+        published_alarms.append(published(tmp_path, wheel.truth.time_s - 1.5)["alarms"])
 
-        ran = run(
-            bench, 30.0, (SPIKE_S - 1.0, look), (SPIKE_S, lambda: spike(bench)), (SPIKE_S + 4.0, look),
-            filter={"prior": PRIOR}, command={"profile": "sine", "amplitude_A": 0.0, "bias_A": 0.15},
-        )  # fmt: skip
-    assert published[0] == []
-    (entry,) = published[1]
+    ran, _ = run_virtually(
+        tmp_path, 30.0, (SPIKE_S - 1.0, look), (SPIKE_S, spike), (SPIKE_S + 4.0, look), speed_rad_s=30.0,
+        filter={"prior": PRIOR}, command={"profile": "sine", "amplitude_A": 0.0, "bias_A": 0.15},
+        loop={"rate_hz": 10.0},
+    )  # fmt: skip
+    assert published_alarms[0] == []
+    (entry,) = published_alarms[1]
     assert entry["name"] == "drag_spike"
     alarms = [(event, fields) for event, fields in ran.notes.said if event.startswith("drag_spike")]
     assert [event for event, _ in alarms] == ["drag_spike", "drag_spike_over"]

@@ -1,0 +1,65 @@
+"""A daemon in this process on a virtual clock, over a wheel simulated in this process."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from drivers.sim.plant_parameters import PlantNoise
+from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
+from rw_ekf.clock import VirtualClock
+from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.settings.load import load_configuration
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.live.bench import write_config
+from tests.live.daemon import Notes, Ran
+
+Event = tuple[float, Callable[[SimulatedWheel, StopSignal], object]]
+USUAL: dict[str, dict[str, Any]] = {
+    "loop": {"rate_hz": 2.0},
+    "limits": {"silence_s": 1.5},
+    "command": {"profile": "random-sines", "amplitude_A": 0.1, "period_s": 40.0},
+}
+
+
+def setting(**values: bool) -> Callable[[SimulatedWheel, StopSignal], object]:
+    """An event that sets attributes of the wheel."""
+
+    def happen(wheel: SimulatedWheel, stop: StopSignal) -> None:
+        for name, value in values.items():
+            setattr(wheel, name, value)
+
+    return happen
+
+
+def run(
+    directory: Path, duration_s: float | None, *events: Event, speed_rad_s: float = 20.0, **changes: dict[str, Any]
+) -> tuple[Ran, SimulatedWheel]:
+    """Run the daemon; each event is a time [s] and what happens then. changes: of the configuration's sections."""
+    clock, noise, notes = VirtualClock(), PlantNoise(RAD_S_PER_RPM), Notes()
+    wheel = SimulatedWheel(noise=noise, seed=4, initial_speed_rad_s=speed_rad_s, clock=clock, fine_step_s=0.02)
+    path = write_config(directory, str(directory / "nowhere"), **(USUAL | changes))
+    with StopSignal() as stop:
+        for time_s, action in events:
+            clock.at(time_s, lambda action=action: action(wheel, stop))  # type: ignore[misc]
+        protocol = SimulatedProtocol(wheel)
+        outcome = run_daemon(load_configuration(path), protocol, None, duration_s, notes, stop, clock)
+    return Ran(outcome, notes), wheel
+
+
+def published(directory: Path, after_s: float) -> dict[str, Any]:
+    """The state file, once it is of a time after that; its thread keeps the computer's time."""
+    end_s = time.monotonic() + 15.0
+    while True:
+        with contextlib.suppress(StopIteration, FileNotFoundError):
+            path = next((directory / "runs").glob("*.state.json"))
+            document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            if document["time_s"] > after_s:
+                return document
+        assert time.monotonic() < end_s, "not published in time"
+        time.sleep(0.002)
