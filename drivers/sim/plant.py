@@ -144,7 +144,7 @@ def step_fast(
         mean_current = lag_mean(state.winding_current_A, current_A, ratio)
         winding = current_A + (state.winding_current_A - current_A) * math.exp(-ratio)
     middle_s = state.time_s + 0.5 * step_s
-    motor = motor_acceleration(p, mean_current, state.temperature_degC)
+    motor = motor_acceleration(p, mean_current, state.temperature_degC, state.speed_rad_s)
     drive = (
         motor
         - p.offset_rad_s2

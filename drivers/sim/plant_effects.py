@@ -248,6 +248,16 @@ class DragBump(PlantEffect):
 
 
 @dataclass(frozen=True)
+class MotorGainSpeed(PlantEffect):
+    """NOT IN THE CATALOGUE. k(omega) = k (1 - slope |omega|): commutation that lags behind a fast rotor."""
+
+    id = "motor_gain_speed"
+    fills = ("gain_speed_s_rad",)
+    in_catalogue = False
+    slope_s_rad: float = 0.0003
+
+
+@dataclass(frozen=True)
 class AccelerationFriction(PlantEffect):
     """NOT IN THE CATALOGUE. Dry friction rises by ratio |k I|: a bearing loaded by the torque it transmits."""
 

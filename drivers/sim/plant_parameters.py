@@ -65,6 +65,7 @@ class PlantParameters(NamedTuple):
     bump_rad_s2: float = 0.0
     bump_speed_rad_s: float = 0.0
     bump_width_rad_s: float = 1.0
+    gain_speed_s_rad: float = 0.0  # relative loss of motor gain per rad/s
     load_friction: float = 0.0  # dry friction per commanded acceleration
     # warmth: a chamber cycled up and down within a run, so that temperature effects can be told from drift
     ambient_degC: float = 20.0

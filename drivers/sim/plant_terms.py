@@ -39,10 +39,11 @@ def stribeck(speed_ratio: float, law: float) -> float:
     return math.exp(-squared) if squared < 50.0 else 0.0
 
 
-def motor_acceleration(p: PlantParameters, current_A: float, temperature_degC: float) -> float:
-    """k_eff(I, T) I_eff [rad/s^2] of the current in the winding [A]: dead zone, saturation, temperature."""
+def motor_acceleration(p: PlantParameters, current_A: float, temperature_degC: float, speed_rad_s: float) -> float:
+    """k_eff(I, T, omega) I_eff [rad/s^2] of the current in the winding [A]: dead zone, saturation, warmth, speed."""
     effective = math.copysign(max(abs(current_A) - p.current_deadzone_A, 0.0), current_A)
     gain = p.motor_gain * (1.0 + p.motor_gain_temperature_1_K * (temperature_degC - REFERENCE_TEMPERATURE_DEGC))
+    gain *= 1.0 - p.gain_speed_s_rad * abs(speed_rad_s)
     return gain * (1.0 - p.motor_saturation_1_A * abs(current_A)) * effective
 
 

@@ -34,7 +34,7 @@ REDUCED = (
     "healthy-000",  # identification
     "healthy-001",  # P1
     "healthy-003",  # S1
-    "outside-000",  # drag_bump
+    "outside-000",  # of what the catalogue does not know
     "pairs-000",  # offset_torque and quadratic_drag
 )
 

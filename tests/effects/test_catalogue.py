@@ -137,7 +137,7 @@ def plant_acceleration(p: PlantParameters, at: Conditions) -> float:
     """The simulated wheel's acceleration at an instant [rad/s^2], put together as its integrator does."""
     state = PlantState(at.time, at.omega, at.angle, at.temperature, at.current)
     level = coulomb_shift(p, state) + spike_acceleration(p, at.time)
-    drive = motor_acceleration(p, at.current, at.temperature) - p.offset_rad_s2
+    drive = motor_acceleration(p, at.current, at.temperature, at.omega) - p.offset_rad_s2
     drive -= ripple_acceleration(p, at.angle, 0.0) + external_acceleration(p, at.time)
     return drive - drag(p, at.omega, at.temperature) - math.copysign(dry_friction(p, at.omega, level), at.omega)
 

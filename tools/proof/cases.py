@@ -12,12 +12,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from drivers.sim.plant_effect_text import parse_effects
+from drivers.sim.plant_effects import EFFECTS
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from tools.proof.sizes import SHARES, draw_size, effect_text, reach_of
 
 WIRE_GRID_RPM = 0.5
-OUTSIDE_IDS = ("drag_bump", "acceleration_friction")
+OUTSIDE_IDS = tuple(name for name, effect in EFFECTS.items() if not effect.in_catalogue)
 TEMPERATURE_IDS = ("viscous_temperature", "coulomb_temperature", "motor_gain_temperature")
 
 Expectation = Literal["effects", "adequate", "unexplained"]

@@ -177,13 +177,18 @@ def _external(draws: np.random.Generator, size: Size, wheel: PlantParameters, re
 
 
 def _bump(draws: np.random.Generator, size: Size, wheel: PlantParameters, reach: Reach) -> Values:
-    """Outside the catalogue: within the speeds that the profile passes through, and narrow beside them."""
+    """Within the speeds that the profile passes through, and narrow beside them."""
     speed = draws.uniform(0.2, 0.7) * reach.top_speed_rad_s
     return {
         "amplitude_rad_s2": 1.5 * size.share * wheel.coulomb,
         "speed_rad_s": speed,
         "width_rad_s": draws.uniform(0.03, 0.12) * reach.top_speed_rad_s,
     }
+
+
+def _gain_speed(draws: np.random.Generator, size: Size, wheel: PlantParameters, reach: Reach) -> Values:
+    """The share is that of the motor's gain, lost at the top speed."""
+    return {"slope_s_rad": size.share / reach.top_speed_rad_s}
 
 
 def _load_friction(draws: np.random.Generator, size: Size, wheel: PlantParameters, reach: Reach) -> Values:
@@ -211,5 +216,6 @@ _RECIPES: dict[str, Recipe] = {
     "external_torque": _external,
     "speed_quantisation": _ladder("speed_quantisation", "grid_rad_s"),
     "drag_bump": _bump,
+    "motor_gain_speed": _gain_speed,
     "acceleration_friction": _load_friction,
 }
