@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal
-from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect, Term
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect, Term, size_of
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.numbers import plus_minus
 
@@ -42,8 +42,8 @@ class StribeckShape(StribeckEffect):
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:
-        """The top speed: a curve wider than all that the record has is viscous or dry friction."""
-        return max(facts.top_speed_rad_s, facts.stribeck_speed_rad_s)
+        """Half the top speed: a curve that is not over within the record is viscous or dry friction."""
+        return max(0.5 * facts.top_speed_rad_s, facts.stribeck_speed_rad_s)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
@@ -60,6 +60,11 @@ class StribeckShape(StribeckEffect):
         """Another law, or a speed that differs enough from the configured one."""
         other_law = any(term.shape[0] != facts.stribeck_law for term in terms)
         return other_law or abs(terms[0].values[0] - facts.stribeck_speed_rad_s) >= cls.smallest(facts)
+
+    @classmethod
+    def possible(cls, terms: Sequence[Term], facts: RecordFacts, coulomb: float) -> bool:
+        """Within what the record can show: dry friction alone must not cross the curve within a sample either."""
+        return super().possible(terms, facts, coulomb) and size_of(terms) >= dry_scale(facts) * facts.period_s
 
     @classmethod
     def starts(cls, candidate: Candidate, found: float) -> list[Candidate]:
