@@ -78,8 +78,9 @@ def verdict_on(found: Found, lattice: Lattice | None, before: Performance, after
     seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
     where = ""
-    if found.selection.whole_record:
-        where = f" ({', '.join(found.selection.whole_record)} sought on the whole record)"
+    on_whole = [name for name in found.selection.whole_record if name in names]
+    if on_whole:
+        where = f" ({', '.join(on_whole)} sought on the whole record)"
     if any(CATALOGUE[name].local_in_time for name in names):
         where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
     better = _improvement(before.figures, after.figures, seconds, wheel_units=found.prepared.in_rpm)

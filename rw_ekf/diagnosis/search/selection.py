@@ -351,6 +351,7 @@ class Search:
                 if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
                     starts.append(Term.at(effect, Candidate(value)))
                 fits = [self.refitted(less, less.model.with_terms(term)) for term in starts]
+                fits = [fit for fit in fits if possible(fit.model, effect.id, self.facts)]
                 if not fits:
                     continue
                 rival = max(fits, key=lambda item: item.likelihood.value)
