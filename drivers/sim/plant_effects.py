@@ -236,11 +236,10 @@ class SpeedQuantisation(PlantEffect):
 
 @dataclass(frozen=True)
 class DragBump(PlantEffect):
-    """NOT IN THE CATALOGUE. f = sgn(omega) amplitude exp(-((|omega| - speed)/width)^2): a resonance at one speed."""
+    """f = sgn(omega) amplitude exp(-((|omega| - speed)/width)^2): a resonance at one speed."""
 
     id = "drag_bump"
     fills = ("bump_rad_s2", "bump_speed_rad_s", "bump_width_rad_s")
-    in_catalogue = False
     positive = ("width_rad_s",)
     amplitude_rad_s2: float = 0.05
     speed_rad_s: float = 600.0 * RAD_S_PER_RPM

@@ -50,12 +50,19 @@ def test_the_largest_size_is_well_above_the_smallest(name: str, facts: RecordFac
         ("coulomb_drift", -0.0005, (0.0, 0.0, 0.0), True),
         ("coulomb_drift", -0.002, (0.0, 0.0, 0.0), False),  # dry friction would drive
         ("coulomb_drift", 0.01, (0.0, 0.0, 0.0), False),
+        ("stribeck_shape", 2.0, (0.0, 0.0, 0.0), True),
+        ("stribeck_shape", 0.05, (0.0, 0.0, 0.0), False),  # crossed within a sample
+        ("stribeck_shape", 300.0, (0.0, 0.0, 0.0), False),  # not over at the top speed
+        ("drag_bump", 0.1, (90.0, 12.0, 0.0), True),
+        ("drag_bump", 0.1, (90.0, 0.3, 0.0), False),  # between two readings
+        ("drag_bump", 0.1, (90.0, 85.0, 0.0), False),  # a law of its own
+        ("drag_bump", 0.1, (248.0, 12.0, 0.0), False),  # one flank only
     ],
 )
-def test_a_size_that_no_machine_has_is_refused(
+def test_a_size_that_no_machine_has_or_no_record_shows_is_refused(
     name: str, value: float, shape: tuple[float, float, float], expected: bool
 ) -> None:
-    """Spikes and drifts in shares of Coulomb friction: tenths are possible, elevenfold jumps are not."""
+    """In shares of Coulomb friction: tenths are possible, elevenfold jumps not, nor what readings do not resolve."""
     term = Term(CATALOGUE[name], (value * CK13_STATISTICAL.coulomb,), (0.0,), shape)
     assert possible(TRUTH.with_terms(term), name, WHEEL) is expected
 

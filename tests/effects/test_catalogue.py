@@ -281,7 +281,7 @@ def test_the_contribution_is_the_tangent_of_the_force(effect: type[StaticEffect]
         return abs(force(here_part, there.omega) - force(there_part, there.omega))
 
     for a, shape, at in cases(effect, duration=0.0):
-        far, near = error(a, shape, at, 2.0), error(a, shape, at, 1.0)
+        far, near = error(a, shape, at, 0.5), error(a, shape, at, 0.25)
         assert near <= 0.3 * far + 1e-12
 
 

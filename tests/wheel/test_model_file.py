@@ -20,6 +20,7 @@ SHAPES: dict[str, Shape] = {
     "torque_ripple": (6.0, 0.1, 0.0),
     "external_torque": (1.0 / 7.0, -0.3, 12.0),
     "drag_spike": (123.4, 60.0, 0.0),
+    "drag_bump": (61.2, 7.5, 0.0),
     "coulomb_drift": (300.0, 12.0, 0.0),
     "stribeck_shape": (1.0, 0.0, 0.0),
     "presliding_hysteresis": (0.3, 0.0, 0.0),

@@ -37,6 +37,10 @@ INJECTED: dict[str, tuple[dict[str, float], dict[str, float]]] = {
     "coulomb_drift": ({"rate_rad_s3": -2.0e-4, "time_constant_s": 300.0}, {}),
     "stribeck_shape": ({"speed_rad_s": 16.0 * RAD_S_PER_RPM}, {"speed_rad_s": 0.4}),
     "external_torque": ({"amplitude_rad_s2": 0.04, "frequency_Hz": 0.05}, {"amplitude_rad_s2": 0.3}),
+    "drag_bump": (
+        {"amplitude_rad_s2": 0.06, "speed_rad_s": 90.0, "width_rad_s": 12.0},
+        {"amplitude_rad_s2": 0.3, "speed_rad_s": 0.05, "width_rad_s": 0.4},
+    ),
     "speed_quantisation": ({"grid_rad_s": 5.0 * RAD_S_PER_RPM}, {"grid_rad_s": 1.0e-6}),
 }
 
