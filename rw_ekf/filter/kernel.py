@@ -97,7 +97,7 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
     work = np.zeros(n)
     F = np.eye(n)
     product = np.zeros((n, n))
-    scratch = np.zeros((3 * n + 6 if n > 5 else 0, n))
+    scratch = np.zeros((0 if table is None else 3 * n + 6, n))
     temperature, angle = 20.0, 0.0  # until known: effects of temperature are relative to 20 degC
     before = 0.0
     seeded = ever_seeded = False
