@@ -21,7 +21,7 @@ from rw_ekf.filter.belief import (
 )
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.model.friction import LAW_NAMES
-from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
+from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, SPEED, STATE_NAMES, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
@@ -200,9 +200,10 @@ def model_of(
 ) -> WheelModel:
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
     known = STATE_SIZE + setup.effects.size
+    behind = slice(SPEED + 1, known)
     return WheelModel(
         parameters=belief.parameters,
-        covariance=tuple(tuple(float(v) for v in row) for row in belief.covariance[1:known, 1:known]),
+        covariance=tuple(tuple(float(v) for v in row) for row in belief.covariance[behind, behind]),
         stribeck_speed_rad_s=setup.constants.stribeck.omega_s,
         stribeck_law=LAW_NAMES[setup.constants.stribeck.law],
         speed_noise_rad_s=setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,

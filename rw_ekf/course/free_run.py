@@ -12,7 +12,7 @@ from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.model.friction import FrictionCurve, Stribeck
-from rw_ekf.model.state import STATE_SIZE
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
@@ -71,27 +71,27 @@ def _run(
     ended = np.zeros(n)
     for j in range(first.size):
         state[:] = states[j]
-        curve = FrictionCurve(state[2], state[3], state[4], stribeck.omega_s, stribeck.law)
+        curve = FrictionCurve(state[VISCOUS], state[COULOMB], state[STATIC], stribeck.omega_s, stribeck.law)
         if keep:
-            path[first[j]] = state[0]
+            path[first[j]] = state[SPEED]
         if sloped:
             jacobian[first[j], :] = 0.0
-            jacobian[first[j], 0] = 1.0
+            jacobian[first[j], SPEED] = 1.0
         for i in range(first[j], last[j]):
             if table is None:
-                state[0], row[0], row[1], row[2], row[3], row[4] = interval(
-                    state[0], state[1], curve, pieces, piece_start[i], piece_start[i + 1], sloped
+                state[SPEED], row[SPEED], row[MOTOR_GAIN], row[VISCOUS], row[COULOMB], row[STATIC] = interval(
+                    state[SPEED], state[MOTOR_GAIN], curve, pieces, piece_start[i], piece_start[i + 1], sloped
                 )
             if table is not None:
                 effect_interval(state, table, stribeck, pieces, interval_after(course, i), sloped, row, ended)
                 state[:] = ended
             if keep:
-                path[i + 1] = state[0]
+                path[i + 1] = state[SPEED]
             if sloped:
-                jacobian[i + 1, 0] = row[0] * jacobian[i, 0]
+                jacobian[i + 1, SPEED] = row[SPEED] * jacobian[i, SPEED]
                 for m in range(1, n):
-                    jacobian[i + 1, m] = row[0] * jacobian[i, m] + row[m]
-        ends[j] = state[0]
+                    jacobian[i + 1, m] = row[SPEED] * jacobian[i, m] + row[m]
+        ends[j] = state[SPEED]
 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:

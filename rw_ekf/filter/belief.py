@@ -13,10 +13,10 @@ from rw_ekf.model.friction import LAW_CODES, Stribeck
 from rw_ekf.model.state import (
     CK13_STATISTICAL,
     PARAMETERS,
+    SPEED,
     STATE_NAMES,
     STATE_SIZE,
     FrictionParameters,
-    StateIndex,
 )
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -33,7 +33,7 @@ _EXCESS_STD_IN_COULOMB = 0.5
 
 @dataclass(frozen=True)
 class Belief:
-    """Gaussian over the state: mean (n,), covariance (n, n), in the order of StateIndex, then effects' coefficients.
+    """Gaussian over the state: mean (n,), covariance (n, n), the named state, then effects' coefficients.
 
     n is 5 without effects; hidden states come last.
     """
@@ -53,12 +53,12 @@ class Belief:
 
         The speed is left to the first reading, and so are hidden states, up to `size`.
         """
-        known = StateIndex.SPEED + 1 + len(values)
+        known = SPEED + 1 + len(values)
         mean = np.zeros(max(size, known))
-        mean[StateIndex.SPEED + 1 : known] = values
+        mean[SPEED + 1 : known] = values
         whole = np.zeros((mean.size, mean.size))
-        whole[StateIndex.SPEED, StateIndex.SPEED] = speed_variance
-        whole[StateIndex.SPEED + 1 : known, StateIndex.SPEED + 1 : known] = covariance
+        whole[SPEED, SPEED] = speed_variance
+        whole[SPEED + 1 : known, SPEED + 1 : known] = covariance
         return cls(mean, whole)
 
     @property

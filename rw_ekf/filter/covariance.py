@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+from rw_ekf.model.state import SPEED
+
 _SETTLED_VARIANCE = 1.0e-14  # of a hidden state [A^2 or rad^2/s^4]: a tenth of a microampere
 
 
 def seed_speed(x: Any, P: Any, speed: float, variance: float) -> None:
     """Start the speed afresh from a reading; the parameters and their covariance stay."""
-    x[0] = speed
-    P[0, :] = 0.0
-    P[:, 0] = 0.0
-    P[0, 0] = variance
+    x[SPEED] = speed
+    P[SPEED, :] = 0.0
+    P[:, SPEED] = 0.0
+    P[SPEED, SPEED] = variance
 
 
 def predict_covariance(P: Any, row: Any, noise: Any, work: Any) -> None:
@@ -26,10 +28,10 @@ def predict_covariance(P: Any, row: Any, noise: Any, work: Any) -> None:
     corner = 0.0
     for m in range(n):
         corner += row[m] * work[m]
-    P[0, 0] = corner + noise[0]
+    P[SPEED, SPEED] = corner + noise[SPEED]
     for j in range(1, n):
-        P[0, j] = work[j]
-        P[j, 0] = work[j]
+        P[SPEED, j] = work[j]
+        P[j, SPEED] = work[j]
         P[j, j] += noise[j]
 
 
@@ -37,12 +39,12 @@ def update_joseph(x: Any, P: Any, innovation: float, S: float, R: float, work: A
     """Update by a measured speed: (I - K H) P (I - K H)' + K R K' for H = (1, 0, ...), symmetric; `work` (n,) is K."""
     n = x.size
     for i in range(n):
-        work[i] = P[i, 0] / S
+        work[i] = P[i, SPEED] / S
         x[i] += work[i] * innovation
-    for i in range(n - 1, -1, -1):  # downward: row and column 0 are still the old ones when they are read
+    for i in range(n - 1, -1, -1):  # downward: row and column of the speed are still the old ones when they are read
         for j in range(i, -1, -1):
-            open_ij = P[i, j] - work[i] * P[0, j]
-            open_i0 = P[i, 0] - work[i] * P[0, 0]
+            open_ij = P[i, j] - work[i] * P[SPEED, j]
+            open_i0 = P[i, SPEED] - work[i] * P[SPEED, SPEED]
             value = open_ij - open_i0 * work[j] + work[i] * R * work[j]
             P[i, j] = value
             P[j, i] = value

@@ -8,6 +8,8 @@ stands in a short vector, the gate's memory, that both paths hand from sample to
 import math
 from typing import Any
 
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
+
 FIRST = 0
 UPDATED = 1
 MISSING = 2
@@ -76,10 +78,10 @@ def most_acceleration(x: Any, P: Any, strongest_A: float, speed: float) -> float
 
     Drive and friction at three sigma of their parameters, both ways, times a generous factor.
     """
-    gain = abs(x[1]) + _PARAMETER_SIGMAS * math.sqrt(P[1, 1])
-    viscous = abs(x[2]) + _PARAMETER_SIGMAS * math.sqrt(P[2, 2])
-    coulomb = abs(x[3]) + _PARAMETER_SIGMAS * math.sqrt(P[3, 3])
-    static = abs(x[4]) + _PARAMETER_SIGMAS * math.sqrt(P[4, 4])
+    gain = abs(x[MOTOR_GAIN]) + _PARAMETER_SIGMAS * math.sqrt(P[MOTOR_GAIN, MOTOR_GAIN])
+    viscous = abs(x[VISCOUS]) + _PARAMETER_SIGMAS * math.sqrt(P[VISCOUS, VISCOUS])
+    coulomb = abs(x[COULOMB]) + _PARAMETER_SIGMAS * math.sqrt(P[COULOMB, COULOMB])
+    static = abs(x[STATIC]) + _PARAMETER_SIGMAS * math.sqrt(P[STATIC, STATIC])
     return float(_GENEROUS * (gain * strongest_A + viscous * abs(speed) + max(coulomb, static)))
 
 
@@ -109,7 +111,7 @@ def gating(
         forget(memory)
         memory[_CONFIRMED] = 1.0
         return UPDATED
-    acceleration = most_acceleration(x, P, memory[_STRONGEST_A], max(abs(x[0]), abs(reading)))
+    acceleration = most_acceleration(x, P, memory[_STRONGEST_A], max(abs(x[SPEED]), abs(reading)))
     change = reading - memory[_LAST_GATED]
     if memory[_AGREEING] > 0.0 and within_reach(
         change, 2.0 * speed_variance, gate, acceleration, memory[_SINCE_GATED_S]

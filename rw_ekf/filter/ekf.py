@@ -17,7 +17,7 @@ from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.covariance import drop_settled, predict_covariance_full, seed_speed, update_joseph
 from rw_ekf.filter.surroundings import Surroundings
-from rw_ekf.model.state import STATE_SIZE, StateIndex
+from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import transition
@@ -50,7 +50,7 @@ class WheelEkf(ExtendedKalmanFilter):
         self.F = np.eye(n)
         # The speed is measured: (1, 0, 0, 0, 0); [F12] (9) prints omega in place of 1.
         self._H = np.zeros((1, n))
-        self._H[0, StateIndex.SPEED] = 1.0
+        self._H[0, SPEED] = 1.0
         self._factor = np.zeros((STATE_SIZE + 2 if n == STATE_SIZE else 3 * n + 6, n))
         self._work = np.zeros((n, n))
         self._curvature = 0.0
@@ -80,8 +80,8 @@ class WheelEkf(ExtendedKalmanFilter):
         speed, self._curvature = transition(
             self.x, self.P, stribeck, pieces, interval.start, interval.stop, row, self._factor
         )
-        self.x[StateIndex.SPEED] = speed
-        self.F[StateIndex.SPEED] = row
+        self.x[SPEED] = speed
+        self.F[SPEED] = row
 
     def predict_over(self, dt: float, surroundings: Surroundings) -> None:
         """Predict over dt [s] under pieces of current; process noise grows with dt."""
@@ -94,13 +94,13 @@ class WheelEkf(ExtendedKalmanFilter):
         # The speed's share depends on the predicted speed itself, so that it is added after filterpy's F P F' + Q.
         np.fill_diagonal(self.Q, (0.0, *self._parameter_noise(dt)))
         self.predict(u=surroundings)
-        self.P[StateIndex.SPEED, StateIndex.SPEED] += self._speed_noise(dt)
+        self.P[SPEED, SPEED] += self._speed_noise(dt)
 
     def _speed_noise(self, dt: float) -> float:
         """Variance that the predicted speed gains in dt [s], by noise and by neglected curvature."""
         c = self.constants
         noise = c.acceleration_noise * dt + self._curvature
-        return noise + c.stuck_variance if self.x[StateIndex.SPEED] == 0.0 else noise
+        return noise + c.stuck_variance if self.x[SPEED] == 0.0 else noise
 
     def _parameter_noise(self, dt: float) -> tuple[float, ...]:
         """Variance that each state but the speed gains in dt [s]."""
@@ -128,8 +128,8 @@ class WheelEkf(ExtendedKalmanFilter):
         """Innovation [rad/s] and its variance [rad^2/s^2] for a reading, before any update."""
         if not math.isfinite(speed_rad_s):
             raise FilterError(f"a speed of {speed_rad_s} rad/s reached the filter")
-        variance = float(self.P[StateIndex.SPEED, StateIndex.SPEED] + self.constants.speed_variance)
-        return float(speed_rad_s - self.x[StateIndex.SPEED]), variance
+        variance = float(self.P[SPEED, SPEED] + self.constants.speed_variance)
+        return float(speed_rad_s - self.x[SPEED]), variance
 
     def update_speed(self, speed_rad_s: float) -> None:
         """Update by a reading, in Joseph's form (filterpy's `update`; with hidden states that of the compiled pass)."""
@@ -143,7 +143,7 @@ class WheelEkf(ExtendedKalmanFilter):
     @property
     def speed_rad_s(self) -> float:
         """Believed speed."""
-        return float(self.x[StateIndex.SPEED])
+        return float(self.x[SPEED])
 
     @property
     def std(self) -> Float64Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.model.state import STATE_SIZE, FrictionParameters, StateIndex
+from rw_ekf.model.state import SPEED, STATE_SIZE, FrictionParameters
 
 
 def frozen(parameters: FrictionParameters, whole: Float64Array | None = None) -> tuple[Float64Array, Float64Array]:
@@ -17,7 +17,7 @@ def frozen(parameters: FrictionParameters, whole: Float64Array | None = None) ->
     mean = np.zeros(STATE_SIZE) if whole is None else np.array(whole, dtype=np.float64)
     mean[:STATE_SIZE] = (0.0, *parameters)
     covariance = np.zeros((mean.size, mean.size))
-    covariance[StateIndex.SPEED, StateIndex.SPEED] = 1.0
+    covariance[SPEED, SPEED] = 1.0
     return mean, covariance
 
 

@@ -43,6 +43,7 @@ from rw_ekf.filter.decisions import (
     within_reach,
 )
 from rw_ekf.filter.filter_run import FilterRun, History
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
 from rw_ekf.wheel.equations import EQUATIONS
@@ -114,38 +115,38 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
         if what != REPEATED and what != BACKWARD:  # noqa: PLR1714 - numba
             continuous = seeded and not new_segment and dt <= constants.max_gap_s
             elapsed = dt if i > 0 and not new_segment else 0.0
-            noise[1] = constants.motor_gain_drift * elapsed
-            noise[2] = constants.viscous_drift * elapsed
-            noise[3] = constants.coulomb_drift * elapsed
-            noise[4] = constants.static_drift * elapsed
+            noise[MOTOR_GAIN] = constants.motor_gain_drift * elapsed
+            noise[VISCOUS] = constants.viscous_drift * elapsed
+            noise[COULOMB] = constants.coulomb_drift * elapsed
+            noise[STATIC] = constants.static_drift * elapsed
             if table is not None:
                 for j in range(table.drift.size):
-                    noise[5 + j] = table.drift[j] * elapsed
+                    noise[STATE_SIZE + j] = table.drift[j] * elapsed
             if continuous and table is not None:
-                before = x[0]
+                before = x[SPEED]
                 interval = Interval(
                     time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i]
                 )
                 curvature = effect_transition(x, P, table, constants.stribeck, pieces, interval, F, scratch)
                 for j in range(n):
-                    row[j] = F[0, j]
-                angle += 0.5 * (before + x[0]) * dt
-                noise[0] = constants.acceleration_noise * dt + curvature
-                if x[0] == 0.0:
-                    noise[0] += constants.stuck_variance
+                    row[j] = F[SPEED, j]
+                angle += 0.5 * (before + x[SPEED]) * dt
+                noise[SPEED] = constants.acceleration_noise * dt + curvature
+                if x[SPEED] == 0.0:
+                    noise[SPEED] += constants.stuck_variance
             elif continuous:
-                x[0], curvature = transition(
+                x[SPEED], curvature = transition(
                     x, P, constants.stribeck, pieces, piece_start[last], piece_start[i], row, L
                 )
-                noise[0] = constants.acceleration_noise * dt + curvature
-                if x[0] == 0.0:
-                    noise[0] += constants.stuck_variance
+                noise[SPEED] = constants.acceleration_noise * dt + curvature
+                if x[SPEED] == 0.0:
+                    noise[SPEED] += constants.stuck_variance
             if continuous:
                 elapse(gate_memory, dt, current_A, piece_start[last], piece_start[i])
             else:  # the speed starts afresh, or waits for a reading that it can start from
                 row[:] = 0.0
-                row[0] = 0.0 if has_speed else 1.0
-                noise[0] = R if has_speed else 0.0
+                row[SPEED] = 0.0 if has_speed else 1.0
+                noise[SPEED] = R if has_speed else 0.0
                 seeded = False
             hidden = 0
             if table is not None:
@@ -168,8 +169,8 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
             if keep_all:
                 _record(history, i, x, P, row, noise)
             if what == UPDATED:
-                residual = speed - x[0]
-                S = P[0, 0] + R
+                residual = speed - x[SPEED]
+                S = P[SPEED, SPEED] + R
                 innovation[i] = residual
                 innovation_variance[i] = S
                 what = gating(residual, S, speed, x, P, R, constants.gate, constants.reseed_after, gate_memory)
@@ -193,7 +194,7 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                     angle = angle_rad[i]
         elif keep_all:  # skipped: for a smoother the state just stays
             row[:] = 0.0
-            row[0] = 1.0
+            row[SPEED] = 1.0
             noise[:] = 0.0
             _record(history, i, x, P, row, noise)
         outcome[i] = what
@@ -212,7 +213,7 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
         filter_constants(DEFAULT_NOISE, 1.0),
         NO_EFFECTS.table() if with_effects else None,
         Course.of(series, series, series),
-        FilterRun.empty(np.zeros(5), np.eye(5), 0),
+        FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0),
     )
 
 

@@ -16,6 +16,8 @@ from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
 from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.model import state as _state
+from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel import compiled
 
 
@@ -32,39 +34,39 @@ def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> Non
         if outcome[i] == UPDATED:
             S = innovation_variance[i]
             for j in range(n):
-                gain[j] = covariance[i, j, 0] / S
+                gain[j] = covariance[i, j, SPEED] / S
             for j in range(n):
-                closed[j, 0] = (1.0 if j == 0 else 0.0) - gain[j]
+                closed[j, SPEED] = (1.0 if j == SPEED else 0.0) - gain[j]
             adjoint = closed.T @ adjoint
             information = closed.T @ information @ closed
-            adjoint[0] -= innovation[i] / S
-            information[0, 0] += 1.0 / S
+            adjoint[SPEED] -= innovation[i] / S
+            information[SPEED, SPEED] += 1.0 / S
         smoothed = predicted[i] - covariance[i] @ adjoint
         spread = covariance[i] - covariance[i] @ information @ covariance[i]
         for j in range(n):
             means[i, j] = smoothed[j]
             stds[i, j] = np.sqrt(max(spread[j, j], 0.0))
         # Back through F, which differs from identity in its first row: F' a = a + (row - e_0) a_0.
-        first = adjoint[0]
-        adjoint[0] = 0.0
+        first = adjoint[SPEED]
+        adjoint[SPEED] = 0.0
         for j in range(n):
             adjoint[j] += row[i, j] * first
-        head = information[0, 0]
-        side = information[0].copy()
-        side[0] = 0.0
-        information[0, :] = 0.0
-        information[:, 0] = 0.0
+        head = information[SPEED, SPEED]
+        side = information[SPEED].copy()
+        side[SPEED] = 0.0
+        information[SPEED, :] = 0.0
+        information[:, SPEED] = 0.0
         for j in range(n):
             for m in range(n):
                 information[j, m] += row[i, j] * side[m] + side[j] * row[i, m] + head * row[i, j] * row[i, m]
 
 
 def _example() -> tuple[Any, ...]:
-    whole = np.zeros((0, 5))
-    return FilterRun.empty(np.zeros(5), np.eye(5), 0), whole, whole
+    whole = np.zeros((0, STATE_SIZE))
+    return FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0), whole, whole
 
 
-smooth_pass = compiled.compile_cached(_smooth_pass, [_decisions, _filter_run, sys.modules[__name__]], _example)
+smooth_pass = compiled.compile_cached(_smooth_pass, [_state, _decisions, _filter_run, sys.modules[__name__]], _example)
 
 
 def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:

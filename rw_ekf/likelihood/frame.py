@@ -12,6 +12,7 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
+from rw_ekf.model.state import PARAMETER_COUNT, SPEED
 from rw_ekf.wheel.table import ABSENT
 
 _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may still be off by
@@ -31,8 +32,8 @@ class Prior:
     def rows(self, model: Model) -> tuple[Float64Array, Float64Array]:
         """What is known of a model's vector x (p,) as W x = aim, each row of unit variance: W (k, p), aim (k,)."""
         size = model.vector.size
-        found, aims = [np.zeros((4, size))], [self.root @ self.mean]
-        found[0][:, :4] = self.root
+        found, aims = [np.zeros((PARAMETER_COUNT, size))], [self.root @ self.mean]
+        found[0][:, :PARAMETER_COUNT] = self.root
         left = [(place, term.id) for term, at in model.placed for place in range(at.start, at.stop)]
         for name, mean, std in self.given:
             found_at = next((item for item in left if item[1] == name), None)
@@ -151,9 +152,9 @@ def _columns(
     n, states = rows.shape[0], model.effects.table().size
     columns = np.zeros((n, p))
     memory_columns = np.zeros((n if with_memory else 0, p))
-    columns[:, :known] = rows[:, 1 : 1 + known]
+    columns[:, :known] = rows[:, SPEED + 1 : SPEED + 1 + known]
     if with_memory:
-        memory_columns[:, :known] = rows[:, states + 1 : states + 1 + known]
+        memory_columns[:, :known] = rows[:, states + SPEED + 1 : states + SPEED + 1 + known]
     others = [i for term, at in model.placed if not term.effect.analytic for i in range(at.start, at.stop)]
     _differences(record, model, reference, [*others, *range(known, p)], columns, memory_columns)
     return columns, memory_columns
@@ -190,8 +191,7 @@ def _differences(
 
 
 def _step_sizes(model: Model) -> list[float]:
-    k, _, c, s = model.parameters
-    sizes = [1.0e-3 * abs(k), 1.0e-3 * c, 1.0e-3 * c, 1.0e-3 * max(s, c)]
-    sizes[1] = max(1.0e-3 * abs(model.parameters.viscous), 1.0e-6)
+    k, b, c, s = model.parameters
+    sizes = [1.0e-3 * abs(k), max(1.0e-3 * abs(b), 1.0e-6), 1.0e-3 * c, 1.0e-3 * max(s, c)]
     sizes += [t.effect.coefficient.step_at(value) or 1.0e-3 * c for t in model.terms for value in t.values]
     return sizes + [model.terms[i].effect.constants[j].step_at(model.terms[i].shape[j]) for i, j in model.refined]

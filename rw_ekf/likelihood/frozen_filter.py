@@ -15,6 +15,7 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, state_vector
+from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.table import ABSENT
 
 _OPEN_GATE = 1.0e30
@@ -50,7 +51,7 @@ def filtered_reference(record: Record, model: Model, noise: Noise, omit: BoolArr
     assert at != ABSENT
     n = record.course.samples
     return Reference(
-        run.states[:, 0].copy(),
+        run.states[:, SPEED].copy(),
         np.full(n, _SPREAD * math.sqrt(noise.variance)),
         run.states[:, at].copy(),
         np.full(n, _MEMORY_SPREAD * model.parameters.coulomb),

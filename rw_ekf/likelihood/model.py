@@ -9,10 +9,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.effect import Shape, Term
 from rw_ekf.model.friction import Stribeck
-from rw_ekf.model.state import FrictionParameters
+from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
-
-_BASE = 4
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class Model:
     @property
     def placed(self) -> list[tuple[Term, slice]]:
         """Those, each with the place of its coefficients in the vector."""
-        found, at = [], _BASE
+        found, at = [], PARAMETER_COUNT
         for term in self.terms:
             found.append((term, slice(at, at + len(term.values))))
             at += len(term.values)
@@ -40,7 +38,7 @@ class Model:
     @property
     def known(self) -> int:
         """Number of parameters and coefficients, which come before the refined shapes."""
-        return _BASE + self.effects.size
+        return PARAMETER_COUNT + self.effects.size
 
     @property
     def coefficients(self) -> Float64Array:
@@ -74,7 +72,7 @@ class Model:
             number = float(np.clip(value, limits.lower, limits.upper))
             terms[i] = replace(terms[i], shape=_with(terms[i].shape, j, number))
         rest = [term for term in self.effects.terms if not term.effect.in_state]
-        parameters = FrictionParameters(*(float(v) for v in vector[:_BASE]))
+        parameters = FrictionParameters(*(float(v) for v in vector[:PARAMETER_COUNT]))
         return replace(self, parameters=parameters, effects=EffectSet((*terms, *rest)))
 
     def limited(self, step: Float64Array) -> Float64Array:

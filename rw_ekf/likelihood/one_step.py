@@ -19,7 +19,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
-from rw_ekf.model.state import STATE_SIZE
+from rw_ekf.model.state import COULOMB, SPEED, STATE_SIZE
 from rw_ekf.wheel.compiled import compile_cached
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
@@ -88,22 +88,22 @@ def _one_step_pass(
     for i in range(course.time_s.size - 1):
         if not follows[i + 1]:
             continue
-        state[0] = speed[i]
+        state[SPEED] = speed[i]
         if not follows[i]:
             if table.lag_state_at >= 0:
                 state[table.lag_state_at] = pieces.current_A[max(piece_start[i] - 1, first_piece[i])]
             if at >= 0:
-                state[at] = math.copysign(x[3], speed[i]) if abs(speed[i]) > omega_s else 0.0
+                state[at] = math.copysign(x[COULOMB], speed[i]) if abs(speed[i]) > omega_s else 0.0
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
         interval = interval_after(course, i)
         near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
         written = analytic or (differentiable and not near)
         effect_interval(state, table, stribeck, pieces, interval, written, row, ended)
-        end[i + 1] = ended[0]
+        end[i + 1] = ended[SPEED]
         if written:
             if sloped:
-                slopes[i + 1, 0] = row[0]
+                slopes[i + 1, 0] = row[SPEED]
             if analytic:
                 rows[i + 1, :] = row[: rows.shape[1]]
         if sloped and (near or not differentiable):
@@ -115,11 +115,11 @@ def _one_step_pass(
                 effect_interval(point, table, stribeck, pieces, interval, False, row, up)
                 point[moved] = state[moved] - h
                 effect_interval(point, table, stribeck, pieces, interval, False, row, down)
-                slopes[i + 1, way] = (up[0] - down[0]) / (2.0 * h)
+                slopes[i + 1, way] = (up[SPEED] - down[SPEED]) / (2.0 * h)
                 if at >= 0:
                     slopes[i + 1, 2 + way] = (up[at] - down[at]) / (2.0 * h)
                 if near and way == 0:
-                    bend[i + 1] = (up[0] + down[0] - 2.0 * ended[0]) / math.sqrt(12.0)
+                    bend[i + 1] = (up[SPEED] + down[SPEED] - 2.0 * ended[SPEED]) / math.sqrt(12.0)
         for j in range(n - table.hidden, n):
             state[j] = ended[j]
         if at >= 0:
@@ -127,7 +127,7 @@ def _one_step_pass(
 
 
 def _example() -> tuple[Any, ...]:
-    series, whole = np.zeros(0), np.zeros((0, 5))
+    series, whole = np.zeros(0), np.zeros((0, STATE_SIZE))
     return (
         series, NO_EFFECTS.table(), Stribeck(1.0, 0), Course.of(series, series, series), np.zeros(0, np.bool_),
         Reference(*[series] * 4), Prediction(series, series, whole, series, whole),
@@ -169,7 +169,7 @@ def state_vector(parameters: Float64Array, effects: EffectSet) -> Float64Array:
     """State (m,) with the speed and hidden states zero: four parameters, then coefficients."""
     table = effects.table()
     x = np.zeros(table.size)
-    x[1 : 1 + parameters.size] = parameters
+    x[SPEED + 1 : SPEED + 1 + parameters.size] = parameters
     return x
 
 
@@ -194,14 +194,12 @@ def predict(
         np.zeros((n if with_rows else 0, table.size * (1 if table.memory_at == ABSENT else 2))),
     )
     record.work.charge(pass_units(int(np.count_nonzero(record.follows)), table, slopes=with_slopes, rows=with_rows))
-    memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(parameters[2]), reference.memory_spread)
+    x = state_vector(parameters, effects)
+    memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(x[COULOMB]), reference.memory_spread)
     # A column of a table has another layout, for which numba would compile the pass anew.
     speed, spread, memory = map(np.ascontiguousarray, reference[:3])
     one_step_pass(
-        state_vector(parameters, effects), table, stribeck, record.course, record.follows,
+        x, table, stribeck, record.course, record.follows,
         Reference(speed, spread, memory, memory_spread), out,
     )  # fmt: skip
     return out
-
-
-assert STATE_SIZE == 5  # rows and states here begin with omega, k, b, c, s

@@ -19,7 +19,7 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import COULOMB_BAND, GAIN_BAND, RecordScale, busiest, default_scale
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
-from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
+from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, FrictionParameters
 
 _SAMPLES = 8_000  # enough for torque noise to a tenth of itself
 _FEWEST = 100
@@ -95,8 +95,8 @@ def is_foreign(course: Course, scale: RecordScale) -> bool:
     if (held.motor_gain, held.coulomb) == (found.motor_gain, found.coulomb):
         return False
     std = wide.copy()
-    for place, (before, after) in enumerate(zip(found, held, strict=True)):
-        if place in {0, 2} and before != after:
+    for place, (name, before, after) in enumerate(zip(PARAMETER_NAMES, found, held, strict=True)):
+        if name in {"motor_gain", "coulomb"} and before != after:
             std[place] = _HELD * abs(after)
     like_a_wheel = _best(part, scale, [held, CK13_STATISTICAL], np.array(held), std)
     return like_a_wheel is None or free.fit.likelihood.value - like_a_wheel.fit.likelihood.value > _CLEARLY
@@ -106,7 +106,7 @@ def _best(
     course: Course, scale: RecordScale, starts: list[FrictionParameters], mean: Float64Array, std: Float64Array
 ) -> LogFit | None:
     """The likeliest fit from several starts, at the default's Stribeck speed and at the record's; None if all fail."""
-    prior = Belief(np.array([0.0, *mean]), np.diag([1.0, *np.square(std)]))
+    prior = Belief.of_known(mean, np.diag(np.square(std)))
     found = []
     for omega_s in (default_scale(None).stribeck_speed_rad_s, scale.stribeck_speed_rad_s):
         constants = filter_constants(scale.noise, omega_s, nominal_period_s=course.period_s)

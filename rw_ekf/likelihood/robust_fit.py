@@ -14,6 +14,7 @@ from rw_ekf.likelihood.frame import Noise, Prior
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.model.state import SPEED
 
 _FILTER_RATIO = 1.0e-3  # q dt / R
 
@@ -35,7 +36,7 @@ def smoothed_by_filter(
     """
     run = run_frozen(course.only(part), model, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
     means, stds = smooth_log(run)
-    return Reference.of_speed(means[:, 0], np.maximum(stds[:, 0], 0.02 * noise_rad_s))
+    return Reference.of_speed(means[:, SPEED], np.maximum(stds[:, SPEED], 0.02 * noise_rad_s))
 
 
 def robust_fit(record: Record, model: Model, prior: Prior, noise_rad_s: float, starts: list[Reference]) -> Fit:

@@ -20,6 +20,7 @@ from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.model.effect import Term
+from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
 from rw_ekf.wheel.table import EffectSet
 
 _INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
@@ -46,7 +47,7 @@ def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
         fit.frame.record, np.array([*model.parameters, 0.0]), probe, model.stribeck, fit.reference,
         with_rows=True, with_slopes=False,
     ).rows  # fmt: skip
-    return -rows[:, 5], rows[:, 3] + rows[:, 4]
+    return -rows[:, STATE_SIZE], rows[:, COULOMB] + rows[:, STATIC]
 
 
 def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Array:

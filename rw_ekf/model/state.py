@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import NamedTuple
 
 from rw_ekf.records import WheelState
 
-
-class StateIndex(IntEnum):
-    """Positions in the state vector and its covariance; the names are those of docs/contract.md."""
-
-    SPEED = 0  # omega [rad/s]
-    MOTOR_GAIN = 1  # k = k_m/J [rad/s^2/A]
-    VISCOUS = 2  # b/J [1/s]
-    COULOMB = 3  # c/J [rad/s^2]
-    STATIC = 4  # T_s/J [rad/s^2]
-
+# Places in the state vector and its covariance; plain ints, which numba freezes into what it compiles.
+SPEED = 0  # omega [rad/s]
+MOTOR_GAIN = 1  # k = k_m/J [rad/s^2/A]
+VISCOUS = 2  # b/J [1/s]
+COULOMB = 3  # c/J [rad/s^2]
+STATIC = 4  # T_s/J [rad/s^2]
 
 STATE_NAMES = WheelState._fields
 PARAMETER_NAMES = STATE_NAMES[1:]
@@ -27,9 +22,9 @@ STATE_UNITS = {
     "coulomb": "rad/s^2",
     "static": "rad/s^2",
 }
-STATE_SIZE = len(StateIndex)
-PARAMETERS = slice(StateIndex.MOTOR_GAIN, STATE_SIZE)  # where the four stand
-assert len(STATE_NAMES) == STATE_SIZE
+STATE_SIZE = len(STATE_NAMES)
+PARAMETER_COUNT = len(PARAMETER_NAMES)
+PARAMETERS = slice(MOTOR_GAIN, STATE_SIZE)  # where the four stand
 
 
 class FrictionParameters(NamedTuple):

@@ -41,6 +41,7 @@ _WANDER_SHARE = 0.1
 _ERROR_SHARE = 0.15
 _MOVES = 4.0  # noises or steps of a reading: a piece that never gets so far from zero may be one of a wheel at rest
 _INNOVATIONS_KEPT = 20.0
+_GAIN, _COULOMB, _OUTSIDE = 0, 2, 3  # places in the regression (eq. 1); viscous friction is 1
 
 
 class SignWatch:
@@ -72,7 +73,7 @@ class SignWatch:
     @property
     def gain(self) -> tuple[float, float]:
         """The gain kappa and its standard deviation [rad/s^2/A]."""
-        return float(self._x[0]), math.sqrt(float(self._P[0, 0]) * max(self._nis, 1.0))
+        return float(self._x[_GAIN]), math.sqrt(float(self._P[_GAIN, _GAIN]) * max(self._nis, 1.0))
 
     @property
     def is_wrong(self) -> bool:
@@ -95,8 +96,9 @@ class SignWatch:
     def _largest_gain(self) -> float:
         """The largest motor gain that the readings leave [rad/s^2/A], by so many sigmas and friction not negative."""
         widened = max(self._nis, 1.0)
-        variance, both, coulomb = (widened * float(self._P[i, j]) for i, j in ((0, 0), (0, 2), (2, 2)))
-        gain, c = float(self._x[0]), float(self._x[2])
+        places = ((_GAIN, _GAIN), (_GAIN, _COULOMB), (_COULOMB, _COULOMB))
+        variance, both, coulomb = (widened * float(self._P[place]) for place in places)
+        gain, c = float(self._x[_GAIN]), float(self._x[_COULOMB])
         freely = gain + _SIGN_SIGMAS * math.sqrt(variance)
         if coulomb <= 0.0:
             return freely
@@ -160,7 +162,7 @@ class SignWatch:
         variance = 2.0 * self._step**2 + (_ERROR_SHARE * c * self._T) ** 2
         if self._slowest < self._slow:
             variance += (0.5 * c * self._T) ** 2
-        self._P[3, 3] += (_WANDER_SHARE * c) ** 2 * self._T
+        self._P[_OUTSIDE, _OUTSIDE] += (_WANDER_SHARE * c) ** 2 * self._T
         ph = self._P @ h
         spread = float(h @ ph) + variance
         residual = change_rad_s - float(h @ self._x)

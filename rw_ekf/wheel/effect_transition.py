@@ -9,6 +9,7 @@ import math
 from typing import Any
 
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import EffectTable
@@ -20,10 +21,10 @@ def turn_root(x: Any, L: Any, current: float, n: int) -> None:
 
     Householder's reflection; rows n and n + 1 of L are scratch. The turned root is left in rows n + 2 onwards.
     """
-    push = math.copysign(current, x[1] * current)
+    push = math.copysign(current, x[MOTOR_GAIN] * current)
     norm = 0.0
     for j in range(n):
-        L[n, j] = push * L[1, j] - L[4, j]
+        L[n, j] = push * L[MOTOR_GAIN, j] - L[STATIC, j]
         norm += L[n, j] * L[n, j]
     norm = math.sqrt(norm)
     L[n, 0] += norm if L[n, 0] > -0.5 * norm else -norm
@@ -68,9 +69,9 @@ def effect_transition(
     hidden = table.hidden
     analytic = hidden == 0 and table.delay_at < 0 and table.stribeck_at < 0
     end = work[3 * n + 2]
-    row = F[0]
+    row = F[SPEED]
     effect_interval(x, table, stribeck, pieces, interval, analytic, row, end)
-    nearest = min(abs(x[0]), abs(end[0])) if x[0] * end[0] > 0.0 else 0.0
+    nearest = min(abs(x[SPEED]), abs(end[SPEED])) if x[SPEED] * end[SPEED] > 0.0 else 0.0
     needed = True
     if analytic:
         if nearest > FAST_STRIBECK_SPEEDS * stribeck.omega_s:
@@ -80,14 +81,14 @@ def effect_transition(
             for i in range(n):
                 for j in range(n):
                     spread += row[i] * P[i, j] * row[j]
-            reach = _REACH * math.sqrt(max(spread, P[0, 0]))
+            reach = _REACH * math.sqrt(max(spread, P[SPEED, SPEED]))
             needed = not (nearest > reach and reach < stribeck.omega_s)
     curvature = 0.0
     if needed:
-        bends = _differences(x, P, table, stribeck, pieces, interval, end[0], F, work)
+        bends = _differences(x, P, table, stribeck, pieces, interval, end[SPEED], F, work)
         if nearest <= FAST_STRIBECK_SPEEDS * stribeck.omega_s:
             curvature = bends * bends / 12.0
-    x[0] = end[0]
+    x[SPEED] = end[SPEED]
     for j in range(n - hidden, n):
         x[j] = end[j]
     return curvature
@@ -115,16 +116,16 @@ def _differences(
             work[2 * n + 2 + m, j] = 0.0
         if not differs:
             continue
-        effect_interval(point, table, stribeck, pieces, interval, False, F[0], end)
+        effect_interval(point, table, stribeck, pieces, interval, False, F[SPEED], end)
         for i in range(n):
             point[i], up[i] = up[i], end[i]
-        effect_interval(point, table, stribeck, pieces, interval, False, F[0], end)
-        work[2 * n + 2, j] = (up[0] - end[0]) / (2.0 * _SPREAD)
-        bends += up[0] + end[0] - 2.0 * middle
+        effect_interval(point, table, stribeck, pieces, interval, False, F[SPEED], end)
+        work[2 * n + 2, j] = (up[SPEED] - end[SPEED]) / (2.0 * _SPREAD)
+        bends += up[SPEED] + end[SPEED] - 2.0 * middle
         for m in range(hidden):
             at = n - hidden + m
             work[2 * n + 3 + m, j] = (up[at] - end[at]) / (2.0 * _SPREAD)
-    solve_slopes(work, work[2 * n + 2], F[0], n)
+    solve_slopes(work, work[2 * n + 2], F[SPEED], n)
     for m in range(hidden):
         solve_slopes(work, work[2 * n + 3 + m], F[n - hidden + m], n)
     return bends
@@ -140,5 +141,5 @@ def seed_hidden(x: Any, P: Any, table: EffectTable, current: float, omega_s: flo
     if table.lag_state_at >= 0:
         x[table.lag_state_at] = current
     if table.memory_state_at >= 0:
-        x[table.memory_state_at] = math.copysign(x[3], x[0]) if abs(x[0]) > omega_s else 0.0
-        P[table.memory_state_at, table.memory_state_at] = (0.3 * x[3]) ** 2
+        x[table.memory_state_at] = math.copysign(x[COULOMB], x[SPEED]) if abs(x[SPEED]) > omega_s else 0.0
+        P[table.memory_state_at, table.memory_state_at] = (0.3 * x[COULOMB]) ** 2

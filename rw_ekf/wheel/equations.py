@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from rw_ekf.model import flow, friction
+from rw_ekf.model import flow, friction, state
 from rw_ekf.wheel import dispatch, effect_transition, interval, pieces, table, transition
 from rw_ekf.wheel.compiled import make_jitable
 
@@ -51,5 +51,5 @@ make_jitable(
 
 # Everything that is compiled into a pass with them: its cache is stale when one of them changes.
 EQUATIONS: list[ModuleType] = [
-    friction, flow, interval, transition, dispatch, pieces, effect_transition, table, *dispatch.MODULES,
+    state, friction, flow, interval, transition, dispatch, pieces, effect_transition, table, *dispatch.MODULES,
 ]  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.friction import Stribeck, acceleration
-from rw_ekf.model.state import StateIndex
+from rw_ekf.model.state import MOTOR_GAIN, SPEED
 from rw_ekf.records import Believed
 from rw_ekf.wheel.dispatch import memory_flow
 from rw_ekf.wheel.pieces import Moment, driven_by, stribeck_of
@@ -37,7 +37,7 @@ def friction_torque(
     spread = P
     if speed_rad_s is not None:
         x, spread = x.copy(), P.copy()
-        x[StateIndex.SPEED], spread[StateIndex.SPEED, :], spread[:, StateIndex.SPEED] = speed_rad_s, 0.0, 0.0
+        x[SPEED], spread[SPEED, :], spread[:, SPEED] = speed_rad_s, 0.0, 0.0
     root = np.zeros_like(spread)
     factor_covariance(spread, root)
     steps = math.sqrt(3.0) * root.T
@@ -47,7 +47,7 @@ def friction_torque(
 
 def _friction(x: Float64Array, table: EffectTable, stribeck: Stribeck, moment: Moment) -> float:
     values = x.tolist()
-    speed, gain = values[StateIndex.SPEED], values[StateIndex.MOTOR_GAIN]
+    speed, gain = values[SPEED], values[MOTOR_GAIN]
     current = moment.current if table.lag_state_at == ABSENT else values[table.lag_state_at]
     now = moment._replace(omega=speed, current=current)
     terms, drive, curve = driven_by(values, table, stribeck_of(values, table, stribeck), now)

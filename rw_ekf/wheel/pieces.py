@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import FrictionCurve, Stribeck
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.table import EffectTable
@@ -69,10 +70,10 @@ def stribeck_of(x: Any, table: EffectTable, stribeck: Stribeck) -> Stribeck:
 def driven_by(x: Any, table: EffectTable, stribeck: Stribeck, at: Moment) -> tuple[Terms, float, FrictionCurve]:
     """What moves the wheel over a step: the static effects' terms, the drive [rad/s^2] and the friction curve."""
     terms = _gather(x, table, at)
-    drive = x[1] * (at.current + terms.amperes) + terms.external
-    b = x[2] * (1.0 + terms.viscous_factor) + terms.viscous
-    level = x[3] * terms.dry_factor + terms.dry
-    return terms, drive, FrictionCurve(b, x[3] + level, x[4] + level, stribeck.omega_s, stribeck.law)
+    drive = x[MOTOR_GAIN] * (at.current + terms.amperes) + terms.external
+    b = x[VISCOUS] * (1.0 + terms.viscous_factor) + terms.viscous
+    level = x[COULOMB] * terms.dry_factor + terms.dry
+    return terms, drive, FrictionCurve(b, x[COULOMB] + level, x[STATIC] + level, stribeck.omega_s, stribeck.law)
 
 
 def _slopes_of_static(x: Any, table: EffectTable, at: Moment, j: int) -> tuple[float, float, float]:
@@ -82,7 +83,7 @@ def _slopes_of_static(x: Any, table: EffectTable, at: Moment, j: int) -> tuple[f
         table.static_code[j], x[table.static_at[j]], q[0], q[1], q[2],
         at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
     )  # fmt: skip
-    return x[1] * part[0] + part[1], x[2] * part[3] + part[2], x[3] * part[4] + part[5]
+    return x[MOTOR_GAIN] * part[0] + part[1], x[VISCOUS] * part[3] + part[2], x[COULOMB] * part[4] + part[5]
 
 
 def _chain(
@@ -95,10 +96,10 @@ def _chain(
     keep, of_drive, of_b, of_c, of_s = slopes
     for j in range(table.size):
         row[j] *= keep
-    row[1] += of_drive * (at.current + terms.amperes)
-    row[2] += of_b * (1.0 + terms.viscous_factor)
-    row[3] += of_c * (1.0 + terms.dry_factor) + of_s * terms.dry_factor
-    row[4] += of_s
+    row[MOTOR_GAIN] += of_drive * (at.current + terms.amperes)
+    row[VISCOUS] += of_b * (1.0 + terms.viscous_factor)
+    row[COULOMB] += of_c * (1.0 + terms.dry_factor) + of_s * terms.dry_factor
+    row[STATIC] += of_s
     for j in range(table.static_at.shape[0]):
         drive, viscous, dry = _slopes_of_static(x, table, at, j)
         place = table.static_at[j]
@@ -167,10 +168,10 @@ def _chain_memory(
         row[n + j] = row[at_slopes + _INPUTS] * of_speed + row[at_slopes + _INPUTS + 1] * of_memory
     for half in range(2):
         to, of = half * n, at_slopes + half * _INPUTS
-        row[to + 1] += row[of + 2] * (at.current + terms.amperes)
-        row[to + 2] += row[of + 3] * (1.0 + terms.viscous_factor)
-        row[to + 3] += row[of + 4] * (1.0 + terms.dry_factor) + row[of + 5] * terms.dry_factor
-        row[to + 4] += row[of + 5]
+        row[to + MOTOR_GAIN] += row[of + 2] * (at.current + terms.amperes)
+        row[to + VISCOUS] += row[of + 3] * (1.0 + terms.viscous_factor)
+        row[to + COULOMB] += row[of + 4] * (1.0 + terms.dry_factor) + row[of + 5] * terms.dry_factor
+        row[to + STATIC] += row[of + 5]
         row[to + table.memory_at] += row[of + 6]
     for j in range(table.static_at.shape[0]):
         of_drive, of_viscous, of_dry = _slopes_of_static(x, table, at, j)
@@ -197,7 +198,7 @@ def effect_interval(
     for j in range(n):
         end[j] = x[j]
         if slopes:
-            row[j] = 1.0 if j == 0 else 0.0
+            row[j] = 1.0 if j == SPEED else 0.0
     if slopes and table.memory_at >= 0:
         for j in range(n):
             row[j] = row[n + j] = 0.0
@@ -205,7 +206,7 @@ def effect_interval(
     piece = start
     while piece > first and begins[piece] > from_s - delay:
         piece -= 1
-    omega = x[0]
+    omega = x[SPEED]
     at = from_s
     while at < to_s:
         until = begins[piece] + durations[piece] + delay
@@ -246,4 +247,4 @@ def effect_interval(
             angle += 0.5 * (before + omega) * h
             at = until if h == left else at + h
         piece += 1
-    end[0] = omega
+    end[SPEED] = omega

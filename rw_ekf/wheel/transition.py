@@ -11,10 +11,12 @@ from typing import Any
 
 from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, FrictionCurve, Stribeck
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.interval import Pieces
 
 _SPREAD = math.sqrt(3.0)  # of a central divided difference: 1 sigma diverged, sqrt(3) did not (docs/filter.md)
 _REACH = 5.0  # standard deviations within which a kink in the transition matters
+_REFLECTION, _DIFFERENCES = 5, 6  # rows of scratch behind the root
 
 
 def interval(
@@ -59,14 +61,16 @@ def _rests_for_sure(x: Any, P: Any, pieces: Pieces, start: int, stop: int) -> bo
     for i in range(start, stop):
         longest += pieces.duration_s[i]
         push = max(push, abs(pieces.current_A[i]))
-    if not (x[1] > 0.0 and x[2] >= 0.0):
+    if not (x[MOTOR_GAIN] > 0.0 and x[VISCOUS] >= 0.0):
         return False
     # No point lies further than sqrt(3) sigma in any one parameter: the least friction against the largest drive.
-    drive = push * (x[1] + _SPREAD * math.sqrt(P[1, 1]))
-    friction = min(x[3] - _SPREAD * math.sqrt(P[3, 3]), x[4] - _SPREAD * math.sqrt(P[4, 4]))
-    drag = (_SPREAD * math.sqrt(P[2, 2]) - x[2]) * (abs(x[0]) + _SPREAD * math.sqrt(P[0, 0]))
-    brake = friction - drive - max(drag, 0.0)
-    return bool(abs(x[0]) + _SPREAD * math.sqrt(P[0, 0]) < brake * longest)
+    drive = push * (x[MOTOR_GAIN] + _SPREAD * math.sqrt(P[MOTOR_GAIN, MOTOR_GAIN]))
+    coulomb = x[COULOMB] - _SPREAD * math.sqrt(P[COULOMB, COULOMB])
+    static = x[STATIC] - _SPREAD * math.sqrt(P[STATIC, STATIC])
+    fastest = abs(x[SPEED]) + _SPREAD * math.sqrt(P[SPEED, SPEED])
+    drag = (_SPREAD * math.sqrt(P[VISCOUS, VISCOUS]) - x[VISCOUS]) * fastest
+    brake = min(coulomb, static) - drive - max(drag, 0.0)
+    return bool(fastest < brake * longest)
 
 
 def divided_difference(
@@ -74,54 +78,54 @@ def divided_difference(
 ) -> float:
     """Overwrite `row` with the statistical slope of eq. 7 and return the variance of eq. 8 (see `transition`).
 
-    Rows 5 and 6 of `L` (7, 5) hold the reflection's vector v and the differences D.
+    `L` (7, 5) is scratch: the root, the reflection's vector v, and the differences D.
     """
     factor_covariance(P, L)
     # Householder's reflection I - 2 v v' / v'v turns L's first column into the direction in which |k I| - s varies.
     current = pieces.current_A[stop - 1]
-    push = math.copysign(current, x[1] * current)
+    push = math.copysign(current, x[MOTOR_GAIN] * current)
     norm = 0.0
-    for j in range(5):
-        L[5, j] = push * L[1, j] - L[4, j]
-        norm += L[5, j] * L[5, j]
+    for j in range(STATE_SIZE):
+        L[_REFLECTION, j] = push * L[MOTOR_GAIN, j] - L[STATIC, j]
+        norm += L[_REFLECTION, j] * L[_REFLECTION, j]
     norm = math.sqrt(norm)
     # Any sign will do that does not cancel; one that rounding decides, where the first element is zero, will not.
-    L[5, 0] += norm if L[5, 0] > -0.5 * norm else -norm
+    L[_REFLECTION, 0] += norm if L[_REFLECTION, 0] > -0.5 * norm else -norm
     length = 0.0
-    for j in range(5):
-        length += L[5, j] * L[5, j]
+    for j in range(STATE_SIZE):
+        length += L[_REFLECTION, j] * L[_REFLECTION, j]
     double = 2.0 / length if length > 0.0 else 0.0
     q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(5):
-        q0 += L[0, j] * L[5, j]
-        q1 += L[1, j] * L[5, j]
-        q2 += L[2, j] * L[5, j]
-        q3 += L[3, j] * L[5, j]
-        q4 += L[4, j] * L[5, j]
+    for j in range(STATE_SIZE):
+        q0 += L[SPEED, j] * L[_REFLECTION, j]
+        q1 += L[MOTOR_GAIN, j] * L[_REFLECTION, j]
+        q2 += L[VISCOUS, j] * L[_REFLECTION, j]
+        q3 += L[COULOMB, j] * L[_REFLECTION, j]
+        q4 += L[STATIC, j] * L[_REFLECTION, j]
     bends = 0.0
     along = 0.0
-    for j in range(5):
-        turn = double * L[5, j]
-        d0 = _SPREAD * (L[0, j] - turn * q0)
-        d1 = _SPREAD * (L[1, j] - turn * q1)
-        d2 = _SPREAD * (L[2, j] - turn * q2)
-        d3 = _SPREAD * (L[3, j] - turn * q3)
-        d4 = _SPREAD * (L[4, j] - turn * q4)
+    for j in range(STATE_SIZE):
+        turn = double * L[_REFLECTION, j]
+        d0 = _SPREAD * (L[SPEED, j] - turn * q0)
+        d1 = _SPREAD * (L[MOTOR_GAIN, j] - turn * q1)
+        d2 = _SPREAD * (L[VISCOUS, j] - turn * q2)
+        d3 = _SPREAD * (L[COULOMB, j] - turn * q3)
+        d4 = _SPREAD * (L[STATIC, j] - turn * q4)
         if d0 == 0.0 and d1 == 0.0 and d2 == 0.0 and d3 == 0.0 and d4 == 0.0:
-            L[6, j] = 0.0
+            L[_DIFFERENCES, j] = 0.0
             continue
-        curve = FrictionCurve(x[2] + d2, x[3] + d3, x[4] + d4, stribeck.omega_s, stribeck.law)
-        up = interval(x[0] + d0, x[1] + d1, curve, pieces, start, stop, False)[0]
-        curve = FrictionCurve(x[2] - d2, x[3] - d3, x[4] - d4, stribeck.omega_s, stribeck.law)
-        down = interval(x[0] - d0, x[1] - d1, curve, pieces, start, stop, False)[0]
-        L[6, j] = (up - down) / (2.0 * _SPREAD)
-        along += L[6, j] * L[5, j]
+        curve = FrictionCurve(x[VISCOUS] + d2, x[COULOMB] + d3, x[STATIC] + d4, stribeck.omega_s, stribeck.law)
+        up = interval(x[SPEED] + d0, x[MOTOR_GAIN] + d1, curve, pieces, start, stop, False)[0]
+        curve = FrictionCurve(x[VISCOUS] - d2, x[COULOMB] - d3, x[STATIC] - d4, stribeck.omega_s, stribeck.law)
+        down = interval(x[SPEED] - d0, x[MOTOR_GAIN] - d1, curve, pieces, start, stop, False)[0]
+        L[_DIFFERENCES, j] = (up - down) / (2.0 * _SPREAD)
+        along += L[_DIFFERENCES, j] * L[_REFLECTION, j]
         bends += up + down - 2.0 * end
-    for j in range(4, -1, -1):
+    for j in range(STATE_SIZE - 1, -1, -1):
         if L[j, j] == 0.0:
             continue
-        slope = L[6, j] - double * along * L[5, j]
-        for m in range(j + 1, 5):
+        slope = L[_DIFFERENCES, j] - double * along * L[_REFLECTION, j]
+        for m in range(j + 1, STATE_SIZE):
             slope -= row[m] * L[m, j]
         row[j] = slope / L[j, j]
     return bends * bends / 12.0
@@ -148,20 +152,22 @@ def transition(
 
     its mean square for a bend along one direction, which the switching surface between stick and slip is.
     """
-    curve = FrictionCurve(x[2], x[3], x[4], stribeck.omega_s, stribeck.law)
-    end, row[0], row[1], row[2], row[3], row[4] = interval(x[0], x[1], curve, pieces, start, stop)
-    nearest = min(abs(x[0]), abs(end)) if x[0] * end > 0.0 else 0.0
+    curve = FrictionCurve(x[VISCOUS], x[COULOMB], x[STATIC], stribeck.omega_s, stribeck.law)
+    end, row[SPEED], row[MOTOR_GAIN], row[VISCOUS], row[COULOMB], row[STATIC] = interval(
+        x[SPEED], x[MOTOR_GAIN], curve, pieces, start, stop
+    )
+    nearest = min(abs(x[SPEED]), abs(end)) if x[SPEED] * end > 0.0 else 0.0
     if nearest > FAST_STRIBECK_SPEEDS * stribeck.omega_s:
         return end, 0.0
     if end == 0.0 and _rests_for_sure(x, P, pieces, start, stop):
-        for j in range(5):
+        for j in range(STATE_SIZE):
             row[j] = 0.0
         return end, 0.0
     spread = 0.0
-    for i in range(5):
-        for j in range(5):
+    for i in range(STATE_SIZE):
+        for j in range(STATE_SIZE):
             spread += row[i] * P[i, j] * row[j]
-    reach = _REACH * math.sqrt(max(spread, P[0, 0]))
+    reach = _REACH * math.sqrt(max(spread, P[SPEED, SPEED]))
     if nearest > reach and reach < stribeck.omega_s:
         return end, 0.0
     return end, divided_difference(x, P, end, stribeck, pieces, start, stop, row, L)

@@ -29,7 +29,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import FreeRun, free_run
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants
+from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants, with_prior_table
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
@@ -38,7 +38,7 @@ from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.log_fit import fit_log
 from rw_ekf.likelihood.noise_posterior import NoisePosterior
 from rw_ekf.model.friction import GAUSS, Stribeck
-from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
+from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_COUNT, PARAMETER_NAMES, PARAMETERS, SPEED, STATIC
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.table import NO_EFFECTS
@@ -98,10 +98,9 @@ def constants_for(noise_rpm: float = 1.0) -> FilterConstants:
 
 def prior_for(seed: int) -> Belief:
     """The default prior, its mean drawn around the truth with half its own standard deviation."""
-    spread = np.linalg.cholesky(DEFAULT_PRIOR.covariance[1:, 1:])
-    mean = np.zeros(5)
-    mean[1:] = TRUTH + 0.5 * spread @ np.random.default_rng(1000 + seed).standard_normal(4)
-    return Belief(mean, DEFAULT_PRIOR.covariance)
+    covariance = DEFAULT_PRIOR.parameter_covariance
+    drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1000 + seed).standard_normal(PARAMETER_COUNT)
+    return Belief.of_known(TRUTH + 0.5 * drawn, covariance)
 
 
 def run_of_truth(course: Course, first_speed_rad_s: float, *, with_jacobian: bool = False) -> FreeRun:
@@ -144,16 +143,16 @@ def measure_filter(runs: int, advance: tqdm[Any]) -> list[Row]:
             found = filter_log(
                 run.course, constants, prior.mean, prior.covariance, keep_states=True, keep_history=profile == "P1"
             )
-            error = found.mean[1:] - TRUTH
-            nees.append(float(error @ np.linalg.solve(found.covariance[1:, 1:], error)))
+            error = found.mean[PARAMETERS] - TRUTH
+            nees.append(float(error @ np.linalg.solve(found.covariance[PARAMETERS, PARAMETERS], error)))
             errors.append(error / bounds_of(run, 1.0))
-            off = (found.states[:, 0] - run.speed_rad_s) / RAD_S_PER_RPM
+            off = (found.states[:, SPEED] - run.speed_rad_s) / RAD_S_PER_RPM
             low.append(rms(off[np.abs(run.speed_rad_s) < LOW_SPEED]))
             if profile == "P1":
                 whole.append(rms(off))
-                smoothed.append(rms((smooth_log(found)[0][:, 0] - run.speed_rad_s) / RAD_S_PER_RPM))
+                smoothed.append(rms((smooth_log(found)[0][:, SPEED] - run.speed_rad_s) / RAD_S_PER_RPM))
             advance.update()
-        in_bounds = [rms(np.array(errors)[:, j]) for j in range(4)]
+        in_bounds = [rms(np.array(errors)[:, j]) for j in range(PARAMETER_COUNT)]
         rows.append(at_most(f"{profile}  mean NEES of the four parameters", float(np.mean(nees)), 6.0))
         rows.append(Row(f"{profile}  largest NEES of {runs}", f"{max(nees):.1f}"))
         if profile in {"P1", "P2"}:
@@ -176,15 +175,13 @@ def measure_robustness(trials: int, advance: tqdm[Any]) -> list[Row]:
     kinds = ("P1", "P1", "P1", "P2", "P2", "P2", "S2", "S3", "S4", "S5")
     diverged, worst = 0, 0.0
     for trial in range(trials):
-        mean, covariance = DEFAULT_PRIOR.mean.copy(), DEFAULT_PRIOR.covariance.copy()
-        mean[4] = (0.0, CK13_STATISTICAL.coulomb, 1.2)[trial % 3]
-        covariance[4, :] = covariance[:, 4] = 0.0
-        covariance[4, 4] = 0.7**2
+        static = (0.0, CK13_STATISTICAL.coulomb, 1.2)[trial % 3]
+        prior = with_prior_table(DEFAULT_PRIOR, {"static": (static, 0.7)})
         run = run_of(kinds[trial // 3 % len(kinds)], trial // 3)
-        found = filter_log(run.course, constants_for(), mean, covariance, keep_states=True)
-        error = abs(float(found.mean[4]) - CK13_STATISTICAL.static)
-        lost = rms((found.states[50:, 0] - run.speed_rad_s[50:]) / RAD_S_PER_RPM) > 1.0
-        diverged += error > min(0.5, 6.0 * math.sqrt(found.covariance[4, 4])) or lost
+        found = filter_log(run.course, constants_for(), prior.mean, prior.covariance, keep_states=True)
+        error = abs(float(found.mean[STATIC]) - CK13_STATISTICAL.static)
+        lost = rms((found.states[50:, SPEED] - run.speed_rad_s[50:]) / RAD_S_PER_RPM) > 1.0
+        diverged += error > min(0.5, 6.0 * math.sqrt(found.covariance[STATIC, STATIC])) or lost
         worst = max(worst, error)
         advance.update()
     return [

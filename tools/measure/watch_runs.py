@@ -71,7 +71,7 @@ def commands(profile: str, hours: float, seed: int) -> tuple[Float64Array, Float
 
 def drawn_wheel(seed: int, share: float = 0.5) -> PlantParameters:
     """A wheel drawn around [CK13] with `share` of the default prior's spread."""
-    spread = np.linalg.cholesky(DEFAULT_PRIOR.covariance[1:, 1:])
+    spread = np.linalg.cholesky(DEFAULT_PRIOR.parameter_covariance)
     drawn = np.array(CK13_STATISTICAL) + share * spread @ np.random.default_rng(1000 + seed).standard_normal(4)
     k, b, c, s = np.maximum(drawn, [5.0, 1.0e-4, 0.1, 0.1])
     return PlantParameters(motor_gain=float(k), viscous=float(b), coulomb=float(c), static=float(max(s, c)))

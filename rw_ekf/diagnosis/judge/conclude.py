@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.standing import ADDED, PARTIAL
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.model.effect import Term
+from rw_ekf.model.state import PARAMETER_COUNT
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
 from rw_ekf.wheel.table import EffectSet
@@ -142,7 +143,7 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)
-    effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[4:known])
+    effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[PARAMETER_COUNT:known])
     variance = fit.noise.variance
     if lattice is not None:
         effects = EffectSet((*effects.terms, Term.of(GRID, value=lattice.grid_rad_s)))

@@ -13,7 +13,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, split_record
-from rw_ekf.filter.belief import Belief, prior_around
+from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
@@ -22,7 +22,7 @@ from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import RecordFacts
-from rw_ekf.model.state import FrictionParameters
+from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.replay import refuse_runaway_model
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
@@ -188,14 +188,9 @@ def _set_up(
 
 def _aged(model: WheelModel) -> Belief:
     """Prior from a model of another log: three times as wide as it says, and as much wider as a wheel may have aged."""
-    belief = prior_around(model.parameters)
-    known = 1 + len(model.parameters)
-    covariance = np.zeros_like(belief.covariance)
-    covariance[0, 0] = belief.covariance[0, 0]
-    said = np.array(model.covariance)[: known - 1, : known - 1]
-    width = _AGEING * np.maximum(np.abs(belief.mean[1:]), [0.0, _LEAST_VISCOUS, 0.0, 0.0])
-    covariance[1:, 1:] = _WIDENED**2 * said + np.diag(width**2)
-    return Belief(belief.mean, covariance)
+    said = np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
+    width = _AGEING * np.maximum(np.abs(model.parameters), [0.0, _LEAST_VISCOUS, 0.0, 0.0])
+    return Belief.of_known(model.parameters, _WIDENED**2 * said + np.diag(width**2))
 
 
 def _given(model: WheelModel) -> tuple[tuple[str, float, float], ...]:
