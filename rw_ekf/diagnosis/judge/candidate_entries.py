@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from rw_ekf.diagnosis.judge.event import event_gain
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over
 from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.verdict import Verdict, fitted_terms
 from rw_ekf.diagnosis.search.candidates import testable
-from rw_ekf.diagnosis.search.event import event_gain
 from rw_ekf.diagnosis.search.trial import threshold
 from rw_ekf.diagnosis.standing import (
     ADDED,

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
+from rw_ekf.diagnosis.judge.event import event_gain
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
-from rw_ekf.diagnosis.search.event import event_gain
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED

@@ -10,10 +10,10 @@ from rw_ekf.diagnosis.judge.heldout import confirm, veto
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
+from rw_ekf.diagnosis.search.rivals import find_rivals, settle_rivals
 from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import (
     EXPLAINED_SHARE,
-    INDISTINGUISHABLE,
     LOCAL_P,
     MAP_P,
     WHOLE_P,
@@ -24,7 +24,7 @@ from rw_ekf.diagnosis.search.trial import (
 )
 from rw_ekf.diagnosis.search.wander import wandering
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_CONFIRMED, TOO_SMALL, explained_by
-from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
+from rw_ekf.effects.catalogue import WANDERING
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 
@@ -94,8 +94,8 @@ def _investigated(prepared: Prepared, advance: Advance, *, stationary_first: boo
     search.stationary_first = stationary_first
     selection = search.run(prepared.base)
     if selection.new_ids:
-        search.with_rivals(selection)
-        _settle_rivals(search, selection)
+        find_rivals(search, selection)
+        settle_rivals(search, selection)
         confirm(prepared, search, selection, selection.new_ids)
     if prepared.work.has(work.WIDEN):
         _widen(prepared, search, selection, advance)
@@ -170,8 +170,8 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
     if not names:
         return
-    everywhere.with_rivals(wide)
-    _settle_rivals(everywhere, wide)
+    find_rivals(everywhere, wide)
+    settle_rivals(everywhere, wide)
     names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
     fit = selection.final
     for name in [name for name in fit.model.effects.ids if name not in wide.final.model.effects.ids]:
@@ -190,32 +190,3 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     confirm(prepared, search, selection, [name for name in names if name in before])
     selection.rivals |= {name: fits for name, fits in wide.rivals.items() if name in selection.final.model.effects.ids}
     selection.whole_record = [name for name in names if name in selection.final.model.effects.ids]
-
-
-def _settle_rivals(search: Search, selection: Selection) -> None:
-    """Between explanations that the searched part cannot tell apart, the whole record decides where it can.
-
-    Where it cannot either, what holds at any time goes before what is tied to this record's clock.
-    """
-    for name, fits in list(selection.rivals.items()):
-        tried = [(search.on_whole(selection.final).likelihood.value, name, selection.final)]
-        for fit in fits:
-            other = next(item for item in fit.model.effects.ids if item not in selection.final.model.effects.ids)
-            tried.append((search.on_whole(fit).likelihood.value, other, fit))
-        top = max(value for value, _, _ in tried)
-        same = selection.constructed.get(name, set())
-        near = [
-            item
-            for item in tried
-            if 2.0 * (top - item[0]) < INDISTINGUISHABLE or item[1] in same or (same and item[1] == name)
-        ]
-        _, winner, best = max(
-            near, key=lambda item: (item[1] not in same, not CATALOGUE[item[1]].of_one_record, item[0])
-        )
-        selection.rivals.pop(name)
-        if best is not selection.final:
-            selection.trials[name].decision = explained_by([winner])
-            selection.final = best
-        others = [fit for _, other, fit in near if other != winner]
-        if others:
-            selection.rivals[winner] = others

@@ -8,18 +8,22 @@ of the other (docs/diagnosis.md, "Confounded by construction")?
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.trial import p_value
+from rw_ekf.diagnosis.search.trial import Selection, p_value
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import Effect, RecordFacts
+
+if TYPE_CHECKING:
+    from rw_ekf.diagnosis.search.selection import Search
 
 Quantity = Literal["speed", "time", "temperature"]
 
@@ -105,3 +109,26 @@ def says_more(
     """Whether an effect is significant at a p-value even beside a smooth function of a quantity."""
     found = scorer_beside(fit, prior, quantity).best_of_each(facts, [effect], lambda: None).get(effect.id)
     return found is not None and p_value(effect, found.statistic, facts) < enough
+
+
+def stationary_first(search: Search, current: Fit, strong: list[Score], selection: Selection) -> list[Score]:
+    """Leave out what goes with time as long as the record cannot tell it from an effect of speed or temperature.
+
+    That must be a contender, or in the model already: a law that holds at any time goes first.
+    """
+    timed = [s for s in strong if quantity_of(s.hypothesis.effect) == "time" and not s.hypothesis.effect.local_in_time]
+    others: list[Quantity] = ["speed", "temperature"]
+    for other in others:
+        there = any(quantity_of(s.hypothesis.effect) == other for s in strong) or any(
+            quantity_of(term.effect) == other for term in current.model.terms
+        )
+        if not (timed and there and may_confound(current, "time", other)):
+            continue
+        for score in list(timed):
+            effect = score.hypothesis.effect
+            if not says_more(current, search.prior, search.facts, effect, other, search.enough_for(effect)):
+                selection.trials[score.id].decision = f"nothing beside a smooth effect of the {other}"
+                search.set_aside = True
+                strong = [s for s in strong if s is not score]
+                timed.remove(score)
+    return strong

@@ -1,54 +1,87 @@
-"""What an event in time is worth on data that did not shape it: every other five seconds inside it.
-
-An event lives in one stretch of the record, so that blocks can neither find nor judge it. Here its coefficients are
-fitted with every other five seconds of it left out, and those readings are predicted from what surrounds them.
-"""
+"""An event in time: its place sought ever more finely, and weighed with the law that stands beside it."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from rw_ekf.arrays import BoolArray
+from rw_ekf.diagnosis.search.candidates import Score, hypotheses
+from rw_ekf.diagnosis.search.confounding import may_confound
+from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.trial import Trial
+from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Reference
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
-_STRIDE_S = 5.0
-_DECAYS = 3.0  # how long an event is, in its own time constants
+if TYPE_CHECKING:
+    from rw_ekf.diagnosis.search.selection import Search
 
-
-@dataclass(frozen=True)
-class EventGain:
-    """What an event is worth on the seconds left out."""
-
-    percent: float  # by which the error falls
-    statistic: float  # twice the gain in log-likelihood, the noise being what the error is
+_ZOOMS = 8
+_WORTH_A_LAW = 16.0  # of twice the log-likelihood, for one law more
 
 
-def event_gain(whole: Fit, name: str, prior: Prior, seen: Reference) -> EventGain | None:
-    """Compare the errors on the seconds left out, without and with the event in the model; None if there are none."""
-    record = whole.frame.record
-    term = whole.model.of(name)[0]
-    onset, decay = term.effect.lasts(term.shape)
-    since = record.course.time_s - onset
-    inside = (since >= 0.0) & (since < max(_DECAYS * decay, 2.0 * _STRIDE_S))
-    left_out = inside & (np.floor(since / _STRIDE_S) % 2.0 == 1.0) & np.isfinite(record.course.speed_rad_s)
-    if not left_out.any():
-        return None
-    with_it = _error(whole, whole.model.settled(name), prior, seen, left_out)
-    without = _error(whole, whole.model.without(name), prior, seen, left_out)
-    if without <= 0.0 or with_it <= 0.0:
-        return None
-    count = float(np.count_nonzero(left_out & ~whole.omit))
-    return EventGain(100.0 * (1.0 - with_it / without), 2.0 * count * math.log(without / with_it))
+def zoomed(fit: Fit, score: Score, prior: Prior, facts: RecordFacts) -> Score:
+    """The best place of an event near the one found, by ever finer steps: a fit follows its onset only so far."""
+    scorer = Scorer(fit.frame, prior, fit.noise.variance, fit.noise.ratio)
+    effect = score.hypothesis.effect
+    best: Score | None = None
+    at = score.hypothesis.candidate
+    for turn in range(_ZOOMS):
+        places = [(effect, candidate) for candidate in effect.nearby(at, turn, facts)]
+        for group in hypotheses(fit.frame, places):
+            best = max([*scorer.score(group), *([best] if best else [])], key=lambda item: item.statistic, default=None)
+        if best is None:
+            return score
+        at = best.hypothesis.candidate
+    return best if best is not None else score
 
 
-def _error(whole: Fit, model: Model, prior: Prior, seen: Reference, left_out: BoolArray) -> float:
-    """Root mean square of readings less the speed smoothed without them [rad/s]."""
-    fit = fit_model(whole.frame.record, model, prior, seen, whole.noise, whole.omit | left_out, turns=4)
-    error = (whole.frame.record.course.speed_rad_s - fit.reference.speed)[left_out & ~whole.omit]
-    return float(np.sqrt(np.mean(error**2))) if error.size else 0.0
+def with_other_laws(search: Search, fit: Fit, trial: Trial) -> Fit:
+    """An event and the law beside it shape each other where time goes with speed: the likeliest pair of them.
+
+    Only alternatives that a law itself names as such are tried in its place, each with the event sought anew.
+    """
+    whole = search.on_whole(fit)
+    name = trial.effect.id
+    if not may_confound(whole, "time", "speed"):
+        return fit
+    tried = []
+    for model in [fit.model, *_others(fit.model, search.effects)]:
+        less = fit_model(search.whole, model.without(name), search.prior, whole.reference, whole.noise, whole.omit)
+        score = search.event_scores(less, [trial.effect]).get(name)
+        if score is not None:
+            term = zoomed(less, score, search.prior, search.facts).hypothesis.starts(score.coefficients)[0]
+            tried.append(search.refitted(less, less.model.with_terms(term)))
+    if not tried:
+        return fit
+    best = max(tried, key=lambda item: 2.0 * item.likelihood.value - _WORTH_A_LAW * len(item.model.effects.ids))
+    trial.shape_std |= shape_std_of(best, name)
+    return search.refitted(fit, best.model.settled(name))
+
+
+def _others(model: Model, effects: list[type[Effect]]) -> list[Model]:
+    """Models with one steady linear law in the place of one that is its known alias, beside it, and without either."""
+    found = []
+    for name in model.effects.ids:
+        effect = CATALOGUE[name]
+        if _steady(effect):
+            found.append(model.without(name))
+        for other in effects:
+            if other.id not in effect.confounded or other.id in model.effects.ids:
+                continue
+            if _steady(effect) and _steady(other):
+                added = Term.at(other, Candidate(0.0))
+                found += [model.without(name).with_terms(added), model.with_terms(added)]
+    return found
+
+
+def _steady(effect: type[Effect]) -> bool:
+    """Whether it is one linear law that holds at any time."""
+    return effect.linear and effect.components == 1 and not effect.of_one_record
+
+
+def shape_std_of(fit: Fit, name: str) -> dict[str, float]:
+    """Standard deviations of an effect's refined shape constants, by name."""
+    refined = ((fit.model.terms[i], j, at) for at, (i, j) in enumerate(fit.model.refined, start=fit.model.known))
+    return {term.effect.constants[j].name: float(fit.std[at]) for term, j, at in refined if term.id == name}
