@@ -21,7 +21,7 @@ from drivers.line.wire_map import WireMap
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.pty_link import PtyLink
-from drivers.sim.register_server import Manipulator, RegisterServer
+from drivers.sim.register_server import RegisterServer
 
 TURNAROUND_S = 0.0005  # from the last byte of a request to the first of its reply
 IDLE_ADVANCE_S = 0.5  # without requests the plant is brought up to date this often, never with hours at once
@@ -108,8 +108,6 @@ def serve_simulated_wheel(
     speed_factor: float = 1.0,
     noise: PlantNoise | None = None,
     initial_speed_rad_s: float = 0.0,
-    max_current_A: float | None = None,
-    manipulate: Manipulator | None = None,
     on_ready: Callable[[str], None] | None = None,
     stop: threading.Event | Callable[[], bool] | None = None,
     duration_s: float | None = None,
@@ -121,9 +119,7 @@ def serve_simulated_wheel(
     """
     state = PlantState(speed_rad_s=initial_speed_rad_s, temperature_degC=parameters.ambient_degC)
     plant = PlantRunner(parameters, noise, seed, state)
-    registers = RegisterServer(
-        wire_map, plant, serial_number=(seed % 65535) + 1, max_current_A=max_current_A, manipulate=manipulate
-    )
+    registers = RegisterServer(wire_map, plant, serial_number=(seed % 65535) + 1)
     asked = stop.is_set if isinstance(stop, threading.Event) else (stop or (lambda: False))
     end_s = None if duration_s is None else time.monotonic() + duration_s
     with _signals() as (signalled, wake):

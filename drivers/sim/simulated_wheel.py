@@ -19,7 +19,7 @@ class SimulatedWheel:
     With a clock the wheel's time is that clock's, and a read takes command_delay_s of it, as a line would.
     `truth` is the plant itself (true speed, parameters, state), for tests and benches only. While `silent`, the wheel
     takes commands and nothing comes back; while `unplugged`, its line fails.
-    speed_step_rad_s, current_step_A: resolution of the telemetry (0: none), e.g. 0.5 rpm and 0.1 mA as on the wire.
+    speed_step_rad_s: resolution of a reading (0: none), e.g. 0.5 rpm as on the wire.
     """
 
     def __init__(
@@ -32,7 +32,6 @@ class SimulatedWheel:
         seed: int = 0,
         initial_speed_rad_s: float = 0.0,
         speed_step_rad_s: float = 0.0,
-        current_step_A: float = 0.0,
         clock: Clock | None = None,
         fine_step_s: float = QUICK_STEP_S,
     ) -> None:
@@ -49,7 +48,6 @@ class SimulatedWheel:
         self._rate_hz = rate_hz
         self._delay_s = command_delay_s
         self._speed_step_rad_s = speed_step_rad_s
-        self._current_step_A = current_step_A
         self._reads = 0
         self._closed = False
         self._clock = clock
@@ -74,7 +72,7 @@ class SimulatedWheel:
         sample = WheelSample(
             time_s=self.truth.time_s,
             speed_rad_s=_on_grid(self.truth.read_speed(), self._speed_step_rad_s),
-            current_A=_on_grid(self._current_A, self._current_step_A),
+            current_A=self._current_A,
             current_command_A=self.truth.current_A,
             temperature_degC=self.truth.state.temperature_degC,
             angle_rad=self.truth.state.angle_rad,
@@ -89,7 +87,6 @@ class SimulatedWheel:
         self._check_open()
         if not math.isfinite(current_A):
             raise DriverError(f"{self.source}: a current of {current_A} A cannot be commanded; it must be finite")
-        current_A = _on_grid(current_A, self._current_step_A)
         if self._clock is None:
             self.truth.command(current_A, self.truth.time_s + self._delay_s)
             return IssuedCommand(current_A, self._delay_s)
