@@ -8,8 +8,8 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping
 
+from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import ConfigError
-from rw_ekf.records import WheelProtocol
 
 FAMILIES = {"registers": "drivers.line.register_protocol"}
 USUAL_FAMILY = "registers"

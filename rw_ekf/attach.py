@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
+from rw_ekf.clock import Clock
+from rw_ekf.driver import WheelDriver, WheelProtocol, WireLimits
 from rw_ekf.errors import ConfigError
-from rw_ekf.records import Clock, IssuedCommand, WheelDriver, WheelProtocol, WheelSample, WireLimits
+from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:

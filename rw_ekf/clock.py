@@ -1,4 +1,4 @@
-"""The two clocks of a loop: the computer's, and one that passes only while somebody waits for it."""
+"""Time as a loop has it: the computer's, or a clock that passes only while somebody waits for it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,27 @@ import select
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """What the loop and the drivers take time from."""
+
+    def monotonic(self) -> float:
+        """Time since some instant [s]; never steps."""
+        ...
+
+    def sleep(self, seconds: float, unless: int | None = None) -> None:
+        """Wait; no longer than until the descriptor `unless` is readable."""
+        ...
+
+    def utc(self) -> datetime:
+        """The hour of the day."""
+        ...
 
 
 class SystemClock:
-    """The computer's own time (rw_ekf.records.Clock)."""
+    """The computer's own time."""
 
     def monotonic(self) -> float:
         """Time since some instant [s]; never steps."""

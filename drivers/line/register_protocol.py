@@ -7,7 +7,8 @@ from typing import Any
 
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
-from rw_ekf.records import Clock, WheelDriver, WireLimits
+from rw_ekf.clock import Clock
+from rw_ekf.driver import WheelDriver, WireLimits
 
 
 class RegisterProtocol:

@@ -13,7 +13,8 @@ import serial
 from drivers.line.framing import Frame, decode, encode
 from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, open_error
 from drivers.line.wire_layout import Framing, LineSettings
-from rw_ekf.records import Clock, LinkCounters
+from rw_ekf.clock import Clock
+from rw_ekf.records import LinkCounters
 
 # How long one look at the port blocks. Setting pyserial's timeout per request would reprogram the port every time.
 POLL_S = 0.002

@@ -11,8 +11,9 @@ from drivers.line.wheel_clock import WheelClock
 from drivers.line.wheel_registers import FLAG_RESET, conditions, registers_beside, uptime_field
 from drivers.line.wire_layout import Field, Register
 from drivers.line.wire_map import STATUS_OK, WireMap
+from rw_ekf.clock import Clock
 from rw_ekf.errors import DriverError
-from rw_ekf.records import Clock, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
+from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...

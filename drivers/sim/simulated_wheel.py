@@ -9,8 +9,10 @@ from typing import Any
 
 from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
 from drivers.sim.plant_runner import PlantRunner
+from rw_ekf.clock import Clock
+from rw_ekf.driver import WheelDriver, WireLimits
 from rw_ekf.errors import DriverError
-from rw_ekf.records import Clock, IssuedCommand, LinkCounters, WheelDriver, WheelIdentity, WheelSample, WireLimits
+from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 
 class SimulatedWheel:

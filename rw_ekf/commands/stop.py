@@ -7,8 +7,9 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rw_ekf.clock import Clock
+    from rw_ekf.driver import WheelDriver
     from rw_ekf.live.holder import HolderReport
-    from rw_ekf.records import Clock, WheelDriver
     from rw_ekf.settings.line import LineConfiguration
 
 HELP = "zero current: ends a running daemon of that configuration's port, then writes zero itself"

@@ -6,7 +6,8 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.records import ActiveAlarm, Clock, Tick
+from rw_ekf.clock import Clock
+from rw_ekf.records import ActiveAlarm, Tick
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
 

@@ -17,10 +17,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from rw_ekf.clock import Clock
 from rw_ekf.errors import DriverError
 from rw_ekf.live.port_name import aliases_of, device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, facts_of, holds_lock, user_name
-from rw_ekf.records import Clock
 
 DIRECTORIES = ("/run/lock", "/tmp")  # fixed: an environment variable may differ between `run` and `stop`
 _SHARED = stat.S_ISVTX | stat.S_IWOTH  # all may write, each removes only what is its own

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rw_ekf.clock import Clock
+from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
-from rw_ekf.records import Clock, WheelDriver
 
 _REOPEN_EVERY_S = 0.5
 _LAST_TRY_S = 2.0

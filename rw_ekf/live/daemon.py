@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf import __version__
+from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import controller_of
+from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
@@ -27,7 +29,7 @@ from rw_ekf.live.timing import LoopTiming
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.numbers import plus_minus
-from rw_ekf.records import ActiveAlarm, Clock, LinkCounters, Reading, Tick, WheelProtocol
+from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, Tick
 from rw_ekf.sinks.guard import GuardedSink
 from rw_ekf.sinks.registry import RunContext, sinks_of
 from rw_ekf.sinks.run_files import RunFiles, Unwritten

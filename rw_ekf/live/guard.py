@@ -11,8 +11,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rw_ekf.clock import Clock
+from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
-from rw_ekf.records import Clock, IssuedCommand, WheelDriver, WheelSample
+from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm
 
 if TYPE_CHECKING:

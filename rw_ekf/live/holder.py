@@ -8,10 +8,10 @@ import signal
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from rw_ekf.clock import Clock
 from rw_ekf.live.claim import Claim, held_claims, is_held
 from rw_ekf.live.port_name import device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, ProcessHandle, facts_of, has_open, processes_with, user_name
-from rw_ekf.records import Clock
 
 _KILL_WITHIN_S = 2.0
 _LOOK_EVERY_S = 0.02

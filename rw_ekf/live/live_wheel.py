@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from rw_ekf.clock import Clock
+from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
 from rw_ekf.live.connection import Connection, Note, Opener
 from rw_ekf.live.guard import SafetyLimits
@@ -13,14 +15,12 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.live.timing import LoopTiming, SampleTime
 from rw_ekf.records import (
-    Clock,
     Controller,
     IssuedCommand,
     LinkCounters,
     LinkState,
     Reading,
     Tick,
-    WheelDriver,
     WheelSample,
 )
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
+from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import EndOfRecord
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.records import ActiveAlarm, IssuedCommand, Reading, Sink, Tick, WheelDriver
+from rw_ekf.records import ActiveAlarm, IssuedCommand, Reading, Sink, Tick
 
 Issue = Callable[[Tick], IssuedCommand | None]  # decides and sends what follows a sample; None: no command is known
 Watch = Callable[[Tick], tuple[ActiveAlarm, ...]]  # the alarms that are on

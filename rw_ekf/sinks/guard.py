@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from rw_ekf.records import Clock, Sink, Tick
+from rw_ekf.clock import Clock
+from rw_ekf.records import Sink, Tick
 from rw_ekf.sinks.run_files import Note, Unwritten
 
 _BUDGET_S = 0.02  # for which a turn waits for a queue that is full; once, until there is room again

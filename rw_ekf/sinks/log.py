@@ -6,8 +6,9 @@ import contextlib
 from dataclasses import replace
 from pathlib import Path
 
+from rw_ekf.clock import Clock
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.records import Clock, Outcome, Tick
+from rw_ekf.records import Outcome, Tick
 from rw_ekf.sinks.run_files import Note, Unwritten
 
 _SYNC_EVERY_S = 10.0  # so that a power cut loses little

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Phase
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.records import Clock, Sink
+from rw_ekf.records import Sink
 from rw_ekf.sinks.guard import GuardedSink, Queue
 from rw_ekf.sinks.log import LogSink
 from rw_ekf.sinks.run_files import RunFiles, Unwritten

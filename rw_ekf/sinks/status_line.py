@@ -7,9 +7,10 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.clock import Clock
 from rw_ekf.console import STATUS
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
-from rw_ekf.records import Clock, Outcome, Tick, WheelSample
+from rw_ekf.records import Outcome, Tick, WheelSample
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:

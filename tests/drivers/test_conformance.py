@@ -17,8 +17,9 @@ from drivers.replay_wheel import ReplayWheel
 from drivers.sim.register_server import RegisterServer
 from drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.clock import SystemClock
+from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError, EndOfRecord
-from rw_ekf.records import IssuedCommand, WheelDriver, WheelSample
+from rw_ekf.records import IssuedCommand, WheelSample
 
 CLOCK = SystemClock()
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.clock import VirtualClock
+from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
-from rw_ekf.records import IssuedCommand, LinkCounters, WheelDriver, WheelIdentity, WheelSample
+from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 LIMITS = SafetyLimits(0.6, 5.0, 440.0, 60.0, 0.5)
 PACKAGE = Path(__file__).parents[2] / "rw_ekf"
