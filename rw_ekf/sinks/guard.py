@@ -13,6 +13,7 @@ from rw_ekf.sinks.run_files import Note, Unwritten
 
 _BUDGET_S = 0.02  # for which a turn waits for a queue that is full; once, until there is room again
 _CLOSE_WITHIN_S = 5.0
+_LOOK_EVERY_S = 0.2  # how long a tick may wait in a queue that is not half full
 
 
 class Queue(NamedTuple):
@@ -89,24 +90,25 @@ class GuardedSink:
             self._behind = False
             self._waiting.append((self._lost, tick))
             self._lost = 0
-            self._wake.notify_all()
+            if len(self._waiting) > most // 2:  # else it looks by itself: to be woken would cost the turn more
+                self._is_due = True
+                self._wake.notify_all()
 
     def _serve(self, rule: Queue) -> None:
-        while True:
+        newest_alone = rule.every_s > 0.0
+        while not (self._closing and not self._waiting):
             with self._wake:
-                self._wake.wait_for(self._has_work)
+                self._wake.wait_for(lambda: self._closing or self._is_due, None if newest_alone else _LOOK_EVERY_S)
                 self._is_due = False
-                if not self._waiting:
-                    return
-                lost, tick = self._waiting.popleft()
-                self._wake.notify_all()
-            if lost:
-                rule.lost(lost)
-            self._guarded(lambda tick=tick: self._sink.write(tick))  # type: ignore[misc]
-
-    def _has_work(self) -> bool:
-        newest_alone = self._rule is not None and self._rule.every_s > 0.0
-        return self._closing or self._is_due or (bool(self._waiting) and not newest_alone)
+            while self._waiting:
+                with self._wake:
+                    lost, tick = self._waiting.popleft()
+                    self._wake.notify_all()
+                if lost:
+                    rule.lost(lost)
+                self._guarded(lambda tick=tick: self._sink.write(tick))  # type: ignore[misc]
+                if newest_alone:
+                    break
 
     def _guarded(self, work: Callable[[], None]) -> None:
         try:
