@@ -71,19 +71,6 @@ class CoulombDrift(WanderingEffect):
         return 0.0, 0.0, 0.0, 0.0, 0.0, -a * q1 * math.expm1(-passed / q1)
 
     @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        if q3 > 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, min(max(time - q2, 0.0), q3)
-        passed = max(time - q2, 0.0)
-        if q1 <= 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, passed
-        return 0.0, 0.0, 0.0, 0.0, 0.0, -q1 * math.expm1(-passed / q1)
-
-    @staticmethod
     def piece(from_s: float, to_s: float) -> Shape:
         """A slope from one time to another, level afterwards."""
         return 0.0, from_s, to_s - from_s

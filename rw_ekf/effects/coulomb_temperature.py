@@ -13,7 +13,6 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import (
     REFERENCE_DEGC,
-    Candidate,
     Coefficient,
     Contribution,
     RecordFacts,
@@ -50,11 +49,6 @@ class CoulombTemperature(StaticEffect):
         """20 % per kelvin: twice what the most viscous lubricant does (ASTM D341), and dry friction does less."""
         return 0.2
 
-    @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """Without temperature logged, or with one that hardly changes."""
@@ -67,14 +61,6 @@ class CoulombTemperature(StaticEffect):
     ) -> Contribution:  # fmt: skip
         """Dry friction by the factor a (T - 20 degC) of Coulomb friction."""
         return 0.0, 0.0, 0.0, 0.0, a * (temperature - REFERENCE_DEGC), 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        return 0.0, 0.0, 0.0, 0.0, temperature - REFERENCE_DEGC, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, of_coulomb, top_speed
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Coefficient, Contribution, RecordFacts, Shape, StaticEffect
 
 
 class CubicDrag(StaticEffect):
@@ -30,25 +30,12 @@ class CubicDrag(StaticEffect):
         return 3.0 * friction_at(facts, top_speed(facts)) / top_speed(facts) ** 3
 
     @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
-    @staticmethod
     def contribution(
         a: float, q1: float, q2: float, q3: float,
         omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
     ) -> Contribution:  # fmt: skip
         """-f linearised at omega: external 2 a omega^3, viscous 3 a omega^2."""
         return 0.0, 2.0 * a * omega * omega * omega, 3.0 * a * omega * omega, 0.0, 0.0, 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        return 0.0, 2.0 * omega * omega * omega, 3.0 * omega * omega, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -89,20 +89,6 @@ class DragBump(StaticEffect):
         return 0.0, omega * steepness - math.copysign(size, forward), steepness, 0.0, 0.0, 0.0
 
     @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        forward = omega if omega != 0.0 else current
-        if forward == 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        offset = (abs(omega) - q1) / q2
-        size = math.exp(-min(offset * offset, 700.0))
-        steepness = -2.0 * offset / q2 * size
-        return 0.0, omega * steepness - math.copysign(size, forward), steepness, 0.0, 0.0, 0.0
-
-    @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As a share of Coulomb friction, with speed and width."""
         speed, width, _ = shape

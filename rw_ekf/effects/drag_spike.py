@@ -107,21 +107,6 @@ class DragSpike(StaticEffect):
         return 0.0, 0.0, 0.0, 0.0, 0.0, a * mean
 
     @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        passed = time + 0.5 * duration - q1
-        if passed < 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        if duration <= 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, math.exp(-passed / q2)
-        inside = min(passed, duration)
-        mean = -math.expm1(-inside / q2) * q2 / duration * math.exp(-(passed - inside) / q2)
-        return 0.0, 0.0, 0.0, 0.0, 0.0, mean
-
-    @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As a share of Coulomb friction, with onset and decay."""
         return (

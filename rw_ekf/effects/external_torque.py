@@ -93,16 +93,6 @@ class ExternalTorque(PeriodicEffect):
         return 0.0, -a * mean * math.sin(2.0 * math.pi * q1 * (time - q3) + q2), 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        half = math.pi * q1 * duration
-        mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
-        return 0.0, -mean * math.sin(2.0 * math.pi * q1 * (time - q3) + q2), 0.0, 0.0, 0.0, 0.0
-
-    @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As a share of Coulomb friction, with frequency and period."""
         period = f", every {1.0 / shape[0]:.3g} s" if shape[0] > 0.0 else ""

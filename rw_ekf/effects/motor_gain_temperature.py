@@ -15,7 +15,6 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import (
     REFERENCE_DEGC,
-    Candidate,
     Coefficient,
     Contribution,
     RecordFacts,
@@ -49,11 +48,6 @@ class MotorGainTemperature(StaticEffect):
         """5 % per kelvin: magnets lose 0.02 to 0.2 % (IEC 60404-8-1), copper gains 0.39 %."""
         return 0.05
 
-    @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """Without a current, without temperature logged, or with one that hardly changes."""
@@ -66,14 +60,6 @@ class MotorGainTemperature(StaticEffect):
     ) -> Contribution:  # fmt: skip
         """Current a (T - 20 degC) I more."""
         return a * (temperature - REFERENCE_DEGC) * current, 0.0, 0.0, 0.0, 0.0, 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        return (temperature - REFERENCE_DEGC) * current, 0.0, 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

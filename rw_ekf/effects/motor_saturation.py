@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_current, top_drive
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Coefficient, Contribution, RecordFacts, Shape, StaticEffect
 from rw_ekf.numbers import plus_minus
 
 
@@ -33,11 +33,6 @@ class MotorSaturation(StaticEffect):
         """Where the torque at the top current would be none at all."""
         return 1.0 / max(facts.top_current_A, 1.0e-12)
 
-    @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """Without a current."""
@@ -50,14 +45,6 @@ class MotorSaturation(StaticEffect):
     ) -> Contribution:  # fmt: skip
         """Current a |I| I less."""
         return -a * abs(current) * current, 0.0, 0.0, 0.0, 0.0, 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        return -abs(current) * current, 0.0, 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, largest_torque, of_coulomb
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Coefficient, Contribution, RecordFacts, Shape, StaticEffect
 from rw_ekf.numbers import plus_minus
 
 
@@ -30,11 +30,6 @@ class OffsetTorque(StaticEffect):
         """What the motor can just hold, or three times the friction: a wheel under more could not be driven at all."""
         return largest_torque(facts)
 
-    @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """One way only, an offset is Coulomb friction."""
@@ -47,14 +42,6 @@ class OffsetTorque(StaticEffect):
     ) -> Contribution:  # fmt: skip
         """External -a."""
         return 0.0, -a, 0.0, 0.0, 0.0, 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        return 0.0, -1.0, 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

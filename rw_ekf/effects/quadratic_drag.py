@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, of_coulomb, top_speed
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Coefficient, Contribution, RecordFacts, Shape, StaticEffect
 
 
 class QuadraticDrag(StaticEffect):
@@ -33,25 +33,12 @@ class QuadraticDrag(StaticEffect):
         return 3.0 * friction_at(facts, top_speed(facts)) / top_speed(facts) ** 2
 
     @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
-    @staticmethod
     def contribution(
         a: float, q1: float, q2: float, q3: float,
         omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
     ) -> Contribution:  # fmt: skip
         """-f linearised at omega: external a omega |omega|, viscous 2 a |omega|."""
         return 0.0, a * omega * abs(omega), 2.0 * a * abs(omega), 0.0, 0.0, 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        return 0.0, omega * abs(omega), 2.0 * abs(omega), 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

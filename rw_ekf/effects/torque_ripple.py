@@ -81,16 +81,6 @@ class TorqueRipple(PeriodicEffect):
         return 0.0, -a * mean * math.sin(q1 * angle + half + q2), 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        half = 0.5 * q1 * omega * duration
-        mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
-        return 0.0, -mean * math.sin(q1 * angle + half + q2), 0.0, 0.0, 0.0, 0.0
-
-    @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As a share of Coulomb friction."""
         turn = "once per turn" if shape[0] == 1.0 else f"{shape[0]:g} times per turn"

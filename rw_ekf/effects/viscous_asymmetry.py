@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, friction_at, lacks_reversal, top_speed
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Coefficient, Contribution, RecordFacts, Shape, StaticEffect
 from rw_ekf.numbers import plus_minus
 
 
@@ -30,11 +30,6 @@ class ViscousAsymmetry(StaticEffect):
         """Friction at top speed drives in neither direction: the difference is no more than all of it."""
         return friction_at(facts, top_speed(facts)) / top_speed(facts)
 
-    @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """One way only, the difference is viscous friction."""
@@ -50,17 +45,6 @@ class ViscousAsymmetry(StaticEffect):
         if forward == 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         return 0.0, 0.0, a if forward > 0.0 else -a, 0.0, 0.0, 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        forward = omega if omega != 0.0 else current
-        if forward == 0.0:
-            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        return 0.0, 0.0, 1.0 if forward > 0.0 else -1.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

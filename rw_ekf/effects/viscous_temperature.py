@@ -14,7 +14,6 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import (
     REFERENCE_DEGC,
-    Candidate,
     Coefficient,
     Contribution,
     RecordFacts,
@@ -49,11 +48,6 @@ class ViscousTemperature(StaticEffect):
         """20 % per kelvin: a cold lubricant halves its viscosity in 7 K (ASTM D341), 10 % per kelvin."""
         return 0.2
 
-    @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """One: the effect is linear."""
-        return [Candidate(1.0)]
-
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """Without temperature logged, or with one that hardly changes."""
@@ -66,14 +60,6 @@ class ViscousTemperature(StaticEffect):
     ) -> Contribution:  # fmt: skip
         """Viscous friction by the factor a (T - 20 degC)."""
         return 0.0, 0.0, 0.0, a * (temperature - REFERENCE_DEGC), 0.0, 0.0
-
-    @staticmethod
-    def slope(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Linear: the contribution of a = 1."""
-        return 0.0, 0.0, 0.0, temperature - REFERENCE_DEGC, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

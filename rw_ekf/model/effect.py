@@ -128,9 +128,9 @@ class Effect(ABC):
         """Largest size of the coefficient that is physically possible, in its unit."""
 
     @staticmethod
-    @abstractmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """Where to look: shape constants to try, with the coefficient's start (1.0 where the effect is linear)."""
+        return [Candidate(1.0)]
 
     @staticmethod
     def shape_is_possible(shape: Shape, facts: RecordFacts) -> bool:
@@ -277,13 +277,13 @@ class StaticEffect(Effect):
     ) -> Contribution:  # fmt: skip
         """The six contributions."""
 
-    @staticmethod
-    @abstractmethod
+    @classmethod
     def slope(
-        a: float, q1: float, q2: float, q3: float,
+        cls, a: float, q1: float, q2: float, q3: float,
         omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
     ) -> Contribution:  # fmt: skip
-        """Their derivatives by the coefficient."""
+        """Their derivatives by the coefficient: of a linear effect the contributions of a = 1."""
+        return cls.contribution(1.0, q1, q2, q3, omega, current, temperature, angle, time, duration)
 
 
 class WanderingEffect(StaticEffect):

@@ -23,11 +23,17 @@ _LAG_ARGUMENTS = "a, q1, q2, q3, state, current, duration"
 _FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q1, q2, q3, duration"
 
 
-def _choice(name: str, arguments: str, functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
-    """A function `name(code, arguments)` that calls functions[code]; plain source, as closures defeat numba's cache."""
+def _choice(
+    name: str, arguments: str, functions: Sequence[Callable[..., Any]], given: Sequence[str] = ()
+) -> Callable[..., Any]:
+    """A function `name(code, arguments)` that calls functions[code]; plain source, as closures defeat numba's cache.
+
+    given: what each function is called with, where that is not the arguments.
+    """
+    calls = [f"function_{i}({text})" for i, text in enumerate(given or [arguments] * len(functions))]
     lines = [f"def {name}(code, {arguments}):"]
-    lines += [f"    if code == {i}:\n        return function_{i}({arguments})" for i in range(1, len(functions))]
-    lines.append(f"    return function_0({arguments})" if functions else "    return None")
+    lines += [f"    if code == {i}:\n        return {call}" for i, call in enumerate(calls[1:], start=1)]
+    lines.append(f"    return {calls[0]}" if calls else "    return None")
     namespace: dict[str, Any] = {f"function_{i}": function for i, function in enumerate(functions)}
     namespace["__name__"] = __name__
     exec("\n".join(lines), namespace)
@@ -53,7 +59,12 @@ CURRENT_EFFECTS = of_kind(CurrentEffect)
 MEMORY_EFFECTS = of_kind(FrictionMemoryEffect)
 
 contribution = _choice("contribution", _STATIC_ARGUMENTS, [effect.contribution for effect in STATIC_EFFECTS])
-contribution_slope = _choice("contribution_slope", _STATIC_ARGUMENTS, [effect.slope for effect in STATIC_EFFECTS])
+contribution_slope = _choice(  # of a linear effect the contribution of a = 1
+    "contribution_slope",
+    _STATIC_ARGUMENTS,
+    [effect.contribution if effect.linear else effect.slope for effect in STATIC_EFFECTS],
+    [_STATIC_ARGUMENTS.replace("a,", "1.0,", 1) if effect.linear else _STATIC_ARGUMENTS for effect in STATIC_EFFECTS],
+)
 lagged = _choice("lagged", _LAG_ARGUMENTS, [effect.lagged for effect in CURRENT_EFFECTS])
 memory_flow = _choice("memory_flow", _FLOW_ARGUMENTS, [effect.flow for effect in MEMORY_EFFECTS])
 
@@ -66,7 +77,7 @@ MODULES: list[ModuleType] = [
 JITABLE: list[Callable[..., Any]] = [
     *(function for effect in MEMORY_EFFECTS for function in _called_by(effect)),
     *(effect.contribution for effect in STATIC_EFFECTS),
-    *(effect.slope for effect in STATIC_EFFECTS),
+    *(effect.slope for effect in STATIC_EFFECTS if not effect.linear),
     *(effect.lagged for effect in CURRENT_EFFECTS),
     *(effect.flow for effect in MEMORY_EFFECTS),
 ]
