@@ -6,7 +6,8 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current
-from rw_ekf.model.effect import Candidate, Coefficient, CurrentEffect, RecordFacts, Shape
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import CurrentEffect
 
 
 class ActuatorLag(CurrentEffect):

@@ -9,7 +9,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import rw_ekf.effects
-from rw_ekf.model.effect import Effect, ReadingEffect, StribeckEffect, WanderingEffect
+from rw_ekf.model.effect import Effect
+from rw_ekf.model.effect_kinds import ReadingEffect, StribeckEffect, WanderingEffect
 
 # Order of the table in docs/contract.md; what is not here comes behind, by alphabet.
 CONTRACT_IDS = (

@@ -8,7 +8,8 @@ from itertools import accumulate
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moves, of_coulomb
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, Term, WanderingEffect
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
+from rw_ekf.model.effect_kinds import Contribution, WanderingEffect
 
 
 class CoulombDrift(WanderingEffect):

@@ -11,14 +11,8 @@ from rw_ekf.effects.measures import (
     slope_percent,
     temperature_range,
 )
-from rw_ekf.model.effect import (
-    REFERENCE_DEGC,
-    Coefficient,
-    Contribution,
-    RecordFacts,
-    Shape,
-    StaticEffect,
-)
+from rw_ekf.model.effect import REFERENCE_DEGC, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 
 
 class CoulombTemperature(StaticEffect):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_current
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 from rw_ekf.numbers import plus_minus
 
 

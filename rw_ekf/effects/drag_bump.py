@@ -13,7 +13,8 @@ from rw_ekf.effects.measures import (
     top_drive,
     top_speed,
 )
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 from rw_ekf.units import rpm_from_rad_s
 
 _WIDEST = 0.3  # of the top speed: a wider one is drag of another kind

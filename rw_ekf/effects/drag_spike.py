@@ -6,7 +6,8 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape, StaticEffect
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 
 _DECAYS_S = (10.0, 60.0, 300.0, 3600.0)
 _LEAST_SAMPLES = 10.0

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, largest_torque, of_coulomb
 from rw_ekf.effects.periodic import PeriodicEffect
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution
 
 _DENSE = 1200  # frequencies half a line's width apart: none between them is missed
 _SPARSE = 300  # above these, evenly in their logarithm: a speed hardly follows a torque that fast anyhow

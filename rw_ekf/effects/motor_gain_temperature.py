@@ -13,14 +13,8 @@ from rw_ekf.effects.measures import (
     temperature_range,
     top_drive,
 )
-from rw_ekf.model.effect import (
-    REFERENCE_DEGC,
-    Coefficient,
-    Contribution,
-    RecordFacts,
-    Shape,
-    StaticEffect,
-)
+from rw_ekf.model.effect import REFERENCE_DEGC, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 
 
 class MotorGainTemperature(StaticEffect):

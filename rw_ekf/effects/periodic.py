@@ -11,7 +11,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rw_ekf.model.effect import Shape, StaticEffect
+from rw_ekf.model.effect import Shape
+from rw_ekf.model.effect_kinds import StaticEffect
 
 if TYPE_CHECKING:
     from rw_ekf.model.effect import Matrix

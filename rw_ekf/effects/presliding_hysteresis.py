@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import dry_scale, lacks_reversal
-from rw_ekf.model.effect import Candidate, Coefficient, FrictionMemoryEffect, RecordFacts, Shape
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import FrictionMemoryEffect
 from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.memory_flow import bristle_flow
 from rw_ekf.numbers import plus_minus

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rw_ekf.model.effect import Candidate, Coefficient, ReadingEffect, RecordFacts, Shape
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import ReadingEffect
 from rw_ekf.numbers import plus_minus
 from rw_ekf.units import rpm_from_rad_s
 

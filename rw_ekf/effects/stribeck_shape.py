@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal
-from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, StribeckEffect, Term, size_of
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term, size_of
+from rw_ekf.model.effect_kinds import StribeckEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.numbers import plus_minus
 

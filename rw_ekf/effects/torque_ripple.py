@@ -7,7 +7,8 @@ from typing import ClassVar
 
 from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, largest_torque, of_coulomb, top_speed
 from rw_ekf.effects.periodic import PeriodicEffect
-from rw_ekf.model.effect import Candidate, Coefficient, Contribution, RecordFacts, Shape
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution
 
 # Orders of motors: every one up to 12, then slots, poles and their common multiples.
 _ORDERS = (*range(1, 13), 14, 15, 18, 20, 21, 24, 27, 28, 30, 36, 42, 48, 54, 60, 72, 84, 96, 108, 120, 144, 168)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current
-from rw_ekf.model.effect import Candidate, Coefficient, DelayEffect, RecordFacts, Shape
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import DelayEffect
 from rw_ekf.numbers import plus_minus
 
 

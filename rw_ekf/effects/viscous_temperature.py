@@ -12,14 +12,8 @@ from rw_ekf.effects.measures import (
     temperature_range,
     top_speed,
 )
-from rw_ekf.model.effect import (
-    REFERENCE_DEGC,
-    Coefficient,
-    Contribution,
-    RecordFacts,
-    Shape,
-    StaticEffect,
-)
+from rw_ekf.model.effect import REFERENCE_DEGC, Coefficient, RecordFacts, Shape
+from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 
 
 class ViscousTemperature(StaticEffect):

@@ -1,18 +1,4 @@
-"""What an effect is: its equation, its coefficient, how it enters one piece of constant current, and what shows it.
-
-An effect changes the terms of the drift within one piece (docs/effects.md eq. 1):
-
-    drive = k (I + current) + external
-    b -> b (1 + viscous_factor) + viscous
-    c -> c + dry,  s -> s + dry,  with dry = c dry_factor + dry          so that s - c stays
-
-Six contributions, linear or not in the effect's one coefficient (the filter's state); up to three shape constants stay
-fixed in the filter. f > 0 slows a wheel that turns forward: external = -f. What is not linear in omega is linearised at
-the piece's start, f(omega_0) + f'(omega_0) (omega - omega_0): over a sample the speed moves little.
-
-Four kinds enter otherwise, and derive from the classes below: another current (a lag), another time (a delay), friction
-with a memory, another Stribeck curve, another reading.
-"""
+"""What an effect is: its coefficients, its size, where it is sought and what is said of it; and an effect in use."""
 
 from __future__ import annotations
 
@@ -22,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.state import FrictionParameters
 
 if TYPE_CHECKING:
@@ -30,8 +15,6 @@ if TYPE_CHECKING:
 
     Matrix = Sequence[Sequence[float]] | Float64Array
 
-# current [A], external [rad/s^2], viscous [1/s], viscous_factor [-], dry_factor [-], dry [rad/s^2]
-Contribution = tuple[float, float, float, float, float, float]
 Shape = tuple[float, float, float]
 NO_SHAPE: Shape = (0.0, 0.0, 0.0)
 REFERENCE_DEGC = 20.0  # temperature effects are relative to this
@@ -259,102 +242,3 @@ class Term:
 def size_of(terms: Sequence[Term]) -> float:
     """Length of all coefficients of terms of one effect together."""
     return math.hypot(*(value for term in terms for value in term.values))
-
-
-class StaticEffect(Effect):
-    """An effect that needs no memory: six contributions to a piece, and their slopes by the coefficient.
-
-    a: coefficient; q1, q2, q3: shape constants; omega [rad/s] at the piece's start; current [A] commanded; temperature
-    [degC]; angle [rad] at the piece's start; time [s] of the log in the middle of the piece; duration [s] of the piece.
-    Scalar functions that import only `math`: numba compiles them as they are.
-    """
-
-    @staticmethod
-    @abstractmethod
-    def contribution(
-        a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """The six contributions."""
-
-    @classmethod
-    def slope(
-        cls, a: float, q1: float, q2: float, q3: float,
-        omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    ) -> Contribution:  # fmt: skip
-        """Their derivatives by the coefficient: of a linear effect the contributions of a = 1."""
-        return cls.contribution(1.0, q1, q2, q3, omega, current, temperature, angle, time, duration)
-
-
-class WanderingEffect(StaticEffect):
-    """A friction that may follow a broken line in time, one use of the effect for each piece."""
-
-    @staticmethod
-    @abstractmethod
-    def piece(from_s: float, to_s: float) -> Shape:
-        """Shape constants of a slope from one time to another, level afterwards."""
-
-
-class CurrentEffect(Effect):
-    """The motor's current has a memory of its own: one hidden state [A]."""
-
-    linear = False
-    analytic = False
-    shown_against = "current"
-
-    @staticmethod
-    @abstractmethod
-    def lagged(
-        a: float, q1: float, q2: float, q3: float, state: float, current: float, duration: float
-    ) -> tuple[float, float]:
-        """(mean current over the piece, state at its end) from the state at its start and the commanded current."""
-
-
-class DelayEffect(Effect):
-    """Commands act later than the log says, by the coefficient [s]: the pieces are read elsewhere in time."""
-
-    linear = False
-    analytic = False
-    shown_against = "current"
-
-
-class FrictionMemoryEffect(Effect):
-    """Dry friction has a memory: one hidden state, the friction acceleration itself [rad/s^2], signed as omega is."""
-
-    linear = False
-    flow_kind = True
-    shown_against = "low speed"
-    holds: ClassVar[bool] = False  # at rest the wheel is held and its friction is what holds it
-
-    @staticmethod
-    @abstractmethod
-    def flow(
-        omega: float, memory: float, drive: float, curve: FrictionCurve,
-        a: float, q1: float, q2: float, q3: float, duration: float,
-    ) -> tuple[float, float]:  # fmt: skip
-        """(speed, friction) after `duration` under a constant drive; stands in for rw_ekf.model.flow.flow."""
-
-
-class StribeckEffect(Effect):
-    """Another Stribeck speed [rad/s], the coefficient, or another law, its first shape constant (a law code)."""
-
-    linear = False
-    analytic = False
-    shown_against = "low speed"
-
-    @classmethod
-    def admits(cls, found: float) -> bool:
-        """A regression finds how far towards the speed tried the curve should go."""
-        return found > 0.0
-
-
-class ReadingEffect(Effect):
-    """The reading, not the wheel: nothing enters the drift; the filter's speed variance grows by `variance`."""
-
-    linear = False
-    in_state = False
-
-    @staticmethod
-    @abstractmethod
-    def variance(a: float) -> float:
-        """Added variance of one reading [rad^2/s^2]."""

@@ -15,7 +15,7 @@ from typing import Any
 import rw_ekf.effects
 from rw_ekf.effects.catalogue import MACHINERY, of_kind
 from rw_ekf.model import memory_flow as memory_flow_home
-from rw_ekf.model.effect import CurrentEffect, FrictionMemoryEffect, StaticEffect
+from rw_ekf.model.effect_kinds import CurrentEffect, FrictionMemoryEffect, StaticEffect
 
 _HOMES = ("rw_ekf.effects.", memory_flow_home.__name__)
 _STATIC_ARGUMENTS = "a, q1, q2, q3, omega, current, temperature, angle, time, duration"

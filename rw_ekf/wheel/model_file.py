@@ -15,7 +15,8 @@ from typing import Any
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import ConfigError
 from rw_ekf.model import bounds as model_bounds
-from rw_ekf.model.effect import Coefficient, Shape, StaticEffect, Term
+from rw_ekf.model.effect import Coefficient, Shape, Term
+from rw_ekf.model.effect_kinds import StaticEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet

@@ -13,16 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.model.effect import (
-    NO_SHAPE,
+from rw_ekf.model.effect import NO_SHAPE, Shape, Term
+from rw_ekf.model.effect_kinds import (
     CurrentEffect,
     DelayEffect,
     FrictionMemoryEffect,
     ReadingEffect,
-    Shape,
     StaticEffect,
     StribeckEffect,
-    Term,
 )
 from rw_ekf.model.state import STATE_SIZE
 

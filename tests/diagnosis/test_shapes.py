@@ -10,7 +10,7 @@ import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.model.effect import StaticEffect
+from rw_ekf.model.effect_kinds import StaticEffect
 from tests.diagnosis.simulated import log_of, simulated
 
 

@@ -33,18 +33,15 @@ from rw_ekf.effects.measures import dry_scale
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.speed_quantisation import SpeedQuantisation
 from rw_ekf.effects.stribeck_shape import StribeckShape
-from rw_ekf.model.effect import (
+from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
+from rw_ekf.model.effect_kinds import (
     Contribution,
     CurrentEffect,
     DelayEffect,
-    Effect,
     FrictionMemoryEffect,
     ReadingEffect,
-    RecordFacts,
-    Shape,
     StaticEffect,
     StribeckEffect,
-    Term,
 )
 from rw_ekf.model.friction import acceleration
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
@@ -118,7 +115,7 @@ def force(part: Contribution, omega: float) -> float:
 
 
 def with_part(part: Contribution, at: Conditions) -> float:
-    """The model's acceleration with the contribution entered as effect.py says [rad/s^2]."""
+    """The model's acceleration with the contribution entered as effect_kinds.py says [rad/s^2]."""
     current, external, viscous, viscous_factor, dry_factor, dry = part
     level = C * dry_factor + dry
     drive = K * (at.current + current) + external

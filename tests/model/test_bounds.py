@@ -22,7 +22,7 @@ from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.model.effect import ReadingEffect
+from rw_ekf.model.effect_kinds import ReadingEffect
 from rw_ekf.model.state import PARAMETER_NAMES, FrictionParameters
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.replay import replay_log

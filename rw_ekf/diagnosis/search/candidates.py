@@ -17,7 +17,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.frame import Frame
 from rw_ekf.likelihood.one_step import predict
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect, Term
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
+from rw_ekf.model.effect_kinds import StaticEffect
 from rw_ekf.wheel.table import EffectSet
 
 _CHUNK = 128

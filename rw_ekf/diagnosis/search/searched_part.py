@@ -12,7 +12,8 @@ from rw_ekf.diagnosis.search.scorer import basis
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import LEAST_RATIO
 from rw_ekf.likelihood.frame import Frame, Prior
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts, StaticEffect
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts
+from rw_ekf.model.effect_kinds import StaticEffect
 
 
 def richer_part(prepared: Prepared) -> Prepared:
