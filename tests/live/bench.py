@@ -69,6 +69,7 @@ class Bench:
     _server: PtyServer | None = None
     _thread: threading.Thread | None = None
     _stop: threading.Event = field(default_factory=threading.Event)
+    _gone: list[int] = field(default_factory=list)
 
     def plug(self) -> None:
         """Serve the wheel on a pty; it goes on where it was."""
@@ -78,12 +79,22 @@ class Bench:
         self._thread.start()
 
     def unplug(self) -> None:
-        """The pty vanishes, as an adapter does that is pulled out; the wheel keeps its current."""
+        """The pty vanishes, as an adapter does that is pulled out; the wheel keeps its current.
+
+        Its number stays taken until `end`: the daemon still claims it, and a test in another process may get it.
+        """
         self._stop.set()
         if self._thread is not None and self._server is not None:
             self._thread.join(5.0)
+            self._gone.append(os.open(self._server.pty.device_path, os.O_RDWR | os.O_NOCTTY))
             self._server.close()
             self._thread = self._server = None
+
+    def end(self) -> None:
+        """No wheel any more, and its ptys' numbers are free."""
+        self.unplug()
+        while self._gone:
+            os.close(self._gone.pop())
 
     @property
     def port(self) -> str:
@@ -145,7 +156,7 @@ def served_wheel(
     try:
         yield bench
     finally:
-        bench.unplug()
+        bench.end()
 
 
 def program(*arguments: str, **options: Any) -> AbstractContextManager[subprocess.Popen[str]]:
