@@ -13,13 +13,10 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import (
     DEFAULT_PRIOR,
-    SECONDS_PER_HOUR,
     Belief,
-    NoiseModel,
-    filter_constants,
     with_prior_table,
 )
-from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, SPEED, STATE_NAMES, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
@@ -40,7 +37,6 @@ class FilterSetup:
     """Everything a filter needs to start, and what was decided on the way."""
 
     constants: FilterConstants
-    noise: NoiseModel
     prior: Belief
     inertia_kg_m2: float | None  # None: not known, nothing is turned into torques
     notes: tuple[str, ...] = ()
@@ -57,9 +53,8 @@ class FilterSetup:
     @property
     def effect_drift(self) -> Float64Array:
         """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander."""
-        per_second = self.noise.parameter_drift**2 / SECONDS_PER_HOUR
         sizes = [max(abs(v), s) for t in self.effects.state_terms for v, s in zip(t.values, t.stds, strict=True)]
-        return np.array([size**2 * per_second for size in sizes])
+        return np.array([size**2 * self.constants.relative_drift for size in sizes])
 
 
 def setup_of_configuration(
@@ -70,11 +65,6 @@ def setup_of_configuration(
     period_s: of the record, where there is one; a gap is never shorter than five of the longer period.
     """
     section = configuration.filter
-    noise = NoiseModel(
-        rad_s_from_rpm(section.speed_noise_rpm),
-        section.acceleration_noise_rpm_per_sqrt_s * RAD_S_PER_RPM,
-        0.01 * section.parameter_drift_percent_per_sqrt_hour,
-    )
     prior = DEFAULT_PRIOR if model is None else belief_of_model(model)
     if section.prior is not None:
         table = {}
@@ -87,18 +77,19 @@ def setup_of_configuration(
     law = configuration.wheel.stribeck_law
     if model is not None:
         omega_s, law = model.stribeck_speed_rad_s, model.stribeck_law  # type: ignore[assignment]
-        noise = NoiseModel(noise.speed_noise_rad_s, noise.acceleration_noise, noise.parameter_drift, model.parameters)
     constants = filter_constants(
-        noise,
         omega_s,
         law,
+        speed_noise_rad_s=rad_s_from_rpm(section.speed_noise_rpm),
+        acceleration_noise=section.acceleration_noise_rpm_per_sqrt_s * RAD_S_PER_RPM,
+        parameter_drift=0.01 * section.parameter_drift_percent_per_sqrt_hour,
+        scale=CK13_STATISTICAL if model is None else model.parameters,
         gate_probability=section.gate_probability,
         max_gap_s=section.max_gap_s,
         nominal_period_s=max(1.0 / configuration.loop.rate_hz, period_s),
     )
     return FilterSetup(
         constants,
-        noise,
         prior,
         configuration.wheel.inertia_kg_m2,
         effects=NO_EFFECTS if model is None else model.effects,
@@ -119,34 +110,37 @@ def setup_of_record(
     scale = measure(course)
     if model is not None:
         given = model.acceleration_noise
-        noise = NoiseModel(
-            model.speed_noise_rad_s or scale.noise.speed_noise_rad_s,
-            scale.noise.acceleration_noise if given is None else given,
+        constants = filter_constants(
+            model.stribeck_speed_rad_s,
+            model.stribeck_law,
+            speed_noise_rad_s=model.speed_noise_rad_s or scale.constants.speed_noise_rad_s,
+            acceleration_noise=scale.constants.acceleration_noise if given is None else given,
             scale=model.parameters,
+            nominal_period_s=period,
         )
-        constants = filter_constants(noise, model.stribeck_speed_rad_s, model.stribeck_law, nominal_period_s=period)
         return FilterSetup(
             constants,
-            noise,
             belief_of_model(model),
             model.inertia_kg_m2,
             effects=model.effects,
             inertia_from="model",
         )
     if not scale.like_default_wheel and not is_foreign(course, scale):
-        scale = default_scale(scale.noise.speed_noise_rad_s)
+        scale = default_scale(scale.constants.speed_noise_rad_s, period)
     if not scale.like_default_wheel:
         return _foreign_setup(course, scale, period)
-    omega_s = scale.stribeck_speed_rad_s
-    noise = scale.noise
-    found = noise_of_record(course, filter_constants(noise, omega_s, nominal_period_s=period), scale.prior)
+    constants = scale.constants
+    found = noise_of_record(course, constants, scale.prior)
     if found is not None:
-        noise = NoiseModel(found.speed_noise_rad_s, found.acceleration_noise)
-    constants = filter_constants(noise, omega_s, nominal_period_s=period)
+        constants = filter_constants(
+            constants.stribeck.omega_s,
+            speed_noise_rad_s=found.speed_noise_rad_s,
+            acceleration_noise=found.acceleration_noise,
+            nominal_period_s=period,
+        )
     fit = None if found is None else found.fit
     return FilterSetup(
         constants,
-        noise,
         scale.prior,
         DEFAULT_INERTIA_KG_M2,
         inertia_from="assumed",
@@ -201,13 +195,14 @@ def model_of(
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
     known = STATE_SIZE + setup.effects.size
     behind = slice(SPEED + 1, known)
+    told = setup.constants if noise is None else noise
     return WheelModel(
         parameters=belief.parameters,
         covariance=tuple(tuple(float(v) for v in row) for row in belief.covariance[behind, behind]),
         stribeck_speed_rad_s=setup.constants.stribeck.omega_s,
         stribeck_law=LAW_NAMES[setup.constants.stribeck.law],
-        speed_noise_rad_s=setup.noise.speed_noise_rad_s if noise is None else noise.speed_noise_rad_s,
-        acceleration_noise=setup.noise.acceleration_noise if noise is None else noise.acceleration_noise,
+        speed_noise_rad_s=told.speed_noise_rad_s,
+        acceleration_noise=told.acceleration_noise,
         inertia_kg_m2=setup.inertia_kg_m2,
         source={**source, "rw_ekf": __version__},
         effects=setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
@@ -219,16 +214,18 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
     from rw_ekf.identify.units_guess import question_of_units, times
     from rw_ekf.likelihood.record_noise import noise_of_record
 
-    noise, omega_s, spread = scale.noise, scale.stribeck_speed_rad_s, 0.0
-    parameters = scale.rough
-    first = filter_constants(noise, omega_s, nominal_period_s=period)
-    found = noise_of_record(course, first, scale.prior, guessed_stribeck=True)
+    constants, parameters, spread = scale.constants, scale.rough, 0.0
+    found = noise_of_record(course, constants, scale.prior, guessed_stribeck=True)
     if found is not None:
-        parameters = found.fit.parameters
-        omega_s, spread = found.stribeck_speed_rad_s, found.stribeck_speed_std
-        noise = NoiseModel(
-            found.speed_noise_rad_s, max(found.acceleration_noise, 1e-3 * found.speed_noise_rad_s), scale=parameters
+        parameters, spread = found.fit.parameters, found.stribeck_speed_std
+        constants = filter_constants(
+            found.stribeck_speed_rad_s,
+            speed_noise_rad_s=found.speed_noise_rad_s,
+            acceleration_noise=max(found.acceleration_noise, 1e-3 * found.speed_noise_rad_s),
+            scale=parameters,
+            nominal_period_s=period,
         )
+    noise, omega_s = constants.speed_noise_rad_s, constants.stribeck.omega_s
     driven = bool(np.any(course.pieces.current_A))
     gain, coulomb = (parameters.motor_gain / CK13_STATISTICAL.motor_gain, parameters.coulomb / CK13_STATISTICAL.coulomb)
     sizes = f"Coulomb friction {times(coulomb)} a wheel's" if coulomb > 0.0 else "no Coulomb friction"
@@ -238,10 +235,9 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
     said = (
         f"the record does not look like the default wheel ({sizes}){': ' + question if question else '.'} "
         "Noise, prior and Stribeck speed were taken from the record itself "
-        f"(speed noise {noise.speed_noise_rad_s:.3g} rad/s = {rpm_from_rad_s(noise.speed_noise_rad_s):.3g} rpm, "
+        f"(speed noise {noise:.3g} rad/s = {rpm_from_rad_s(noise):.3g} rpm, "
         f"Stribeck speed {omega_s:.3g} rad/s), so that a wrong unit would not show in them; torques are not given, "
         "because its inertia is not known. `--config` settles them otherwise."
     )
-    constants = filter_constants(noise, omega_s, nominal_period_s=period)
     fit = None if found is None else found.fit
-    return FilterSetup(constants, noise, scale.prior, None, (said,), fit_of_record=fit, stribeck_speed_std=spread)
+    return FilterSetup(constants, scale.prior, None, (said,), fit_of_record=fit, stribeck_speed_std=spread)

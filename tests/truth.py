@@ -17,8 +17,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, filter_constants
-from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
+from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE, FilterConstants, filter_constants
 from rw_ekf.model.friction import LAW_CODES, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
@@ -175,9 +175,8 @@ def run_of(
 
 def constants_for(noise_rpm: float = 1.0, law: str = "gauss", acceleration_rpm: float | None = None) -> FilterConstants:
     """Filter constants with the default process noise, or one in rpm per sqrt(s)."""
-    quiet = DEFAULT_NOISE.acceleration_noise if acceleration_rpm is None else acceleration_rpm * RAD_S_PER_RPM
-    noise = type(DEFAULT_NOISE)(noise_rpm * RAD_S_PER_RPM, quiet)
-    return filter_constants(noise, OMEGA_S, law)
+    quiet = DEFAULT_ACCELERATION_NOISE if acceleration_rpm is None else acceleration_rpm * RAD_S_PER_RPM
+    return filter_constants(OMEGA_S, law, speed_noise_rad_s=noise_rpm * RAD_S_PER_RPM, acceleration_noise=quiet)
 
 
 def prior_drawn_around(truth: FrictionParameters, seed: int, share: float = 0.5) -> Belief:

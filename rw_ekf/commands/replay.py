@@ -103,7 +103,7 @@ def execute(args: argparse.Namespace) -> int:
         for entry, item in zip(entries, done, strict=True):
             sys.stdout.write(entry_text(entry, item.belief, item.setup) + "\n")
             if configuration is None:
-                noise = rpm_from_rad_s(item.setup.noise.speed_noise_rad_s)
+                noise = rpm_from_rad_s(item.setup.constants.speed_noise_rad_s)
                 source = "the record" if model is None else "the model"
                 sys.stdout.write(f"  speed noise {noise:.3g} rpm taken from {source}; --config gives the run's own\n")
     return 0

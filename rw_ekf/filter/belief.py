@@ -1,4 +1,4 @@
-"""What is believed of a wheel before and after data: a mean and a covariance over the named state, and the noises."""
+"""What is believed of a wheel before and after data: a mean and a covariance over the named state."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.model.friction import LAW_CODES, Stribeck
 from rw_ekf.model.state import (
     CK13_STATISTICAL,
     PARAMETERS,
@@ -18,12 +16,6 @@ from rw_ekf.model.state import (
     STATE_SIZE,
     FrictionParameters,
 )
-from rw_ekf.units import RAD_S_PER_RPM
-
-SECONDS_PER_HOUR = 3600.0
-# Without any process noise the speed's variance shrinks for ever, and after some 10^5 samples rounding makes it
-# negative. This much, in speed noises per sqrt(s), is far below what any wheel has.
-_LEAST_ACCELERATION_NOISE = 1.0e-4
 
 # Standard deviations of the default prior, relative to [CK13]'s estimate: k 30 %, b 100 %, c 50 % (decision 0004).
 _RELATIVE_STD = (0.30, 1.00, 0.50)
@@ -87,26 +79,6 @@ class Belief:
         return Belief(self.mean[:STATE_SIZE], self.covariance[:STATE_SIZE, :STATE_SIZE])
 
 
-@dataclass(frozen=True)
-class NoiseModel:
-    """Noises, in units with a meaning.
-
-    speed_noise_rad_s: standard deviation of one speed reading.
-    acceleration_noise: standard deviation that the true speed gains by unmodelled torque in one second
-        [rad/s per sqrt(s)]; it grows with the square root of time.
-    parameter_drift: what a parameter may wander in one hour, as a fraction of `scale` [per sqrt(h)]: age, temperature.
-    scale: the parameter values to which that fraction refers.
-    """
-
-    speed_noise_rad_s: float
-    acceleration_noise: float
-    parameter_drift: float = 0.001
-    scale: FrictionParameters = CK13_STATISTICAL
-
-
-DEFAULT_NOISE = NoiseModel(1.0 * RAD_S_PER_RPM, 0.03 * RAD_S_PER_RPM)
-
-
 def prior_around(parameters: FrictionParameters, relative_std: tuple[float, float, float] = _RELATIVE_STD) -> Belief:
     """Wide prior around `parameters`; the speed is left to the first reading.
 
@@ -132,41 +104,3 @@ def with_prior_table(belief: Belief, table: dict[str, tuple[float, float]]) -> B
         covariance[i, :] = covariance[:, i] = 0.0
         covariance[i, i] = std**2
     return Belief(mean, covariance)
-
-
-def filter_constants(
-    noise: NoiseModel,
-    stribeck_speed_rad_s: float,
-    stribeck_law: str = "gauss",
-    *,
-    gate_probability: float = 0.9999,
-    max_gap_s: float = 2.0,
-    nominal_period_s: float = 0.1,
-) -> FilterConstants:
-    """Collect what the filter needs, in SI.
-
-    gate_probability: of accepting a good reading; the gate is that quantile of chi-square with one degree of freedom.
-    max_gap_s: a longer interval re-seeds the speed; never below five periods.
-    """
-    per_second = noise.parameter_drift**2 / SECONDS_PER_HOUR
-    drift = [(value * value) * per_second for value in noise.scale]
-    return FilterConstants(
-        stribeck=Stribeck(stribeck_speed_rad_s, LAW_CODES[stribeck_law]),
-        speed_variance=noise.speed_noise_rad_s**2,
-        acceleration_noise=max(noise.acceleration_noise, _LEAST_ACCELERATION_NOISE * noise.speed_noise_rad_s) ** 2,
-        motor_gain_drift=drift[0],
-        viscous_drift=drift[1],
-        coulomb_drift=drift[2],
-        static_drift=drift[3],
-        gate=chi_square_1_quantile(gate_probability),
-        stuck_variance=(0.1 * noise.speed_noise_rad_s) ** 2,
-        max_gap_s=max(max_gap_s, 5.0 * nominal_period_s),
-        reseed_after=5,
-    )
-
-
-def chi_square_1_quantile(probability: float) -> float:
-    """Quantile of chi-square with one degree of freedom: the square of the normal one (statistics.NormalDist)."""
-    from statistics import NormalDist
-
-    return NormalDist().inv_cdf(0.5 * (1.0 + probability)) ** 2

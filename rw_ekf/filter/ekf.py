@@ -99,7 +99,7 @@ class WheelEkf(ExtendedKalmanFilter):
     def _speed_noise(self, dt: float) -> float:
         """Variance that the predicted speed gains in dt [s], by noise and by neglected curvature."""
         c = self.constants
-        noise = c.acceleration_noise * dt + self._curvature
+        noise = c.acceleration_density * dt + self._curvature
         return noise + c.stuck_variance if self.x[SPEED] == 0.0 else noise
 
     def _parameter_noise(self, dt: float) -> tuple[float, ...]:

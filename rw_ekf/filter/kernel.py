@@ -20,7 +20,7 @@ from rw_ekf.filter import constants as _constants
 from rw_ekf.filter import covariance as _covariance
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
-from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.covariance import (
     drop_settled,
     predict_covariance,
@@ -131,14 +131,14 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 for j in range(n):
                     row[j] = F[SPEED, j]
                 angle += 0.5 * (before + x[SPEED]) * dt
-                noise[SPEED] = constants.acceleration_noise * dt + curvature
+                noise[SPEED] = constants.acceleration_density * dt + curvature
                 if x[SPEED] == 0.0:
                     noise[SPEED] += constants.stuck_variance
             elif continuous:
                 x[SPEED], curvature = transition(
                     x, P, constants.stribeck, pieces, piece_start[last], piece_start[i], row, L
                 )
-                noise[SPEED] = constants.acceleration_noise * dt + curvature
+                noise[SPEED] = constants.acceleration_density * dt + curvature
                 if x[SPEED] == 0.0:
                     noise[SPEED] += constants.stuck_variance
             if continuous:
@@ -206,11 +206,9 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:
     """Arguments of the types that `filter_log` gives."""
-    from rw_ekf.filter.belief import DEFAULT_NOISE, filter_constants
-
     series = np.zeros(0)
     return (
-        filter_constants(DEFAULT_NOISE, 1.0),
+        filter_constants(1.0),
         NO_EFFECTS.table() if with_effects else None,
         Course.of(series, series, series),
         FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0),

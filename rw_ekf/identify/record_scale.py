@@ -11,13 +11,14 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.course import Course
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, prior_around
+from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief, prior_around
+from rw_ekf.filter.constants import DEFAULT_SPEED_NOISE_RAD_S, FilterConstants, filter_constants
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
 _MAX_ROWS = 200_000
 _STRIBECK_SHARE_OF_TOP_SPEED = 0.02
-_DEFAULT_STRIBECK_SPEED = 4.0 * RAD_S_PER_RPM
+DEFAULT_STRIBECK_SPEED_RAD_S = 4.0 * RAD_S_PER_RPM
 _PRIOR_STD = (0.5, 2.0, 0.75)
 GAIN_BAND, COULOMB_BAND = (0.5, 2.0), (0.33, 2.5)  # of [CK13]'s wheel: another of its class lies within
 _TELLS_NOTHING = 1.0e3  # condition of current, speed and direction: at constant speed they are one and the same
@@ -25,10 +26,9 @@ _TELLS_NOTHING = 1.0e3  # condition of current, speed and direction: at constant
 
 @dataclass(frozen=True)
 class RecordScale:
-    """Noise, Stribeck speed, prior, and whether the record looks like the default wheel."""
+    """A filter's constants (noises, Stribeck speed), prior, and whether the record looks like the default wheel."""
 
-    noise: NoiseModel
-    stribeck_speed_rad_s: float
+    constants: FilterConstants
     prior: Belief
     like_default_wheel: bool
     rough: FrictionParameters
@@ -43,24 +43,32 @@ def measure(course: Course) -> RecordScale:
     speed_noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment)
     rough = rough_parameters(course, speed_noise)
     if rough is None or _like_default(rough, speed_noise):
-        return default_scale(speed_noise, rough)
+        return default_scale(speed_noise, course.period_s, rough)
     finite = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
     top = float(np.quantile(np.abs(finite), 0.99))
     sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
     return RecordScale(
-        NoiseModel(sigma, 0.1 * sigma, scale=rough),
-        max(_STRIBECK_SHARE_OF_TOP_SPEED * top, sigma),
+        filter_constants(
+            max(_STRIBECK_SHARE_OF_TOP_SPEED * top, sigma),
+            speed_noise_rad_s=sigma,
+            acceleration_noise=0.1 * sigma,
+            scale=rough,
+            nominal_period_s=course.period_s,
+        ),
         prior_around(rough, _PRIOR_STD),
         False,
         rough,
     )
 
 
-def default_scale(speed_noise: float | None, rough: FrictionParameters | None = None) -> RecordScale:
+def default_scale(speed_noise: float | None, period_s: float, rough: FrictionParameters | None = None) -> RecordScale:
     """The default wheel's scales, with the readings' own noise [rad/s] where it is known."""
     return RecordScale(
-        NoiseModel(speed_noise or DEFAULT_NOISE.speed_noise_rad_s, DEFAULT_NOISE.acceleration_noise),
-        _DEFAULT_STRIBECK_SPEED,
+        filter_constants(
+            DEFAULT_STRIBECK_SPEED_RAD_S,
+            speed_noise_rad_s=speed_noise or DEFAULT_SPEED_NOISE_RAD_S,
+            nominal_period_s=period_s,
+        ),
         DEFAULT_PRIOR,
         True,
         rough or CK13_STATISTICAL,

@@ -33,7 +33,7 @@ def run_frozen(
         stribeck=model.stribeck,
         gate=_OPEN_GATE,
         speed_variance=max(noise.variance - model.effects.reading_variance, 1.0e-3 * noise.variance),
-        acceleration_noise=noise.ratio * noise.variance / course.period_s,
+        acceleration_density=noise.ratio * noise.variance / course.period_s,
         stuck_variance=_STUCK_SHARE * noise.variance,
     )
     return filter_log(course, steered, mean, covariance, model.effects, keep_states=True, keep_history=keep_history)

@@ -14,10 +14,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
-from rw_ekf.filter.belief import Belief, filter_constants
+from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.record_scale import COULOMB_BAND, GAIN_BAND, RecordScale, busiest, default_scale
+from rw_ekf.identify.record_scale import COULOMB_BAND, DEFAULT_STRIBECK_SPEED_RAD_S, GAIN_BAND, RecordScale, busiest
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, FrictionParameters
 
@@ -56,7 +56,7 @@ def noise_of_record(
     with contextlib.suppress(FilterError, np.linalg.LinAlgError):
         fit = _fit(part, constants, prior, guessed_stribeck=guessed_stribeck)
         noises = fit.noises
-        guess, usual = constants.stribeck.omega_s, float(np.sqrt(constants.acceleration_noise))
+        guess, usual = constants.stribeck.omega_s, constants.acceleration_noise
         found = noises.acceleration_noise
         if not np.isfinite([found, noises.speed_noise_rad_s, *fit.parameters]).all():
             return None
@@ -108,8 +108,8 @@ def _best(
     """The likeliest fit from several starts, at the default's Stribeck speed and at the record's; None if all fail."""
     prior = Belief.of_known(mean, np.diag(np.square(std)))
     found = []
-    for omega_s in (default_scale(None).stribeck_speed_rad_s, scale.stribeck_speed_rad_s):
-        constants = filter_constants(scale.noise, omega_s, nominal_period_s=course.period_s)
+    for omega_s in (DEFAULT_STRIBECK_SPEED_RAD_S, scale.constants.stribeck.omega_s):
+        constants = scale.constants.with_stribeck_speed(omega_s)
         for start in starts:
             with contextlib.suppress(FilterError, np.linalg.LinAlgError):
                 found.append(fit_log(course, constants, prior, start))

@@ -102,7 +102,7 @@ def alarm_watch_of(
         return None
     about = WatchedFilter(
         constants.speed_variance,
-        constants.acceleration_noise,
+        constants.acceleration_density,
         constants.stribeck.omega_s,
         1.0 / configuration.loop.rate_hz,
         inertia_kg_m2,

@@ -27,12 +27,12 @@ class DragTracker:
         drag_rad_s2: float,
         std_rad_s2: float,
         speed_variance: float,
-        acceleration_noise: float,
+        acceleration_density: float,
         near_rest_rad_s: float,
     ) -> None:
         """reference: the estimator's state before the onset; speed_variance: R [rad^2/s^2].
 
-        acceleration_noise: of the speed [rad^2/s^2 per s], as the estimator's. near_rest_rad_s: below this speed the
+        acceleration_density: of the speed [rad^2/s^2 per s], as the estimator's. near_rest_rad_s: below this speed the
         wheel may stand still, and its drag shows nowhere.
         """
         self.reference = reference
@@ -40,7 +40,7 @@ class DragTracker:
         self.drag_rad_s2 = drag_rad_s2
         self._variance = speed_variance
         self._near_rest_rad_s = near_rest_rad_s
-        self._noise = acceleration_noise
+        self._noise = acceleration_density
         self._wander = (_WANDER * drag_rad_s2) ** 2
         self._p11, self._p12, self._p22 = speed_variance, 0.0, std_rad_s2**2
         self.drag_gain = 0.0  # of the last update, for the bank that waits for the next onset

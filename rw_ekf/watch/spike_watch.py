@@ -38,17 +38,17 @@ class SpikeWatch:
     def __init__(
         self,
         speed_variance: float,
-        acceleration_noise: float,
+        acceleration_density: float,
         period_s: float,
         threshold: float,
         smallest_share: float,
         inertia_kg_m2: float | None,
     ) -> None:
-        """speed_variance, acceleration_noise: of the estimator; period_s: of the loop; threshold: of the bank [-].
+        """speed_variance, acceleration_density: of the estimator; period_s: of the loop; threshold: of the bank [-].
 
         smallest_share: of Coulomb friction; a smaller spike is none. inertia_kg_m2: None: torques are not given.
         """
-        self._variance, self._noise = speed_variance, acceleration_noise
+        self._variance, self._noise = speed_variance, acceleration_density
         self._near_rest_rad_s = _NEAR_REST * math.sqrt(speed_variance)
         self._threshold, self._smallest, self._inertia = threshold, smallest_share, inertia_kg_m2
         self._bank = OnsetBank(LONGEST_ONSET_S, period_s)

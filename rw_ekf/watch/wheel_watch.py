@@ -26,7 +26,7 @@ class WatchedFilter(NamedTuple):
     """What the watch has to know of the estimator and its loop."""
 
     speed_variance: float  # R [rad^2/s^2]
-    acceleration_noise: float  # [rad^2/s^2 per s]
+    acceleration_density: float  # [rad^2/s^2 per s]
     stribeck_speed_rad_s: float
     period_s: float
     inertia_kg_m2: float | None  # None: torques are not given
@@ -47,7 +47,7 @@ class WheelWatch:
         self._reader = ObservationReader(about.speed_variance, about.period_s, about.stribeck_speed_rad_s)
         self._spikes = SpikeWatch(
             about.speed_variance,
-            about.acceleration_noise,
+            about.acceleration_density,
             about.period_s,
             onset_threshold(knobs.false_alarms_per_1000_h, about.period_s),
             0.01 * knobs.smallest_spike_percent,

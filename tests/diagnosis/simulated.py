@@ -14,7 +14,8 @@ from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, filter_constants
+from rw_ekf.filter.belief import DEFAULT_PRIOR
+from rw_ekf.filter.constants import filter_constants
 from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, Prior, linearise
 from rw_ekf.likelihood.model import Model
@@ -55,7 +56,7 @@ def record_of(run: PlantRun) -> Record:
     return Record.of(
         course,
         everything,
-        filter_constants(DEFAULT_NOISE, TRUTH.stribeck.omega_s, max_gap_s=MAX_GAP_S),
+        filter_constants(TRUTH.stribeck.omega_s, max_gap_s=MAX_GAP_S),
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 from rw_ekf.arrays import Float64Array
 from rw_ekf.cli import main
 from rw_ekf.filter import decisions
-from rw_ekf.filter.belief import chi_square_1_quantile
+from rw_ekf.filter.constants import chi_square_1_quantile
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import RAD_S_PER_RPM

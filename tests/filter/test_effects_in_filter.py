@@ -14,7 +14,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR
+from rw_ekf.filter.belief import DEFAULT_PRIOR
+from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
@@ -123,7 +124,7 @@ def test_the_filter_learns_what_the_plant_has(text: str, effects: EffectSet, tru
     The sigma is neither a third nor three times of what the errors over seeds say. Plant and filter share no code.
     """
     times, currents = sample_profile(make_profile("identification", seed=1), 10.0)
-    noise = PlantNoise(RAD_S_PER_RPM, DEFAULT_NOISE.acceleration_noise)
+    noise = PlantNoise(RAD_S_PER_RPM, DEFAULT_ACCELERATION_NOISE)
     errors, stds = [], []
     for seed in SEEDS:
         run = simulate_run(parse_effects([text]), currents[:3000], times[:3000], noise, seed=seed)

@@ -27,7 +27,7 @@ def textbook(log: Columns, constants: FilterConstants, belief: Belief, direction
         A[0] = (-B, log.current_A[i - 1], 0.0, -direction, 0.0)
         F = expm(A * dt)
         c = constants
-        rates = (c.acceleration_noise, c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift)
+        rates = (c.acceleration_density, c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift)
         x, P = F @ x, F @ P @ F.T + np.diag(rates) * dt
         if not np.isnan(log.speed_rad_s[i]):
             S = H @ P @ H.T + constants.speed_variance

@@ -19,7 +19,7 @@ from tests.truth import PUBLISHED, Run, fine_trajectory, run_of
 def test_the_noise_of_a_record_is_read_off_it(profile: str, noise_rpm: float) -> None:
     """Third differences give the readings' noise within 10 % on every published profile; the wheel is recognised."""
     scale = measure(run_of(profile, 1, noise_rpm=noise_rpm).course)
-    assert scale.noise.speed_noise_rad_s / RAD_S_PER_RPM == pytest.approx(noise_rpm, rel=0.1)
+    assert scale.constants.speed_noise_rad_s / RAD_S_PER_RPM == pytest.approx(noise_rpm, rel=0.1)
     assert scale.like_default_wheel
     assert scale.prior is DEFAULT_PRIOR
 
@@ -39,11 +39,11 @@ def test_a_foreign_plant_is_not_taken_for_the_default_wheel() -> None:
     run = carriage()
     scale = measure(run.course)
     assert not scale.like_default_wheel
-    assert scale.noise.speed_noise_rad_s == pytest.approx(2e-4, rel=0.1)
+    assert scale.constants.speed_noise_rad_s == pytest.approx(2e-4, rel=0.1)
     sigmas = (np.array(run.parameters) - scale.prior.mean[1:]) / scale.prior.std[1:]
     assert np.max(np.abs(sigmas)) < 2.0
     assert 0.5 < scale.rough.motor_gain / run.parameters.motor_gain < 2.0
-    assert 0.0002 < scale.stribeck_speed_rad_s < 0.02
+    assert 0.0002 < scale.constants.stribeck.omega_s < 0.02
 
 
 def test_a_wheel_in_the_wrong_units_is_not_taken_for_the_default_wheel() -> None:
@@ -71,4 +71,4 @@ def test_a_record_that_says_nothing_leaves_the_default_wheel(speed: Float64Array
     course = Course.of(np.linspace(0.0, 0.1 * speed.size, speed.size), speed, np.zeros(speed.size))
     scale = measure(course)
     assert scale.like_default_wheel
-    assert scale.noise.speed_noise_rad_s > 0.0
+    assert scale.constants.speed_noise_rad_s > 0.0

@@ -29,8 +29,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import FreeRun, free_run
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, Belief, NoiseModel, filter_constants, with_prior_table
-from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief, with_prior_table
+from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.smoother import smooth_log
@@ -93,7 +93,7 @@ def run_of(profile: str, seed: int, noise_rpm: float = 1.0) -> Run:
 
 def constants_for(noise_rpm: float = 1.0) -> FilterConstants:
     """Default process noise, given reading noise."""
-    return filter_constants(NoiseModel(noise_rpm * RAD_S_PER_RPM, DEFAULT_NOISE.acceleration_noise), OMEGA_S)
+    return filter_constants(OMEGA_S, speed_noise_rad_s=noise_rpm * RAD_S_PER_RPM)
 
 
 def prior_for(seed: int) -> Belief:

@@ -20,8 +20,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.filter import decisions
-from rw_ekf.filter.belief import DEFAULT_NOISE, DEFAULT_PRIOR, NoiseModel, filter_constants
-from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.belief import DEFAULT_PRIOR
+from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.estimator import OUTCOMES
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
@@ -111,8 +111,7 @@ def filtered(run: PlantRun, noise_rpm: float = 1.0) -> tuple[FilterConstants, Fi
     """Filter a run as the daemon would with its default prior; noise_rpm: what the configuration says."""
     delay_s = np.full(run.time_s.size, run.command_delay_s)
     course = Course.of(run.time_s, run.measured_speed_rad_s, run.current_command_A, delay_s)
-    noise = NoiseModel(noise_rpm * RAD_S_PER_RPM, DEFAULT_NOISE.acceleration_noise)
-    constants = filter_constants(noise, OMEGA_S)
+    constants = filter_constants(OMEGA_S, speed_noise_rad_s=noise_rpm * RAD_S_PER_RPM)
     return constants, filter_log(course, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
 
 
@@ -142,7 +141,11 @@ def stream(run: PlantRun, constants: FilterConstants, done: FilterRun) -> Iterat
 def watch_of(constants: FilterConstants, knobs: WatchKnobs | None = None) -> WheelWatch:
     """The daemon's watch for these constants."""
     about = WatchedFilter(
-        constants.speed_variance, constants.acceleration_noise, constants.stribeck.omega_s, 1.0 / RATE_HZ, INERTIA_KG_M2
+        constants.speed_variance,
+        constants.acceleration_density,
+        constants.stribeck.omega_s,
+        1.0 / RATE_HZ,
+        INERTIA_KG_M2,
     )
     return WheelWatch(about, WatchKnobs() if knobs is None else knobs)
 

@@ -168,17 +168,17 @@ def _set_up(
         if model.effects.terms:
             refuse_runaway_model(source.log.name, course, setup, model)
         setup = replace(setup, prior=_aged(model))
-    noise = setup.noise.speed_noise_rad_s
+    noise = setup.constants.speed_noise_rad_s
     own = setup if configuration is None and model is None else setup_of_record(course)
     top = float(np.nanquantile(np.abs(course.speed_rad_s), 0.999))
-    if own.noise.speed_noise_rad_s < _CLEAN * top:
+    if own.constants.speed_noise_rad_s < _CLEAN * top:
         least = _LEAST_NOISE * top
         course = course._replace(
             speed_rad_s=course.speed_rad_s + least * np.random.default_rng(0).standard_normal(wrong.size)
         )
         if own is setup:
             setup = setup_of_record(course)
-        noise = max(setup.noise.speed_noise_rad_s, least)
+        noise = max(setup.constants.speed_noise_rad_s, least)
         notes += (
             f"the readings are cleaner than any integration of a wheel near rest: noise of {rpm_from_rad_s(least):.2g} "
             "rpm was added to them",
@@ -206,7 +206,7 @@ def _given(model: WheelModel) -> tuple[tuple[str, float, float], ...]:
 
 def _references(course: Course, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
     """Where a fit of the part that is searched may start; nothing of the held-out part is looked at."""
-    noise = setup.noise.speed_noise_rad_s
+    noise = setup.constants.speed_noise_rad_s
     blind = course._replace(speed_rad_s=np.where(split.fit, course.speed_rad_s, np.nan))
     bare = model_of_setup(setup, parameters).base
     return [read_reference(blind, noise), smoothed_by_filter(course, split.fit, bare, setup.constants, noise)]
@@ -214,7 +214,7 @@ def _references(course: Course, split: Split, parameters: FrictionParameters, se
 
 def _with_base(prepared: Prepared, model: Model) -> Prepared:
     """Fit the base to the present fit part."""
-    noise = prepared.setup.noise.speed_noise_rad_s
+    noise = prepared.setup.constants.speed_noise_rad_s
     references = _references(prepared.course, prepared.split, model.parameters, prepared.setup)
     base = robust_fit(prepared.fit_part, model, prepared.prior, noise, references)
     channels = prepared.facts.channels
