@@ -181,7 +181,7 @@ def constants_for(noise_rpm: float = 1.0, law: str = "gauss", acceleration_rpm: 
 
 def prior_drawn_around(truth: FrictionParameters, seed: int, share: float = 0.5) -> Belief:
     """The default prior, its mean drawn around the truth with `share` of its own standard deviation."""
-    spread = np.linalg.cholesky(DEFAULT_PRIOR.covariance[1:, 1:])
+    spread = np.linalg.cholesky(DEFAULT_PRIOR.parameter_covariance)
     mean = np.zeros(5)
     mean[1:] = np.array(truth) + share * spread @ np.random.default_rng(1000 + seed).standard_normal(4)
     return Belief(mean, DEFAULT_PRIOR.covariance.copy())

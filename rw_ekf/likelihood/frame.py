@@ -87,7 +87,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Noise:
-    """Variance of a reading R [rad^2/s^2] and ratio of process noise, q dt / R."""
+    """The two noises as a fit profiles them: R [rad^2/s^2] of a reading, and q dt / R (a filter: FilterConstants)."""
 
     variance: float
     ratio: float

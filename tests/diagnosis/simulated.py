@@ -29,7 +29,7 @@ from tests.truth import OMEGA_S
 RATE_HZ = 10.0
 MAX_GAP_S = 2.0
 TRUTH = Model(CK13_STATISTICAL, Stribeck(OMEGA_S, GAUSS))  # the healthy plant
-PRIOR = Prior.of(DEFAULT_PRIOR.mean[1:], DEFAULT_PRIOR.covariance[1:, 1:])
+PRIOR = Prior.of(np.array(DEFAULT_PRIOR.parameters), DEFAULT_PRIOR.parameter_covariance)
 
 
 def simulated(

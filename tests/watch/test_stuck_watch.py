@@ -18,7 +18,7 @@ from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 PERIOD_S = 0.1
 SILENCE_S = 0.5
 STRIBECK = 4.0 * RAD_S_PER_RPM
-PRIOR = ParameterBelief(DEFAULT_PRIOR.parameters, DEFAULT_PRIOR.covariance[1:, 1:])
+PRIOR = ParameterBelief(DEFAULT_PRIOR.parameters, DEFAULT_PRIOR.parameter_covariance)
 
 
 class Wheel(NamedTuple):

@@ -19,6 +19,7 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts
+from rw_ekf.model.state import PARAMETER_COUNT
 
 _RATIOS_BELOW = 6
 _SCREENED = 24
@@ -202,7 +203,7 @@ def _restriction(A: Float64Array, prior: Prior | None) -> float:
     """Half the log-determinant of the information on the model's own vector."""
     normal = A.T @ A
     if prior is not None:
-        normal[:4, :4] += prior.root.T @ prior.root
+        normal[:PARAMETER_COUNT, :PARAMETER_COUNT] += prior.root.T @ prior.root
     scale = np.sqrt(np.maximum(np.diag(normal), 1.0e-300))
     return float(0.5 * np.linalg.slogdet(normal / np.outer(scale, scale) + 1.0e-12 * np.eye(scale.size))[1]
                  + np.sum(np.log(scale)))  # fmt: skip
@@ -229,7 +230,7 @@ def basis(A: Float64Array, prior: Prior | None, model: Model) -> Float64Array:
     if prior is None:
         U, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
         return np.asarray(U[:, sizes > 1.0e-8 * sizes[0]])
-    pull = np.zeros((4, A.shape[1]))
-    pull[:, :4] = prior.root
+    pull = np.zeros((PARAMETER_COUNT, A.shape[1]))
+    pull[:, :PARAMETER_COUNT] = prior.root
     U, sizes, _ = np.linalg.svd(np.vstack((scaled, pull / weights)), full_matrices=False)
-    return np.asarray(U[:-4, sizes > 1.0e-8 * sizes[0]])
+    return np.asarray(U[:-PARAMETER_COUNT, sizes > 1.0e-8 * sizes[0]])
