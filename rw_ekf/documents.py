@@ -69,6 +69,11 @@ def effects_document(effects: EffectSet, belief: Belief) -> dict[str, Any]:
     return found
 
 
+def effects_text(effects: Mapping[str, Any]) -> list[str]:
+    """A line for each effect of an `effects_document`."""
+    return [f"  {name}: {plus_minus(item['value'], item['std'])} {item['unit']}" for name, item in effects.items()]
+
+
 def inertia_text(inertia_kg_m2: float, inertia_from: str) -> str:
     """The inertia that turned accelerations into torques, and who gave it."""
     whose = {"configuration": "as configured", "model": "from the model"}.get(
@@ -97,9 +102,7 @@ def entry_text(entry: Mapping[str, Any], belief: Belief, setup: FilterSetup) -> 
     ]
     width = max(len(name) for name in PARAMETER_NAMES)
     lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief.core, prior.core)]
-    lines += [
-        f"  {name}: {plus_minus(item['value'], item['std'])} {item['unit']}" for name, item in entry["effects"].items()
-    ]
+    lines += effects_text(entry["effects"])
     if setup.inertia_kg_m2 is not None:
         core = belief.core
         lines.append("  " + torques_text(core.parameters, core.parameter_std, setup.inertia_kg_m2, setup.inertia_from))

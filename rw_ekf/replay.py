@@ -154,7 +154,7 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
     """Whether what a fit of the four parameters leaves of the log is noise (docs/decisions/0012).
 
     Judged at the log's own noises, where a wrong model does not pass for a noisy one; that the noises are other than
-    the setup's is told apart from that. A model with effects is judged where the filter ended: the fit knows none.
+    the setup's is told apart from that. A model with effects is judged where the filter ended.
     """
     if setup.fit_of_record is not None:
         return consistency_of_fit(setup.fit_of_record, setup.constants)

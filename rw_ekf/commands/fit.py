@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("log", metavar="LOG", help="CSV, Parquet or MATLAB file")
     add_log_options(parser)
-    parser.add_argument("--prior", metavar="F", help="model YAML that serves as the a priori")
+    parser.add_argument(
+        "--prior", metavar="F", help="model YAML that serves as the a priori; its effects are fitted too"
+    )
     parser.add_argument(
         "--method",
         choices=("least-squares", "deterministic"),
@@ -52,35 +55,42 @@ def execute(args: argparse.Namespace) -> int:
 
     from rw_ekf import compile_ahead
     from rw_ekf.console import progress
+    from rw_ekf.course.conditions import with_conditions
     from rw_ekf.course.course import Course
-    from rw_ekf.documents import FIT_SCHEMA, physical, torques_text
+    from rw_ekf.documents import FIT_SCHEMA, effects_document, physical, torques_text
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
+    from rw_ekf.model.state import MOTOR_GAIN, STATE_SIZE
+    from rw_ekf.replay import refuse_runaway_model
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
     from rw_ekf.wheel.model_file import refusal_of
 
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)
     prior_model = read_wheel_model(args.prior, configuration)
-    if prior_model is not None and prior_model.effects.terms:
-        ignored = f"the effects of the prior ({', '.join(prior_model.effects.ids)}) are left out: fit knows none"
+    ignored = []
+    if prior_model is not None and prior_model.effects.terms and args.method == "deterministic":
+        named = ", ".join(prior_model.effects.ids)
+        ignored = [f"the effects of the prior ({named}) are left out: the deterministic method knows none"]
         prior_model = without_effects(prior_model)
-    else:
-        ignored = None
     (log,) = read_logs([args.log], args.columns)
     course = Course.of_log(log)
     readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < 10:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
-    make_ready(compile_ahead.FIT)
+    augmented = prior_model if prior_model is not None and prior_model.effects.terms else None
+    make_ready(compile_ahead.FIT if augmented is None else compile_ahead.DIAGNOSIS)
     setup = setup_of_record(course, configuration, prior_model)
+    if augmented is not None:
+        refuse_runaway_model(log.name, course, setup, augmented)
+        course = with_conditions(course)
     with progress("fit", None, " evaluations") as bar:
         belief, found, quality, warnings = _fit(args.method, course, log, setup, bar.update)
-    warnings = [*warnings, *([ignored] if ignored else [])]
     noise = found if args.noise else None
     reports = report(belief, setup.prior)
+    here = slice(MOTOR_GAIN, STATE_SIZE + setup.effects.size)
     document: dict[str, Any] = {
         "schema": FIT_SCHEMA,
         "log": log.name,
@@ -96,12 +106,13 @@ def execute(args: argparse.Namespace) -> int:
             }
             for item in reports
         },
-        "covariance": belief.parameter_covariance.tolist(),
+        "covariance": belief.covariance[here, here].tolist(),
+        **({} if augmented is None else {"effects": effects_document(setup.effects, belief)}),
         "physical": physical(belief.parameters, setup.inertia_kg_m2),
         "inertia_kg_m2": setup.inertia_kg_m2,
         **quality,
         "noise": _noise_document(noise),
-        "warnings": [*log.warnings, *setup.notes, *warnings],
+        "warnings": [*log.warnings, *setup.notes, *warnings, *ignored],
     }
     refusal = None
     if args.out is not None:
@@ -165,9 +176,10 @@ def _least_squares(
     from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
     from rw_ekf.units import rpm_from_rad_s
 
-    free_run = least_squares(course, setup.constants, setup.prior, advance=advance)
+    free_run = least_squares(course, setup.constants, setup.prior, setup.effects, advance=advance)
+    effects = setup.effects.with_values(free_run.coefficients, free_run.std[len(free_run.parameters) :])
     found = fit_log(
-        course, setup.constants, setup.prior.core, free_run.parameters,
+        course, setup.constants, setup.prior, free_run.parameters, effects,
         stribeck_speed_std=setup.stribeck_speed_std, advance=advance,
     )  # fmt: skip
     covariance = 0.5 * (found.covariance + found.covariance.T)
@@ -187,8 +199,19 @@ def _least_squares(
     judged = consistency_of_fit(found, setup.constants)
     if judged.is_noise is False:
         said += judged.warnings()
-    belief = Belief.of_known(found.parameters, covariance, speed_variance=setup.constants.speed_variance)
-    return belief, found.noises, quality, said
+    belief = Belief.of_known(
+        (*found.parameters, *found.effects.values), covariance, speed_variance=setup.constants.speed_variance
+    )
+    return belief, _without_reading_effects(found.noises, setup), quality, said
+
+
+def _without_reading_effects(noises: NoisePosterior, setup: FilterSetup) -> NoisePosterior:
+    """The readings' noise beside what effects add to it."""
+    added = setup.effects.reading_variance
+    if added == 0.0:
+        return noises
+    variance = noises.speed_noise_rad_s**2
+    return replace(noises, speed_noise_rad_s=math.sqrt(max(variance - added, 1.0e-3 * variance)))
 
 
 def _noise_document(noise: NoisePosterior | None) -> dict[str, Any] | None:
@@ -207,10 +230,12 @@ def _noise_document(noise: NoisePosterior | None) -> dict[str, Any] | None:
 
 
 def _print(document: dict[str, Any], reports: list[Any], noise: NoisePosterior | None, torques: str | None) -> None:
+    from rw_ekf.documents import effects_text
     from rw_ekf.numbers import plus_minus
 
     lines = [f"{document['log']}: {document['samples']} samples, {document['method']}"]
     lines += [f"  {item.name:<10}  {item.text()}" for item in reports]
+    lines += effects_text(document["effects"]) if "effects" in document else []
     lines += [f"  {torques}"] if torques is not None else []
     if "residual_rms_rpm" in document:
         state = "converged" if document["converged"] else "NOT converged"

@@ -12,7 +12,7 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
-from rw_ekf.model.state import PARAMETER_COUNT, SPEED
+from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.table import ABSENT
 
 _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may still be off by
@@ -20,8 +20,9 @@ _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may stil
 
 @dataclass(frozen=True)
 class Prior:
-    """Weak a priori on the four parameters: mean (4,), and W (4, 4) with W' W the inverse covariance.
+    """A priori on the first k of a model's vector: mean (k,), and W (k, k) with W' W the inverse covariance.
 
+    These are the four parameters, or all of a model's coefficients with them.
     given: coefficients of effects that a model file brought, (id, mean, standard deviation), in the model's order.
     """
 
@@ -31,9 +32,9 @@ class Prior:
 
     def rows(self, model: Model) -> tuple[Float64Array, Float64Array]:
         """What is known of a model's vector x (p,) as W x = aim, each row of unit variance: W (k, p), aim (k,)."""
-        size = model.vector.size
-        found, aims = [np.zeros((PARAMETER_COUNT, size))], [self.root @ self.mean]
-        found[0][:, :PARAMETER_COUNT] = self.root
+        size, known = model.vector.size, self.mean.size
+        found, aims = [np.zeros((known, size))], [self.root @ self.mean]
+        found[0][:, :known] = self.root
         left = [(place, term.id) for term, at in model.placed for place in range(at.start, at.stop)]
         for name, mean, std in self.given:
             found_at = next((item for item in left if item[1] == name), None)
@@ -47,7 +48,7 @@ class Prior:
 
     @classmethod
     def of(cls, mean: Float64Array, covariance: Float64Array) -> Prior:
-        """From a belief over the parameters."""
+        """From a mean (k,) and a covariance (k, k)."""
         return cls(mean, np.linalg.cholesky(np.linalg.inv(covariance)).T)
 
 

@@ -1,9 +1,10 @@
-"""The four parameters of a whole log by generalised least squares: torque noise and reading noise both in the weights.
+"""A whole log fitted by generalised least squares: torque noise and reading noise both in the weights.
 
 The free run of [CK13 (6)] takes every error for reading noise. A real wheel's speed is also moved by torque that no
 model has, and that error stays: the free run's residual wanders, and its least-squares sigmas are several times too
 small. Here every interval is predicted from the smoothed speed, one Kalman filter makes the errors independent
-(docs/diagnosis.md eq. 1-5), and the ratio of the two noises is integrated out (`noise_posterior`).
+(docs/diagnosis.md eq. 1-5), and the ratio of the two noises is integrated out (`noise_posterior`). Fitted are the four
+parameters and, where the model has effects, their coefficients.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
-from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.one_step import Record, state_vector
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.structure import structure
 from rw_ekf.model.effect import Term
-from rw_ekf.model.state import FrictionParameters
+from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, FrictionParameters
+from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
-_PARAMETERS = 4
 _SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
 
 
@@ -41,7 +42,8 @@ class LogFit:
     """Parameters of a whole log, noises, and the fit they are linearised at."""
 
     parameters: FrictionParameters
-    covariance: Float64Array  # (4, 4)
+    effects: EffectSet  # with the coefficients found
+    covariance: Float64Array  # (4 + m, 4 + m)
     stribeck_speed_rad_s: float
     stribeck_speed_std: float  # 0 where it was given
     noises: NoisePosterior
@@ -50,7 +52,7 @@ class LogFit:
 
     @property
     def std(self) -> Float64Array:
-        """Standard deviations of the four parameters."""
+        """Standard deviations of the four parameters and the coefficients, (4 + m,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -70,20 +72,25 @@ def fit_log(
     constants: FilterConstants,
     prior: Belief,
     start: FrictionParameters,
+    effects: EffectSet = NO_EFFECTS,
     *,
     stribeck_speed_std: float = 0.0,
     advance: Callable[[], object] = lambda: None,
 ) -> LogFit:
     """Fit the four parameters to all of `course` from `start`; constants give R to begin with and the Stribeck curve.
 
+    effects: their coefficients in the state are fitted with the rest, from their values; the prior is then that of a
+    model with them. Their shapes stay.
     stribeck_speed_std: where the Stribeck speed is a guess, how far it may be off [rad/s]; it is then fitted too, and
     what is not known of it is in the parameters' covariance. The readings must not be all missing.
     """
     noise = float(np.sqrt(constants.speed_variance))
     everything = np.ones(course.samples, dtype=bool)
     record = Record.of(course, everything, constants)
-    bare = Model(start, constants.stribeck)
-    known = Prior.of(np.array(prior.parameters), prior.parameter_covariance)
+    bare = Model(start, constants.stribeck, EffectSet(tuple(replace(term, settled=True) for term in effects.terms)))
+    size = bare.known
+    here = slice(MOTOR_GAIN, MOTOR_GAIN + size)
+    known = Prior.of(prior.mean[here], prior.covariance[here, here])
     model, (omega_s, law) = bare, constants.stribeck
     if stribeck_speed_std > 0.0:
         shape = (float(law), 0.0, 0.0)
@@ -92,16 +99,20 @@ def fit_log(
         given = (free.id, omega_s, stribeck_speed_std)
         known = Prior(known.mean, known.root, (given,))
     advance()
-    starts = [read_reference(course, noise), smoothed_by_filter(course, everything, bare, constants, noise)]
+    seen = bare.base if effects.table().hidden else bare
+    starts = [read_reference(course, noise), smoothed_by_filter(course, everything, seen, constants, noise)]
     fit = robust_fit(record, model, known, noise, starts)
     advance()
     noises = noise_posterior(fit.frame, known, fit.noise)
     found = fit.model.vector + fit.model.limited(noises.correction)
+    fitted = bare.with_vector(found[:size])
+    std = np.sqrt(np.maximum(np.diag(noises.covariance)[:size], 0.0))
     return LogFit(
-        parameters=FrictionParameters(*(float(v) for v in found[:_PARAMETERS])),
-        covariance=noises.covariance[:_PARAMETERS, :_PARAMETERS],
-        stribeck_speed_rad_s=float(found[_PARAMETERS]) if model is not bare else omega_s,
-        stribeck_speed_std=float(np.sqrt(noises.covariance[_PARAMETERS, _PARAMETERS])) if model is not bare else 0.0,
+        parameters=fitted.parameters,
+        effects=fitted.effects.with_values(fitted.effects.values, std[PARAMETER_COUNT:]),
+        covariance=noises.covariance[:size, :size],
+        stribeck_speed_rad_s=float(found[size]) if model is not bare else omega_s,
+        stribeck_speed_std=float(np.sqrt(noises.covariance[size, size])) if model is not bare else 0.0,
         noises=noises,
         fit=fit,
         prior=known,
@@ -117,12 +128,15 @@ def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     frame, noises = fit.fit.frame, fit.noises
     course = frame.record.course
     ratio = noises.acceleration_noise**2 * course.period_s / noises.speed_noise_rad_s**2
-    r, A, _ = frame.whitened(ratio, noises.speed_noise_rad_s**2, frame.columns)
+    r, A, _ = frame.whitened(ratio, noises.speed_noise_rad_s**2, frame.columns, frame.memory_columns)
     left = r - A @ noises.correction
     found = consistency_of(left, np.ones(left.size), np.ones(left.size, dtype=bool))
     if found.whiteness_p is None:
         return found
-    mean, covariance = frozen(fit.parameters)
-    run = filter_log(course, without_drift(constants), mean, covariance)
+    coefficients = np.array([*fit.parameters, *fit.effects.values])
+    mean, covariance = frozen(fit.parameters, state_vector(coefficients, fit.effects))
+    run = filter_log(course, without_drift(constants), mean, covariance, fit.effects)
     told = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
-    return replace(found, noise_ratio=told.noise_ratio, structure_p=structure(fit.fit, fit.prior).p_value)
+    with_memory = frame.memory_columns.size > 0  # what would be added has no slope by the memory
+    p_value = None if with_memory else structure(fit.fit, fit.prior).p_value
+    return replace(found, noise_ratio=told.noise_ratio, structure_p=p_value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rw_ekf.arrays import BoolArray
+from rw_ekf.course.conditions import bridged
 from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.smoother import smooth_log
@@ -21,10 +22,7 @@ _FILTER_RATIO = 1.0e-3  # q dt / R
 
 def read_reference(course: Course, noise_rad_s: float) -> Reference:
     """The readings themselves, gaps bridged: no model has had a say in them."""
-    speed = course.speed_rad_s
-    index = np.arange(speed.size)
-    good = np.isfinite(speed)
-    return Reference.of_speed(np.interp(index, index[good], speed[good]), np.full(speed.size, noise_rad_s))
+    return Reference.of_speed(bridged(course.speed_rad_s), np.full(course.samples, noise_rad_s))
 
 
 def smoothed_by_filter(

@@ -1,4 +1,4 @@
-"""Is there structure beside the four parameters? One joint test of what wheels usually lack.
+"""Is there structure beside what is fitted? One joint test of what wheels usually lack.
 
 A wrong model pays in process noise, and once a filter is told of that noise its innovations look like innovations
 should. So the question is not whether they are white, but whether a few more columns would make the readings clearly
@@ -58,7 +58,7 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
 
 
 def structure(fit: Fit, prior: Prior) -> Structure:
-    """Test the fit of a model without effects for what the commonest effects would add."""
+    """Test the fit of a model without friction that has a memory for what the commonest effects would add."""
     frame = fit.frame
     extra = _columns(fit)
     best_with, best_without = -math.inf, -math.inf

@@ -1,39 +1,19 @@
-"""What surrounds the speed in a log: temperature and angle without gaps, and the facts that the catalogue asks for."""
+"""The facts of a log that the catalogue of effects asks for."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.split import reversals
 from rw_ekf.likelihood.model import Model
-from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
+from rw_ekf.model.effect import RecordFacts
 
-_LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
 _TURN_PER_SAMPLE = 2.0  # rad: an angle is integrated where the wheel is slow enough for some of the record
 _SLOW_SHARE = 0.02
 _LEAST_FOR_PERIOD = 40  # samples
 _REPEATS = 0.98  # of the autocorrelation at no lag
-
-
-def filled(values: Float64Array, otherwise: float) -> tuple[Float64Array, bool]:
-    """A channel with its gaps filled by the value before, and whether it was logged at all."""
-    good = np.isfinite(values)
-    if good.mean() < _LEAST_LOGGED:
-        return np.full(values.size, otherwise), False
-    last = np.maximum.accumulate(np.where(good, np.arange(values.size), 0))
-    out = values[last]
-    out[~np.isfinite(out)] = values[good][0]
-    return out, True
-
-
-def integrated_angle(course: Course, reference: Float64Array) -> Float64Array:
-    """Angle turned since the start of each segment [rad], (n,), from a smoothed speed."""
-    dt = np.diff(course.time_s)
-    same = np.diff(course.segment) == 0
-    turned = np.where(same, 0.5 * (reference[1:] + reference[:-1]) * dt, 0.0)
-    return np.concatenate(([0.0], np.cumsum(turned)))
 
 
 def facts_of(
@@ -89,6 +69,3 @@ def command_frequency(course: Course) -> float:
     first = int(crossed[0] + again[0])
     end = first + int(np.argmax(np.append(level[first:] < _REPEATS, True)))
     return float(1.0 / (course.period_s * (first + int(np.argmax(level[first:end])))))
-
-
-__all__ = ["REFERENCE_DEGC", "facts_of", "filled", "integrated_angle"]

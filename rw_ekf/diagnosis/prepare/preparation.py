@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.conditions import filled, integrated_angle
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.prepare.conditions import REFERENCE_DEGC, facts_of, filled, integrated_angle
+from rw_ekf.diagnosis.prepare.conditions import facts_of
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, split_record
 from rw_ekf.filter.belief import Belief
@@ -21,7 +22,7 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.work import Work
-from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.replay import refuse_runaway_model
 from rw_ekf.starting_point import FilterSetup, setup_of_record

@@ -1,0 +1,46 @@
+"""Temperature and angle along a course without gaps: what effects read of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
+from rw_ekf.model.effect import REFERENCE_DEGC
+
+_LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
+
+
+def filled(values: Float64Array, otherwise: float) -> tuple[Float64Array, bool]:
+    """A channel with its gaps filled by the value before, and whether it was logged at all."""
+    good = np.isfinite(values)
+    if good.mean() < _LEAST_LOGGED:
+        return np.full(values.size, otherwise), False
+    last = np.maximum.accumulate(np.where(good, np.arange(values.size), 0))
+    out = values[last]
+    out[~np.isfinite(out)] = values[good][0]
+    return out, True
+
+
+def integrated_angle(course: Course, reference: Float64Array) -> Float64Array:
+    """Angle turned since the start of each segment [rad], (n,), from a smoothed speed."""
+    dt = np.diff(course.time_s)
+    same = np.diff(course.segment) == 0
+    turned = np.where(same, 0.5 * (reference[1:] + reference[:-1]) * dt, 0.0)
+    return np.concatenate(([0.0], np.cumsum(turned)))
+
+
+def bridged(values: Float64Array) -> Float64Array:
+    """Readings (n,) with straight lines over gaps; not all may be missing."""
+    index = np.arange(values.size)
+    good = np.isfinite(values)
+    return np.interp(index, index[good], values[good])
+
+
+def with_conditions(course: Course) -> Course:
+    """The same, temperature and angle filled; where not logged, the reference's and the readings' integral."""
+    temperature, _ = filled(course.temperature_degC, REFERENCE_DEGC)
+    angle, turned = filled(course.angle_rad, 0.0)
+    if not turned:
+        angle = integrated_angle(course, bridged(course.speed_rad_s))
+    return course._replace(temperature_degC=temperature, angle_rad=angle)
