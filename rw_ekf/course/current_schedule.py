@@ -35,6 +35,8 @@ def pieces_of_log(
         np.subtract(time_s[1:], time_s[:-1], out=duration[:-1])
         duration[edges[1:] - 1] = 0.0  # from the last sample of a segment nothing leads on
         return Pieces(time_s, duration, np.asarray(current_A, dtype=np.float64)), np.arange(n, dtype=np.int64)
+    if edges.size == 2:
+        return _pieces_of_segment(time_s, current_A, delay_s)
     start = np.zeros(n, np.int64)
     found: list[Pieces] = []
     count = 0
@@ -67,10 +69,13 @@ def _pieces_of_prompt_commands(
     """The same where each command acts before the next reading, as nearly all do: nothing need be sorted."""
     edges = np.empty(2 * time_s.size - 1)
     edges[::2], edges[1::2] = time_s, switch_s[:-1]
-    kept = np.ones(edges.size, dtype=bool)
-    kept[1::2] = switch_s[:-1] > time_s[:-1]
+    later = switch_s[:-1] > time_s[:-1]
     current = np.repeat(current_A[:-1], 2)
-    current[2::2] = np.where(kept[3::2], current_A[:-2], current_A[1:-1])
+    current[2::2] = np.where(later[1:], current_A[:-2], current_A[1:-1])
+    if later.all():
+        return Pieces(edges[:-1], np.diff(edges), current), 2 * np.arange(time_s.size)
+    kept = np.ones(edges.size, dtype=bool)
+    kept[1::2] = later
     start, edges = (np.cumsum(kept) - 1)[::2], edges[kept]
     return Pieces(edges[:-1], np.diff(edges), current[kept[:-1]]), start
 
