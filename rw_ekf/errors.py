@@ -3,7 +3,7 @@
 RwEkfError              exit status 1: the work failed
 ├── BadInputError       exit status 2: a file, key, value or option that the user can mend
 │   ├── ConfigError     a configuration, wire map, model or column map (file:line:column: message; one line per finding)
-│   └── LogError        a log that cannot be read or used
+│   └── LogError        a log that cannot be read or used (EmptyLogError: because there is no row in it)
 ├── DriverError         the wheel's link: cannot be opened, lost, answers garbage
 └── FilterError         the filter was given something that is not a number, or its covariance broke
 EndOfRecord             not an error: a replayed record has no more samples
@@ -34,6 +34,10 @@ class ConfigError(BadInputError):
 
 class LogError(BadInputError):
     """A log cannot be read, or does not hold what it must."""
+
+
+class EmptyLogError(LogError):
+    """A log holds no row: there is nothing in it, and nothing wrong with it."""
 
 
 class DriverError(RwEkfError):

@@ -133,6 +133,7 @@ def run_daemon(
             run = RunContext(
                 files=files,
                 wheel=configuration.wheel.name,
+                output=configuration.output,
                 state_names=setup.state_names,
                 clock=clock,
                 logger=logger,

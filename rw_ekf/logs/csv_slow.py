@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.errors import LogError
+from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def read_slowly(file: CsvFile, name: str) -> RawTable:
     if not lines:
         rest = f" ({warnings[0]})" if warnings else ""
         what = "has a header but no rows" if file.has_header else "has no rows"
-        raise LogError(f"{name}: {what}: nothing was logged{rest}")
+        raise EmptyLogError(f"{name}: {what}: nothing was logged{rest}")
     arrays = [_array(cells, numeric) for cells, numeric in zip(columns, file.numeric, strict=True)]
     return RawTable(name, file.names, arrays, len(lines), lambda row: f"line {lines[row]}", warnings)
 
@@ -49,7 +50,7 @@ def place_finder(file: CsvFile) -> Callable[[int], str]:
     """Make the function that finds the physical line of a data row; it reads the file again only if it is called."""
 
     def place(row: int) -> str:
-        with _rows(file, str(file.path)) as rows:
+        with _rows(file, str(file.text.path)) as rows:
             for index, (line, _) in enumerate(rows):
                 if index == row:
                     return f"line {line}"
@@ -61,7 +62,7 @@ def place_finder(file: CsvFile) -> Callable[[int], str]:
 @contextmanager
 def _rows(file: CsvFile, name: str) -> Iterator[Iterator[tuple[int, list[str]]]]:
     """Rows that are not blank, each with its physical line; faults of the text itself become LogError."""
-    with file.path.open(encoding="utf-8-sig", newline="") as stream:
+    with io.TextIOWrapper(file.text.open(), encoding="utf-8-sig", newline="") as stream:
         for _ in range(file.first_line - 1):
             stream.readline()
         reader = csv.reader(stream, delimiter=file.layout.delimiter)
@@ -123,14 +124,15 @@ def _truncation(file: CsvFile, row: tuple[int, list[str]]) -> str | None:
 
 
 def _ends_with_newline(file: CsvFile) -> bool:
-    with file.path.open("rb") as stream:
+    with file.text.open() as stream:
         stream.seek(-1, 2)
         return stream.read(1) in b"\r\n"
 
 
 def _bad_byte(file: CsvFile, error: UnicodeDecodeError) -> str:
     """Place of the first byte that is not UTF-8."""
-    data = file.path.read_bytes()
+    with file.text.open() as stream:
+        data = stream.read()
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as whole:

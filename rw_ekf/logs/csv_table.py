@@ -7,11 +7,11 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rw_ekf.errors import LogError
+from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs import csv_slow
+from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class CsvLayout:
 class CsvFile:
     """A CSV file whose header has been read."""
 
-    path: Path
+    text: LogText
     layout: CsvLayout
     names: tuple[str, ...]
     has_header: bool
@@ -44,26 +44,30 @@ class CsvFile:
 
 
 def read_csv_table(
-    path: Path, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
+    text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
 ) -> RawTable:
     """Read a CSV file; columns for which `must_be_numeric(number, name)` holds become float64, others as they are.
 
-    Raises LogError naming the line and the column of the first fault.
+    Raises LogError naming the line and the column of the first fault, EmptyLogError for a file without data.
     """
-    names, has_header, first_line = _header(path, layout, name_shown)
+    names, has_header, first_line = _header(text, layout, name_shown)
     numeric = tuple(must_be_numeric(index, name) for index, name in enumerate(names))
-    file = CsvFile(path, layout, names, has_header, first_line, numeric)
+    file = CsvFile(text, layout, names, has_header, first_line, numeric)
     table = _fast(file)
     if table is None:
-        return csv_slow.read_slowly(file, name_shown)
-    if table.num_rows == 0:
-        raise no_rows(name_shown, has_header)
-    return RawTable(name_shown, names, list(table.columns), table.num_rows, csv_slow.place_finder(file))
-
-
-def no_rows(name: str, has_header: bool) -> LogError:
-    """Give the error for a file without data."""
-    return LogError(f"{name}: {'has a header but no rows' if has_header else 'has no rows'}: nothing was logged")
+        read = csv_slow.read_slowly(file, name_shown)
+    elif table.num_rows == 0:
+        raise EmptyLogError(
+            f"{name_shown}: {'has a header but no rows' if has_header else 'has no rows'}: nothing was logged"
+        )
+    else:
+        read = RawTable(name_shown, names, list(table.columns), table.num_rows, csv_slow.place_finder(file))
+    if text.torn is not None:
+        read.warnings.append(
+            f"{name_shown}: is a damaged or incomplete compressed file ({text.torn}); the {read.rows} rows before that "
+            "were read"
+        )
+    return read
 
 
 def _fast(file: CsvFile) -> pa.Table | None:
@@ -74,7 +78,7 @@ def _fast(file: CsvFile) -> pa.Table | None:
     keys = [str(index) for index in range(len(file.names))]  # positions: names may repeat, or have blanks around
     try:
         table = pa_csv.read_csv(
-            file.path,
+            file.text.for_arrow(),
             read_options=pa_csv.ReadOptions(skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES),
             parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter),
             convert_options=pa_csv.ConvertOptions(
@@ -88,9 +92,9 @@ def _fast(file: CsvFile) -> pa.Table | None:
     return None if any(pa.types.is_binary(field.type) for field in table.schema) else table
 
 
-def _header(path: Path, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], bool, int]:
+def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], bool, int]:
     """Column names, whether they come from a header row, and the physical line (from 1) where the data start."""
-    with path.open("rb") as stream:
+    with source.open() as stream:
         head = stream.read(_HEAD_BYTES)
     text = _decoded(head, name)
     lines = re.split(r"\r\n|\n|\r", text)  # as the readers of the rest do; splitlines() knows more line ends
@@ -99,7 +103,7 @@ def _header(path: Path, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], 
         number += 1
     if number >= len(lines):
         skipped = f" after the {layout.skip_rows} skipped rows" if layout.skip_rows else ""
-        raise LogError(f"{name}: the file is empty{skipped}: there is no header and no row")
+        raise EmptyLogError(f"{name}: the file is empty{skipped}: there is no header and no row")
     try:
         cells = next(csv.reader(io.StringIO(lines[number]), delimiter=layout.delimiter))
     except csv.Error as error:

@@ -5,17 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from rw_ekf.errors import LogError
+from rw_ekf.errors import EmptyLogError, LogError
 
-FileKind = Literal["csv", "parquet", "matlab"]
+FileKind = Literal["csv", "parquet", "matlab", "gzip", "zstd"]  # compressed: CSV inside
 
 # A v4 file has no magic: its first number says byte order and element type.
 _MATLAB_4_HEADS = frozenset(number.to_bytes(4, "little") for number in range(0, 60, 10))
 _FOREIGN = (
-    (b"\x1f\x8b", "compressed with gzip: unpack it first (gunzip)"),
     (b"BZh", "compressed with bzip2: unpack it first"),
     (b"\xfd7zXZ", "compressed with xz: unpack it first"),
-    (b"\x28\xb5\x2f\xfd", "compressed with zstd: unpack it first"),
     (b"PK\x03\x04", "a zip archive or a spreadsheet: unpack it, or save the sheet as CSV"),
     (b"ARROW1", "an Arrow (Feather) file: save it as Parquet or CSV"),
 )
@@ -37,7 +35,11 @@ def file_kind(path: Path, name: str) -> FileKind:
         raise LogError(f"{name}: cannot be read ({reason})") from None
     suffix = path.suffix.lower()
     if not head:
-        raise LogError(f"{name}: the file is empty")
+        raise EmptyLogError(f"{name}: the file is empty")
+    if head.startswith(b"\x1f\x8b"):
+        return "gzip"
+    if head.startswith(b"\x28\xb5\x2f\xfd"):
+        return "zstd"
     if head.startswith(b"PAR1"):
         return "parquet"
     if head.startswith(b"\x89HDF\r\n\x1a\n") or head.startswith(b"MATLAB 7.3"):

@@ -70,6 +70,37 @@ class RawTable:
         return f" (did you mean '{near[0]}'?)" if near else ""
 
 
+def stacked(tables: list[RawTable], name: str) -> RawTable:
+    """Put the rows of several tables under each other. Raises LogError unless they have the same columns."""
+    first = tables[0]
+    for other in tables[1:]:
+        if other.names != first.names:
+            raise LogError(
+                f"{other.path}: has other columns ({other.described_columns()}) than {first.path} "
+                f"({first.described_columns()}): they are no parts of one log"
+            )
+    begins = np.cumsum([0, *(table.rows for table in tables)])
+
+    def place(row: int) -> str:
+        which = int(np.searchsorted(begins, row, side="right")) - 1
+        return f"{tables[which].path}, {tables[which].place(row - int(begins[which]))}"
+
+    columns = [_stacked_column([table.columns[index] for table in tables]) for index in range(len(first.names))]
+    warnings = [text for table in tables for text in table.warnings]
+    return RawTable(name, first.names, columns, int(begins[-1]), place, warnings)
+
+
+def _stacked_column(parts: list[Any]) -> Any:
+    """Put columns under each other; what is a number in one part and text in another becomes text."""
+    import pyarrow as pa
+
+    tables = [pa.table({"": part}) for part in parts]
+    try:
+        return pa.concat_tables(tables, promote_options="permissive").column(0)
+    except pa.ArrowException:
+        return pa.chunked_array([pa.array(map(str, part.to_pylist())) for part in parts])
+
+
 def number_or_none(text: str) -> float | None:
     """Value of a cell: empty or any spelling of nan is NaN; None if it is no number. Infinity comes back as such."""
     stripped = text.strip()

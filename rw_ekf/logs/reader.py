@@ -11,14 +11,17 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.errors import LogError
+from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.csv_table import read_csv_table
 from rw_ekf.logs.file_kind import file_kind
+from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.mapping import MappedColumns, map_columns
 from rw_ekf.logs.matlab_table import read_matlab_table
+from rw_ekf.logs.packing import packed_path
 from rw_ekf.logs.parquet_table import read_parquet_table
-from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.parts import parts_of
+from rw_ekf.logs.raw_table import RawTable, stacked
 from rw_ekf.logs.row_rules import (
     backward_difference,
     block_means,
@@ -36,8 +39,9 @@ _CURRENTS = ("current_command_A", "current_A")
 
 
 def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) -> WheelLog:
-    """Read one log: CSV, Parquet or MATLAB, told apart by content.
+    """Read one log: CSV, Parquet or MATLAB, told apart by content; CSV may be compressed with gzip or zstd.
 
+    STEM.csv stands for all the parts of a run, which are read as if they were one file (docs/logs.md).
     columns: the column map of a foreign log, or the path of one.
     Raises LogError (file, line, column, what to do) if the log cannot be used, ConfigError if the map is wrong.
     A log of one row, or without a single speed, is an error only for who needs more: it is read, with a warning.
@@ -48,7 +52,33 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
 
 
 def read_table(path: Path, columns: ColumnMap) -> RawTable:
-    """Read the file as it is. Raises LogError if it is none of the known kinds or damaged."""
+    """Read the rows as they are, of every part. Raises LogError if a file is none of the known kinds or damaged."""
+    parts = parts_of(path)
+    tables, empty = [], None
+    for file in parts.files:
+        try:
+            tables.append(_read_part(file, columns))
+        except EmptyLogError as error:  # a part that was begun and no more, or is torn from its beginning
+            empty = error
+    if empty is not None and not tables:
+        raise empty
+    table = tables[0] if len(parts.files) == 1 else stacked(tables, str(path))
+    table.warnings += parts.warnings
+    return table
+
+
+def _read_part(file: Path, columns: ColumnMap) -> RawTable:
+    """Read a file, or what it has become if the daemon compressed it just now."""
+    try:
+        return _read_file(file, columns)
+    except LogError:
+        packed = packed_path(file)
+        if file.exists() or not packed.exists():
+            raise
+        return _read_file(packed, columns)
+
+
+def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     name = str(path)
     kind = file_kind(path, name)
     if kind == "parquet":
@@ -56,8 +86,9 @@ def read_table(path: Path, columns: ColumnMap) -> RawTable:
     if kind == "matlab":
         table = read_matlab_table(path, name, columns.variable, columns.layout)
         return _noting_suffix(table, path, ".mat", "MATLAB")
+    text = LogText.unpack(path, kind, name) if kind in ("gzip", "zstd") else LogText(path)
     return read_csv_table(
-        path, columns.csv, lambda number, column: column in READABLE_COLUMNS or columns.uses(number, column), name
+        text, columns.csv, lambda number, column: column in READABLE_COLUMNS or columns.uses(number, column), name
     )
 
 

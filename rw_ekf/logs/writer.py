@@ -44,17 +44,27 @@ class RowWriter:
         """Make the file with its header. Raises BadInputError if it exists, or cannot be made."""
         self.path = Path(path)
         self.columns = tuple(columns)
-        self._length = 0  # of the whole lines so far [bytes]
+        self.length = 0  # of the whole lines so far [bytes]
+        self.removed = False  # the file has no name any more: nobody would ever read what is added
         self._descriptor: int | None = None
         try:
             self._descriptor = os.open(self.path, _NEW, 0o666)
-            self.write_row(self.columns)
+            self._begin()
         except FileExistsError:
             raise BadInputError(f"{path}: exists already and is not overwritten: choose another name") from None
         except (OSError, ValueError) as error:
             self.close()
             reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             raise BadInputError(f"{path}: cannot be written ({reason})") from None
+
+    def _begin(self) -> None:
+        """Write the header; where there is no room for it, leave no file behind that is no table."""
+        try:
+            self.write_row(self.columns)
+        except OSError:
+            with contextlib.suppress(OSError):
+                self.path.unlink()
+            raise
 
     def write_row(self, values: Iterable[float | str | None]) -> None:
         """Write one line; values in the order of `columns`.
@@ -63,18 +73,19 @@ class RowWriter:
         """
         if self._descriptor is None:
             raise OSError(errno.EBADF, "it is closed", str(self.path))
-        if os.fstat(self._descriptor).st_nlink == 0:  # the system goes on taking lines that will never be read
+        self.removed = os.fstat(self._descriptor).st_nlink == 0  # the system would go on taking lines
+        if self.removed:
             raise OSError(errno.ENOENT, "it has been removed", str(self.path))
         line = (",".join(map(cell, values)) + "\n").encode()
         done = 0
         try:
             while done < len(line):
-                done += os.pwrite(self._descriptor, line[done:], self._length + done)
+                done += os.pwrite(self._descriptor, line[done:], self.length + done)
         except OSError:
             with contextlib.suppress(OSError):
-                os.ftruncate(self._descriptor, self._length)
+                os.ftruncate(self._descriptor, self.length)
             raise
-        self._length += len(line)
+        self.length += len(line)
 
     def sync(self) -> None:
         """Force what was written onto the disk. Raises OSError."""

@@ -133,6 +133,10 @@ class OutputSection(Section):
     """Where the runs go."""
 
     directory: str = Field("runs", min_length=1, description="directory that gets one log and metadata per run")
+    part_hours: float = Field(24.0, gt=0, le=87_600, description="a log goes on in a new part after so long [h]")
+    part_megabytes: float = Field(
+        256.0, gt=0, le=1e6, description="and where one of the part's files has got so long [MB]"
+    )
 
 
 class SimulationSection(Section):

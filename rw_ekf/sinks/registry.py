@@ -9,10 +9,14 @@ from typing import Any
 
 from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Phase
+from rw_ekf.errors import BadInputError
+from rw_ekf.logs.parts import part_path
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.records import Sink
+from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.guard import GuardedSink, Queue
-from rw_ekf.sinks.log import LogSink
+from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
+from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.run_files import RunFiles, Unwritten
 from rw_ekf.sinks.state_file import StateFileSink
 from rw_ekf.sinks.statistics_sink import StatisticsSink
@@ -29,6 +33,7 @@ class RunContext:
 
     files: RunFiles
     wheel: str
+    output: OutputSection
     state_names: tuple[str, ...]
     clock: Clock
     logger: Any
@@ -40,8 +45,18 @@ class RunContext:
 
 
 def _log(run: RunContext) -> tuple[Sink, Queue]:
-    samples, estimates = SampleWriter(run.files.log), EstimateWriter(run.files.estimates, run.state_names)
-    sink = LogSink(samples, estimates, run.clock, run.unwritten, run.logger.warning)
+    def open_part(number: int) -> PartFiles:
+        samples = SampleWriter(part_path(run.files.log, number))
+        try:
+            return PartFiles(samples, EstimateWriter(part_path(run.files.estimates, number), run.state_names))
+        except BadInputError:
+            samples.close()
+            samples.path.unlink(missing_ok=True)
+            raise
+
+    size = PartSize(3600.0 * run.output.part_hours, 1e6 * run.output.part_megabytes)
+    note = run.logger.warning
+    sink = LogSink(open_part, size, Packer(note), run.clock, run.unwritten, note)
     return sink, Queue(_LOG_TICKS, lost=sink.lost)
 
 

@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 
 from rw_ekf.errors import BadInputError, RwEkfError
+from rw_ekf.logs.parts import FORMS
 
 Note = Callable[..., None]  # takes named events for the log
 
@@ -35,7 +36,7 @@ class RunFiles:
         safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)[:60]
         stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
         number = 1
-        while os.path.lexists(directory / f"{stem}.csv"):
+        while any(os.path.lexists(directory / f"{stem}{ending}") for ending in (*FORMS, ".meta.yaml")):
             number += 1
             stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
         return cls(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import resource
 import shutil
@@ -17,7 +18,8 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.records import IssuedCommand, WheelSample
-from rw_ekf.sinks.log import LogSink
+from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
+from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.run_files import Unwritten
 from tests.commands.documents import run_document
 from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for
@@ -134,18 +136,19 @@ class _Full(SampleWriter):
 
 def test_each_gap_in_a_log_begins_a_segment(tmp_path: Path) -> None:
     """Rows 2, 3 and 6 of 8 are lost: the segments say where, and the note came once."""
-    notes: list[str] = []
+    notes = Notes()
     samples = _Full(tmp_path / "log.csv")
     unwritten = Unwritten()
-    estimates = EstimateWriter(tmp_path / "estimates.csv")
-    sink = LogSink(samples, estimates, VirtualClock(), unwritten, lambda event, **context: notes.append(event))
+    part = PartFiles(samples, EstimateWriter(tmp_path / "estimates.csv"))
+    size = PartSize(math.inf, math.inf)
+    sink = LogSink(lambda number: part, size, Packer(notes.warning), VirtualClock(), unwritten, notes.warning)
     for i in range(8):
         samples.full = i in (2, 3, 6)
         sink.write(tick_of(WheelSample(0.1 * i, 1.0, segment=4), IssuedCommand(0.1)))
     sink.close()
     sink.close()
     assert read_log(tmp_path / "log.csv").segment.tolist() == [0, 0, 1, 1, 2]
-    assert (unwritten.log_rows, unwritten.estimate_rows, notes) == (3, 0, ["not_written"])
+    assert (unwritten.log_rows, unwritten.estimate_rows, notes.events) == (3, 0, ["not_written"])
 
 
 def test_a_planted_link_at_the_state_file_is_not_followed(bench: Bench) -> None:

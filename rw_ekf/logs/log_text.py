@@ -1,0 +1,62 @@
+"""The text of a CSV log, as it stands in its file or unpacked from a compressed one."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Literal
+
+from rw_ekf.errors import EmptyLogError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Packing = Literal["gzip", "zstd"]
+
+_AT_ONCE = 1 << 12  # unpacked at a time: of a file that is torn or damaged no more than this is lost
+
+
+@dataclass(frozen=True)
+class LogText:
+    """Text that can be read from its beginning as often as it takes."""
+
+    path: Path
+    unpacked: bytes | None = None  # None: the file itself is the text
+    torn: str | None = None  # what is wrong behind the text that could be unpacked
+
+    @classmethod
+    def unpack(cls, path: Path, packing: Packing, name: str) -> LogText:
+        """Unpack a compressed file; one that is torn or damaged as far as it goes, to its last whole line.
+
+        Raises EmptyLogError where not a line is left.
+        """
+        import pyarrow as pa
+
+        pieces, torn = [], None
+        try:
+            with path.open("rb") as file, pa.CompressedInputStream(pa.PythonFile(file), packing) as stream:
+                while piece := stream.read(_AT_ONCE):
+                    pieces.append(piece)
+        except (pa.ArrowException, OSError) as error:
+            torn = str(error).splitlines()[0] if str(error) else type(error).__name__
+        text = b"".join(pieces)
+        if torn is not None:
+            text = text[: text.rfind(b"\n") + 1]
+            if not text:
+                raise EmptyLogError(
+                    f"{name}: is a damaged or incomplete {packing} file ({torn}): not a line of it can be read"
+                )
+        return cls(path, text, torn)
+
+    def open(self) -> BinaryIO:
+        """Open the text from its beginning."""
+        return self.path.open("rb") if self.unpacked is None else io.BytesIO(self.unpacked)
+
+    def for_arrow(self) -> Path | pa.BufferReader:
+        """Give the text as pyarrow's reader takes it."""
+        if self.unpacked is None:
+            return self.path
+        import pyarrow as pa
+
+        return pa.BufferReader(self.unpacked)

@@ -1,0 +1,64 @@
+"""Compresses a part of a log that will not grow any more: python -P -m rw_ekf.logs.packing FILE.csv -> FILE.csv.zst.
+
+The daemon starts this as a process of its own, so that neither its loop nor its memory knows of it. The compressed file
+is on the disk under its name, and has been read back and found the same, before the plain one goes: whatever ends this
+in between leaves a part that reads, once or twice.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+from pathlib import Path
+
+_AT_ONCE = 1 << 20
+_NICE = 15
+
+
+def packed_path(part: Path) -> Path:
+    """Where the compressed part goes."""
+    return part.with_name(f"{part.name}.zst")
+
+
+def pack(part: Path) -> None:
+    """Compress a part with zstd and remove the plain one. Raises BadInputError; the plain one then stays."""
+    import pyarrow as pa
+
+    from rw_ekf.errors import BadInputError
+    from rw_ekf.logs.atomic import atomic_path
+
+    target = packed_path(part)
+    if os.path.lexists(target):
+        raise BadInputError(f"{target}: exists already and is not overwritten")
+    with atomic_path(target, follow=False) as temporary:
+        with part.open("rb") as plain, pa.output_stream(str(temporary), compression="zstd") as stream:
+            while piece := plain.read(_AT_ONCE):
+                stream.write(piece)
+        with part.open("rb") as plain, pa.input_stream(str(temporary), compression="zstd") as stream:
+            while piece := plain.read(_AT_ONCE):
+                if stream.read(len(piece)) != piece:
+                    raise BadInputError(f"{target}: does not read back as what was written: {part.name} stays")
+            if stream.read(1):
+                raise BadInputError(f"{target}: does not read back as what was written: {part.name} stays")
+    part.unlink()
+
+
+def main(names: list[str]) -> int:
+    """Compress each file named; 1 where one could not be."""
+    with contextlib.suppress(OSError, ValueError):
+        os.nice(_NICE)
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that no temporary file stays behind
+    failed = 0
+    for name in names:
+        try:
+            pack(Path(name))
+        except Exception as error:  # noqa: BLE001 - whatever it is: the plain part is there, and the daemon says so
+            sys.stderr.write(f"{error}\n")
+            failed = 1
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,100 @@
+"""The parts of a run's log: STEM.csv, STEM.part002.csv, ..., each as it was written or compressed since.
+
+STEM.csv names the run: all its parts, whatever form each of them has. Every other name is that file and no other.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+FORMS = (".csv", ".csv.zst", ".csv.gz", ".parquet")  # of a part; where there are two, the first is read
+_ESTIMATES = ".estimates"
+_PART = re.compile(
+    r"(?P<stem>.+?)(?:\.part(?P<number>\d{3,}))?(?P<kind>\.estimates)?(?P<form>\.csv(?:\.zst|\.gz)?|\.parquet)"
+)
+
+
+@dataclass(frozen=True)
+class PartName:
+    """What the name of a part says."""
+
+    stem: str  # of the run
+    number: int  # from 1
+    estimates: bool  # else the log
+    form: str  # one of FORMS
+
+    @classmethod
+    def of(cls, name: str) -> PartName | None:
+        """Take a file's name apart; None where it can be no part of anything. A first part bears no number."""
+        match = _PART.fullmatch(name)
+        if match is None:
+            return None
+        number = int(match["number"] or 1)
+        return cls(match["stem"], number, match["kind"] is not None, match["form"])
+
+
+def stem_of(path: str | Path) -> Path:
+    """Path of a run without what tells its files apart: runs/STEM.part002.csv.zst -> runs/STEM."""
+    path = Path(path)
+    name = PartName.of(path.name)
+    return path.with_suffix("") if name is None else path.with_name(name.stem)
+
+
+def part_path(first: Path, number: int) -> Path:
+    """Name a part of the log, or of the estimates, whose first part is `first`."""
+    name = PartName.of(first.name)
+    if number == 1 or name is None:
+        return first
+    return first.with_name(f"{name.stem}.part{number:03d}{_ESTIMATES if name.estimates else ''}{name.form}")
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The files that a path names, in the order they were written."""
+
+    files: tuple[Path, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def parts_of(path: Path) -> Parts:
+    """Find the files that `path` names: those of a run for STEM.csv, else `path` alone, be it there or not."""
+    asked = PartName.of(path.name)
+    if asked is None or not path.name:
+        return Parts((path,))
+    found = _beside(path, asked)
+    if asked.form != FORMS[0] or asked.number > 1:
+        others = len(found) - (asked.number in found)
+        said = f"{path}: is part {asked.number} of {others + 1} of a run: its first part named .csv stands for them all"
+        return Parts((path,), (said,) if others and path.exists() else ())
+    if not found:
+        return Parts((path,))
+    lacking = [str(number) for number in range(1, max(found)) if number not in found]
+    said = f"{path}: part {', '.join(lacking)} of the run is not there: what it held is missing"
+    return Parts(tuple(found[number] for number in sorted(found)), (said,) if lacking else ())
+
+
+def _beside(path: Path, asked: PartName) -> dict[int, Path]:
+    """Each part of the same run and kind in that directory, by number."""
+    found: dict[int, Path] = {}
+    try:
+        with os.scandir(path.parent) as entries:
+            names = [entry.name for entry in entries if entry.name.startswith(asked.stem)]
+    except OSError:
+        return found
+    for name in names:
+        part = PartName.of(name)
+        if part is None or (part.stem, part.estimates) != (asked.stem, asked.estimates):
+            continue
+        here = found.get(part.number)
+        if here is None or FORMS.index(part.form) < FORMS.index(_form(here)):
+            found[part.number] = path.with_name(name)
+    return found
+
+
+def _form(path: Path) -> str:
+    name = PartName.of(path.name)
+    assert name is not None
+    return name.form
