@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,10 +23,20 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
+from rw_ekf.logs.metadata import metadata_path, read_metadata
+from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import sampling_of
 from rw_ekf.records import IssuedCommand, WheelSample
-from rw_ekf.starting_point import FilterSetup, setup_of_record
+from rw_ekf.settings.load import configuration_of
+from rw_ekf.starting_point import (
+    FilterSetup,
+    carried_over,
+    setup_of_configuration,
+    setup_of_record,
+    setup_of_start,
+)
 from rw_ekf.statistics import RunStatistics
+from rw_ekf.wheel.model_file import read_model
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
@@ -54,6 +65,7 @@ def replay_log(
     log: WheelLog,
     configuration: Configuration | None = None,
     model: WheelModel | None = None,
+    setup: FilterSetup | None = None,
     *,
     with_columns: bool = False,
     smooth: bool = False,
@@ -62,13 +74,15 @@ def replay_log(
 ) -> Replayed:
     """Filter a log. Raises LogError for a log without a single speed, FilterError where the filter breaks.
 
+    setup: where to start (`setup_of_run`); without it configuration, model or the record say.
     with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
     and filterpy; `advance` is then told of every 100 samples done.
     """
     course = Course.of_log(log)
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
-    setup = setup_of_record(course, configuration, model)
+    if setup is None:
+        setup = setup_of_record(course, configuration, model)
     if smooth and setup.effects.table().hidden:
         raise BadInputError(
             f"--smooth cannot look back through the hidden state of {', '.join(setup.effects.ids)}: leave it out"
@@ -100,6 +114,24 @@ def replay_log(
     ]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
     return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
+
+
+def setup_of_run(log: Path) -> FilterSetup:
+    """Start as the run did that wrote this log: from its `STEM.start.yaml`, in the configuration of its metadata.
+
+    Without a start model from what the configuration says. Raises LogError without metadata, ConfigError where they
+    cannot be taken.
+    """
+    metadata = read_metadata(log)
+    if metadata is None:
+        raise LogError(f"{log}: has no {metadata_path(log).name} beside it, which says how its run started")
+    configuration = configuration_of(metadata.configuration, metadata_path(log))
+    if start_path(log).is_file():
+        return setup_of_start(configuration, read_model(start_path(log)))
+    named = configuration.filter.model
+    if named is None:
+        return setup_of_configuration(configuration, None)
+    return setup_of_configuration(configuration, carried_over(read_model(Path(named)))[0])
 
 
 def refuse_runaway_model(log: str, course: Course, setup: FilterSetup, model: WheelModel) -> None:

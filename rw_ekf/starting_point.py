@@ -97,6 +97,12 @@ def setup_of_configuration(
     )
 
 
+def setup_of_start(configuration: Configuration, start: WheelModel) -> FilterSetup:
+    """Start as a run did, whose `STEM.start.yaml` this is; filter.prior went into it, or was learned beyond."""
+    section = configuration.filter.model_copy(update={"prior": None})
+    return setup_of_configuration(configuration.model_copy(update={"filter": section}), start)
+
+
 def setup_of_record(
     course: Course, configuration: Configuration | None = None, model: WheelModel | None = None
 ) -> FilterSetup:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import (
@@ -16,18 +17,32 @@ from rw_ekf.commands.inputs import (
     refuse_to_overwrite,
 )
 
+if TYPE_CHECKING:
+    from rw_ekf.logs.wheel_log import WheelLog
+
 HELP = "filter logged runs"
 EXAMPLE = """example:
   rw-ekf replay runs/2026-11-21.csv --out estimates.csv --picture run.png
+  rw-ekf replay runs --json
   rw-ekf replay carriage.csv --columns columns-emps.yaml --json"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="CSV, Parquet or MATLAB file")
+    parser.add_argument(
+        "logs",
+        nargs="+",
+        metavar="LOG",
+        help="CSV, Parquet or MATLAB file; a directory of runs: all of them, each from its own start",
+    )
     add_log_options(parser)
     parser.add_argument("--model", metavar="F", help="model YAML to start from, as `fit --out` or a run writes it")
     parser.add_argument("--prior", dest="model", metavar="F", help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--as-run",
+        action="store_true",
+        help="start each log as its run did, by the .start.yaml and .meta.yaml beside it",
+    )
     parser.add_argument("--out", metavar="FILE", help="one row per sample, CSV, Parquet or .mat by its ending")
     parser.add_argument("--picture", metavar="PNG", help="speed, innovation and parameters of one log as a picture")
     parser.add_argument(
@@ -48,34 +63,40 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError("--smooth adds columns to --out: name a file with --out FILE")
     if args.smooth and args.online:
         raise BadInputError("--smooth needs the whole log at once and --online goes sample by sample: drop one of them")
-    if args.picture is not None and len(args.logs) != 1:
-        raise BadInputError(f"--picture shows one log, {len(args.logs)} are named: replay them one by one")
+    if args.as_run and (args.config is not None or args.model is not None):
+        raise BadInputError("--as-run takes each run's own configuration and start: leave out --config and --model")
     if args.out is not None:
         from rw_ekf.logs.tables import check_suffix
 
         check_suffix(args.out)
-    refuse_to_overwrite([args.out, args.picture], [*args.logs, args.columns, args.config, args.model])
     configuration = read_configuration(args.config)
     model = read_wheel_model(args.model, configuration)
     started = time.perf_counter()
-    logs = read_logs(args.logs, args.columns)
+    named = _named(args)
+    if args.picture is not None and len(named) != 1:
+        raise BadInputError(f"--picture shows one log, {len(named)} are named: replay them one by one")
+    refuse_to_overwrite([args.out, args.picture], [*(log for log, _ in named), args.columns, args.config, args.model])
+    logs = _read(named, args)
     read_s = time.perf_counter() - started
 
     from rw_ekf import compile_ahead
-    from rw_ekf.replay import replay_log
+    from rw_ekf.replay import replay_log, setup_of_run
 
-    with_effects = model is not None and model.effects.size > 0
+    setups = [setup_of_run(Path(log.name)) if own else None for log, own in logs]
+    started_from = [model.effects] if model is not None else [setup.effects for setup in setups if setup is not None]
+    with_effects = any(effects.size > 0 for effects in started_from)
     with_record = (*compile_ahead.FILTER, *(compile_ahead.SMOOTHER if args.smooth else ()))
     make_ready((*with_record, *compile_ahead.EFFECTS) if with_effects else compile_ahead.FIT)
     started = time.perf_counter()
     done = []
-    with progress("replay", sum(len(log) for log in logs), " samples") as bar:
-        for log in logs:
+    with progress("replay", sum(len(log) for log, _ in logs), " samples") as bar:
+        for (log, _), setup in zip(logs, setups, strict=True):
             done.append(
                 replay_log(
                     log,
                     configuration,
                     model,
+                    setup,
                     with_columns=args.out is not None or args.picture is not None,
                     smooth=args.smooth,
                     online=args.online,
@@ -102,11 +123,44 @@ def execute(args: argparse.Namespace) -> int:
     else:
         for entry, item in zip(entries, done, strict=True):
             sys.stdout.write(entry_text(entry, item.belief, item.setup) + "\n")
-            if configuration is None:
+            if configuration is None and item.setup not in setups:
                 noise = rpm_from_rad_s(item.setup.constants.speed_noise_rad_s)
                 source = "the record" if model is None else "the model"
                 sys.stdout.write(f"  speed noise {noise:.3g} rpm taken from {source}; --config gives the run's own\n")
     return 0
+
+
+def _named(args: argparse.Namespace) -> list[tuple[str, bool]]:
+    """Each log to replay, and whether from its run's own start; a directory stands for its runs, oldest first."""
+    from rw_ekf.console import logger
+    from rw_ekf.logs.run_directory import runs_of
+
+    named = []
+    for path in args.logs:
+        if not Path(path).is_dir():
+            named.append((path, args.as_run))
+            continue
+        runs, left_out = runs_of(Path(path))
+        for text in left_out:
+            logger().warning("left_out", text=text)
+        named += [(str(run), args.config is None and args.model is None) for run in runs]
+    return named
+
+
+def _read(named: list[tuple[str, bool]], args: argparse.Namespace) -> list[tuple[WheelLog, bool]]:
+    """Read the logs; a run of a directory that ended before its first row is left out."""
+    from rw_ekf.console import logger
+    from rw_ekf.errors import EmptyLogError
+
+    logs = []
+    for path, own in named:
+        try:
+            logs.append((read_logs([path], args.columns)[0], own))
+        except EmptyLogError as error:
+            if path in args.logs:
+                raise
+            logger().warning("left_out", text=str(error))
+    return logs
 
 
 def _write(path: str, tables: list[tuple[str, dict[str, Any]]]) -> None:

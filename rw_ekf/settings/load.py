@@ -68,6 +68,19 @@ def configuration_from(document: YamlDocument) -> Configuration:
     return Configuration.model_validate(sections)
 
 
+def configuration_of(data: dict[str, Any], path: Path) -> Configuration:
+    """Take the resolved configuration that a run left in its metadata at `path`. Raises ConfigError if it is none."""
+    try:
+        return Configuration.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise ConfigError(
+            f"{path}: its configuration is not one of this version of rw_ekf ({key}: {first['msg']}): replay "
+            "the log with --config"
+        ) from None
+
+
 def resolved_lines(configuration: Configuration, document: YamlDocument) -> str:
     """Give the resolved configuration as YAML text; each line ends in its meaning, and says where a default was taken.
 

@@ -12,6 +12,7 @@ from typing import Any
 from drivers.sim.plant_parameters import PlantNoise
 from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.clock import VirtualClock
+from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
@@ -48,7 +49,9 @@ def run(
         for time_s, action in events:
             clock.at(time_s, lambda action=action: action(wheel, stop))  # type: ignore[misc]
         protocol = SimulatedProtocol(wheel)
-        outcome = run_daemon(load_configuration(path), protocol, None, duration_s, notes, stop, clock)
+        configuration = load_configuration(path)
+        model = read_wheel_model(None, configuration)
+        outcome = run_daemon(configuration, protocol, model, duration_s, notes, stop, clock)
     return Ran(outcome, notes), wheel
 
 

@@ -1,0 +1,39 @@
+"""The runs that a directory holds: a log, in parts or not, with its metadata beside it, makes a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.metadata import metadata_path, read_metadata
+from rw_ekf.logs.parts import FORMS, PartName, stem_of
+
+
+def runs_of(directory: Path) -> tuple[list[Path], list[str]]:
+    """Name the log of each run (STEM.csv, whatever form its parts have), oldest first; also what was left out and why.
+
+    Raises LogError where there is no run, ConfigError for damaged metadata.
+    """
+    try:
+        names = sorted(entry.name for entry in directory.iterdir())
+    except OSError as error:
+        raise LogError(f"{directory}: cannot be read ({error.strerror})") from None
+    parts = [part for part in map(PartName.of, names) if part is not None and not part.estimates]
+    runs, left_out = [], []
+    for stem in sorted({part.stem for part in parts}):
+        log = directory / f"{stem}{FORMS[0]}"
+        metadata = read_metadata(log)
+        if metadata is None:
+            left_out.append(f"{log}: has no {metadata_path(log).name} beside it: no sample came, or it is no run's log")
+        else:
+            runs.append((metadata.first_sample_utc, stem, log))
+    if not runs:
+        rest = f" ({left_out[0]})" if left_out else ""
+        raise LogError(f"{directory}: is a directory that holds no run, a log with its .meta.yaml beside it{rest}")
+    return [log for _, _, log in sorted(runs)], left_out
+
+
+def start_path(log: str | Path) -> Path:
+    """Path of the model that a run started from: run.csv -> run.start.yaml."""
+    stem = stem_of(log)
+    return stem.with_name(f"{stem.name}.start.yaml")
