@@ -41,11 +41,17 @@ def encode_register(register: Register, values_si: Mapping[str, float]) -> bytes
 
 
 def encode_saturated(register: Register, values_si: Mapping[str, float]) -> bytes:
-    """As a wheel's telemetry: values beyond the type's range sit at its end, the uptime wraps, unknown fields are 0."""
+    """As a wheel's telemetry: values beyond the type's range sit at its end, the uptime wraps, unknown fields are 0.
+
+    A float carries NaN and infinity as they are; an integer has its lowest number for NaN.
+    """
     numbers: list[float] = []
     for field in register.fields:
         number = field.constant if field.constant is not None else field.to_wire(values_si.get(field.name, 0.0))
         _, low, high = TYPES[field.type]
+        if not math.isfinite(number):
+            numbers.append(number if field.type == "f32" else high if number > 0.0 else low)
+            continue
         if field.name == "uptime" and field.type != "f32":
             number = low + (round(number) - low) % round(high - low + 1)
         numbers.append(_of_type(field, min(max(number, low), high)))

@@ -7,9 +7,12 @@ import os
 import secrets
 import termios
 import tty
+from collections import deque
 from pathlib import Path
 
 from rw_ekf.errors import DriverError
+
+NUMBERS_KEPT = 4
 
 
 class PtyLink:
@@ -22,6 +25,18 @@ class PtyLink:
     def __init__(self, link_path: str | Path) -> None:
         self.link_path = Path(link_path)
         _check_free(self.link_path)
+        self.master = self._device = -1
+        self.device_path = ""
+        self._gone: deque[int] = deque()
+        self.plug()
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether there is a pty at present."""
+        return self.master >= 0
+
+    def plug(self) -> None:
+        """Make the pty, and the link to it."""
         self.master, self._device = os.openpty()
         tty.setraw(self._device, termios.TCSANOW)
         settings = termios.tcgetattr(self._device)
@@ -37,6 +52,18 @@ class PtyLink:
                 f"the link {self.link_path} cannot be made: {error.strerror}. Choose a path where you may write"
             ) from error
 
+    def unplug(self) -> None:
+        """The pty vanishes and so does the link, as an adapter's do that is pulled out. It can be plugged in again.
+
+        Its number stays taken for a while, as that of an adapter does that somebody still holds: it comes back as
+        another device.
+        """
+        self._gone.append(os.dup(self._device))
+        while len(self._gone) > NUMBERS_KEPT:
+            os.close(self._gone.popleft())
+        self._unlink()
+        self._close_files()
+
     def read(self) -> bytes:
         """What clients have written so far; no bytes where there is nothing."""
         try:
@@ -51,10 +78,16 @@ class PtyLink:
 
     def close(self) -> None:
         """Remove the link, if it is still ours, and close the pty. Safe to call twice."""
+        self._unlink()
+        self._close_files()
+        while self._gone:
+            os.close(self._gone.pop())
+
+    def _unlink(self) -> None:
+        """Remove the link, if it is still ours."""
         with contextlib.suppress(OSError):
             if os.readlink(self.link_path) == self.device_path:
                 self.link_path.unlink()
-        self._close_files()
 
     def _link(self) -> None:
         """Put the link in place in one step, so that no client ever sees a half-made one."""

@@ -5,14 +5,16 @@ Written against the wire map alone, as the driver is, so that a map of another w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.line.framing import Frame, decode, encode
 from drivers.line.registers import decode_register, encode_saturated
 from drivers.line.wire_layout import Register
 from drivers.line.wire_map import WireMap
+from drivers.sim.faults import FaultInjector
 from drivers.sim.plant_runner import PlantRunner
+from drivers.sim.wheel_faults import WheelFaults
 
 IDLE, CURRENT, SPEED = 0, 1, 2  # modes
 OK, UNKNOWN_ID, WRONG_LENGTH, OUT_OF_RANGE, REFUSED = range(5)  # statuses of a reply to a write
@@ -27,20 +29,17 @@ BUS_V = 28.0
 
 
 class Reply(NamedTuple):
-    """Bytes to send, and how much later than a healthy wheel would [s]."""
+    """A frame to send, and of which register it is."""
 
     content: bytes
-    late_s: float = 0.0
-
-
-# What a test may do to replies: (server, request, healthy reply or b"") -> what to send instead.
-Manipulator = Callable[["RegisterServer", Frame, bytes], Sequence[Reply]]
+    register: str | None = None
 
 
 class RegisterServer:
     """One simulated wheel behind its registers.
 
-    manipulate: puts faults into replies. max_current_A: beyond it a command has status 3 (default: the wire's).
+    faults: of these electronics, and of the line that serves them. watch: sees every good frame that comes.
+    max_current_A: beyond it a command has status 3 (default: the wire's).
     """
 
     def __init__(
@@ -51,11 +50,14 @@ class RegisterServer:
         serial_number: int = 1,
         max_current_A: float | None = None,
         first_uptime_s: float = 0.0,
-        manipulate: Manipulator | None = None,
+        faults: FaultInjector | None = None,
+        watch: Callable[[Frame], object] = lambda frame: None,
     ) -> None:
         self.wire_map = wire_map
         self.plant = plant
-        self.manipulate = manipulate
+        self.faults = faults if faults is not None else FaultInjector()
+        self._spoilt = WheelFaults(self.faults)
+        self._watch = watch
         self.fault = False  # a wheel with a fault takes only a reset and a zero current
         self.damaged = 0
         self.mode = IDLE
@@ -77,11 +79,12 @@ class RegisterServer:
         self.damaged += decoded.damaged
         replies: list[Reply] = []
         for frame in decoded.frames:
-            content = self._answer(frame)
-            if self.manipulate is not None:
-                replies.extend(self.manipulate(self, frame, content))
-            elif content:
-                replies.append(Reply(content))
+            self._watch(frame)
+            register = self.wire_map.register_of_id(frame.id)
+            data = self._answer(frame, register)
+            if data is not None:
+                answer = self._spoilt.reply(frame, register, data, time_s)
+                replies.append(Reply(encode(*answer, self.wire_map.framing), register.name if register else None))
         return replies
 
     def advance_to(self, time_s: float) -> None:
@@ -91,6 +94,11 @@ class RegisterServer:
             self._close_speed_loop()
             self._loop_due_s += SPEED_LOOP_S
         self.plant.advance_to(time_s)
+        self._spoilt.happen(self, time_s)
+
+    def jump_clock(self, by_s: float) -> None:
+        """The uptime goes on from another value."""
+        self._uptime_zero_s -= by_s
 
     def restart(self) -> None:
         """The electronics restart: idle, no current, uptime from zero, the flag that says so. The wheel turns on."""
@@ -102,15 +110,25 @@ class RegisterServer:
 
     # --- requests -----------------------------------------------------------------------------------------------
 
-    def _answer(self, frame: Frame) -> bytes:
-        """The reply to one good frame; no bytes where the protocol gives none."""
-        register = self.wire_map.register_of_id(frame.id)
+    def _answer(self, frame: Frame, register: Register | None) -> bytes | None:
+        """The data of the reply to one good frame; None where the protocol gives none."""
         if self.wire_map.is_write_id(frame.id):
-            status = UNKNOWN_ID if register is None else self._write(register, frame.data)
-            return encode(frame.seq, frame.id, bytes((status,)), self.wire_map.framing)
+            return bytes((self._write_status(frame, register),))
         if register is None or frame.data:
-            return b""
-        return encode(frame.seq, frame.id, encode_saturated(register, self._telemetry(register)), self.wire_map.framing)
+            return None
+        told = self._spoilt.telemetry(register, self._telemetry(register), self.plant.time_s)
+        return encode_saturated(register, told)
+
+    def _write_status(self, frame: Frame, register: Register | None) -> int:
+        """Do a write, unless a fault refuses it; the status of its reply."""
+        if register is None:
+            return UNKNOWN_ID
+        refusal = self._spoilt.refusal(register.name, self.plant.time_s)
+        if refusal is None:
+            return self._write(register, frame.data)
+        if refusal.acts:
+            self._write(register, frame.data)
+        return refusal.status
 
     def _write(self, register: Register, data: bytes) -> int:
         """Do what a write asks for; the status of its reply."""

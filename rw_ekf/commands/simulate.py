@@ -9,6 +9,7 @@ from typing import Any
 HELP = "serve a simulated wheel on a pseudo-terminal"
 EXAMPLE = """example:
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect offset_torque:torque_rad_s2=0.03 --seed 7
+  rw-ekf simulate --link /tmp/rw-ekf-wheel --fault drop:0.1,freeze@30s:5s
   rw-ekf simulate --effects"""
 MAX_SPEED_RPM = 1.0e5
 
@@ -20,6 +21,16 @@ class _ListEffects(argparse.Action):
         from drivers.sim.plant_effect_text import describe_effects
 
         sys.stdout.write("\n".join(describe_effects()) + "\n")
+        parser.exit()
+
+
+class _ListFaults(argparse.Action):
+    """Print the faults and leave, like --help."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
+        from drivers.sim.fault_text import describe_faults
+
+        sys.stdout.write("\n".join(describe_faults()) + "\n")
         parser.exit()
 
 
@@ -36,13 +47,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a physical effect the wheel shall have; may be repeated",
     )
     parser.add_argument("--effects", nargs=0, action=_ListEffects, help="list all effects with their parameters")
-    parser.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
+    parser.add_argument(
+        "--fault",
+        metavar="KIND:amount@start:lasts:period,...",
+        action="append",
+        default=[],
+        help="a fault of the line or the wheel; may be repeated",
+    )
+    parser.add_argument("--faults", nargs=0, action=_ListFaults, help="list all faults with their amounts")
+    parser.add_argument("--seed", type=int, default=0, help="of the noise and the faults (default 0)")
     parser.add_argument("--speed-factor", metavar="X", type=float, default=1.0, help="wheel time runs X times as fast")
     parser.add_argument("--initial-speed-rpm", metavar="RPM", type=float, default=0.0, help="speed at the start")
 
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb until a signal; raises RwEkfError."""
+    from drivers.sim.fault_text import parse_faults
     from drivers.sim.plant_parameters import PlantNoise
     from rw_ekf.attach import load_protocol, plant_of
     from rw_ekf.commands.inputs import read_configuration
@@ -56,6 +76,7 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError(f"--seed {args.seed}: a seed is not negative")
     if not abs(args.initial_speed_rpm) <= MAX_SPEED_RPM:
         raise BadInputError(f"--initial-speed-rpm {args.initial_speed_rpm:g}: give at most {MAX_SPEED_RPM:g} rpm")
+    faults = parse_faults(args.fault)
     configuration = read_configuration(args.config)
     plant = plant_of(configuration, [text for group in args.effect for text in group])
     noise = PlantNoise()
@@ -77,6 +98,7 @@ def execute(args: argparse.Namespace) -> int:
                     "speed_factor": args.speed_factor,
                     "truth": plant._asdict(),
                     "noise": noise._asdict(),
+                    "faults": [fault.text for fault in faults],
                 }
             )
         else:
@@ -91,5 +113,6 @@ def execute(args: argparse.Namespace) -> int:
         noise=noise,
         initial_speed_rad_s=rad_s_from_rpm(args.initial_speed_rpm),
         on_ready=ready,
+        faults=faults,
     )
     return 0

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from drivers.sim import link_faults
 from rw_ekf.cli import main
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.model_file import WheelModel
@@ -101,7 +100,7 @@ def test_stop_without_a_daemon_writes_zero_itself(bench: Bench, capsys: pytest.C
 def test_stop_reaches_a_wheel_whose_answers_are_lost(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing comes back: zero goes out all the same and acts; the status is 1, because nobody confirmed it."""
     bench.registers._command_current(0.3)
-    bench.recorder.fault = link_faults.silent
+    bench.fault("silence")
     assert "no wheel confirmed it" in refused(capsys, "stop", "--config", str(bench.config()), status=1)
     assert bench.registers.command_A == 0.0
 

@@ -104,10 +104,9 @@ def test_profile_none_never_writes_and_logs_what_the_other_controller_did(bench:
 
 def test_profile_none_in_silence_still_writes_nothing(bench: Bench) -> None:
     """A silent wheel beside another controller is not given a zero either."""
-    from drivers.sim import link_faults
 
     def fall_silent() -> None:
-        bench.recorder.fault = link_faults.silent
+        bench.fault("silence")
 
     ran = run(bench, 1.6, (0.5, fall_silent), command={"profile": "none"})
     assert ran.outcome.lost

@@ -15,7 +15,7 @@ from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.pty_server import PtyServer
-from drivers.sim.register_server import Manipulator, RegisterServer
+from drivers.sim.register_server import RegisterServer
 
 MAP_PATH = Path(__file__).parents[2] / "config" / "sunspace-wheel.yaml"
 
@@ -46,14 +46,11 @@ def _served(
     *,
     speed_factor: float = 1.0,
     initial_speed_rad_s: float = 50.0,
-    manipulate: Manipulator | None = None,
     first_uptime_s: float = 0.0,
 ) -> Iterator[RegisterServer]:
     """A simulated wheel on a pty; its thread ends, and its link is gone, behind the with block."""
     plant = PlantRunner(PlantParameters(), PlantNoise(0.0), 1, PlantState(speed_rad_s=initial_speed_rad_s))
-    registers = RegisterServer(
-        wire_map, plant, serial_number=77, manipulate=manipulate, first_uptime_s=first_uptime_s, max_current_A=1.0
-    )
+    registers = RegisterServer(wire_map, plant, serial_number=77, first_uptime_s=first_uptime_s, max_current_A=1.0)
     server = PtyServer(registers, link_path, speed_factor)
     stop = threading.Event()
     thread = threading.Thread(target=server.run, args=(stop.is_set,))

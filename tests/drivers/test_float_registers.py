@@ -5,25 +5,26 @@ from __future__ import annotations
 import dataclasses
 import math
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
-from drivers.line.framing import Frame, decode, encode
 from drivers.line.register_protocol import RegisterProtocol
 from drivers.line.registers import decode_register, is_plausible
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
 from drivers.line.wire_map import WireMap
-from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from drivers.sim.register_server import RegisterServer
 from rw_ekf.clock import SystemClock
 from rw_ekf.course.course import WILD
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
-from tests.live.bench import Recorder, served_wheel
+from tests.injecting import put_faults
+from tests.live.bench import served_wheel
 from tests.live.daemon import run
+from tests.live.test_line_faults import fault
 
 CLOCK = SystemClock()
 
@@ -39,26 +40,6 @@ def float_map(wire_map: WireMap) -> WireMap:
     fields = tuple(Field(name, "f32", unit) for name, unit in UNITS.items())
     registers = tuple(r if r.id != CYCLE else dataclasses.replace(r, fields=fields) for r in wire_map.registers)
     return dataclasses.replace(wire_map, registers=registers)
-
-
-def with_value(name: str, number: float, from_cycle: int = 1, replies: int = 2) -> Manipulator:
-    """From that cycle on, so many replies carry `number` in one field."""
-    place = list(UNITS).index(name)
-    count = 0
-
-    def manipulate(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
-        nonlocal count
-        if request.id != CYCLE:
-            return [Reply(content)] if content else []
-        count += 1
-        if not from_cycle <= count < from_cycle + replies:
-            return [Reply(content)]
-        (frame,) = decode(content, server.wire_map.framing).frames
-        numbers = list(struct.unpack("<5f", frame.data))
-        numbers[place] = number
-        return [Reply(encode(frame.seq, frame.id, struct.pack("<5f", *numbers), server.wire_map.framing))]
-
-    return manipulate
 
 
 @pytest.fixture
@@ -78,10 +59,11 @@ def test_a_reply_with_an_impossible_number_is_damaged(
     """Two such replies cost two samples and are counted as damaged; the third is a sample with a later time."""
     wheel, server = line
     before = wheel.read(1.0)
-    server.manipulate = with_value(name, number)
+    put_faults(server, f"value/cycle:{name}={number!r}")
     assert wheel.read(1.0) is None
     assert wheel.read(1.0) is None
     assert wheel.link.damaged == 2
+    put_faults(server)
     after = wheel.read(1.0)
     assert before is not None
     assert after is not None
@@ -97,10 +79,8 @@ def test_the_daemon_goes_on(
     monkeypatch.setattr("tests.live.daemon.checked_protocol", lambda configuration: RegisterProtocol(float_map))
     with served_wheel(tmp_path) as bench:
         bench.registers.wire_map = float_map
-        bench.recorder.fault = with_value(name, number, from_cycle=8)
-        assert isinstance(bench.recorder, Recorder)
-        ran = run(bench, 2.0)
-    assert 1 <= ran.outcome.link.damaged <= 2  # on a busy machine one may come too late to be looked at
+        ran = run(bench, 2.0, *fault(bench, 0.75, 0.95, f"value/cycle:{name}={number!r}"))
+    assert ran.outcome.link.damaged >= 1
     assert ran.outcome.statistics.missing >= ran.outcome.link.damaged
     assert math.isfinite(ran.outcome.belief.mean[0])
     assert ran.outcome.statistics.samples > 10

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -18,6 +19,7 @@ import serial
 from drivers.line.framing import decode, encode
 from drivers.line.serial_wheel import open_serial_wheel
 from drivers.line.wire_map import WireMap
+from drivers.sim.fault_text import parse_faults
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from drivers.sim.pty_server import serve_simulated_wheel
 from drivers.sim.register_server import RegisterServer
@@ -29,6 +31,7 @@ Served = Callable[..., AbstractContextManager[RegisterServer]]
 ROOT = Path(__file__).parents[2]
 PROGRAM = """
 import sys, yaml
+from drivers.sim.fault_text import parse_faults
 from drivers.sim.plant_parameters import PlantParameters
 from drivers.sim.pty_server import serve_simulated_wheel
 from drivers.line.wire_map import wire_map_from_mapping
@@ -180,6 +183,34 @@ def test_it_costs_little(wire_map: WireMap, tmp_path: Path) -> None:
         used = (_cpu_s(process.pid) - before) / (time.monotonic() - began)
         wheel.close()
     assert used < 0.2
+
+
+def test_a_port_that_hangs_up_comes_back_under_its_name(wire_map: WireMap, tmp_path: Path) -> None:
+    """The link is gone for its time, then leads to a new pty on which the same wheel answers, its time gone on."""
+    link, stop = tmp_path / "wheel", threading.Event()
+    led: set[str] = set()
+    keys = {"stop": stop, "faults": parse_faults(["hangup@0.5s:0.5s:1s"])}
+    thread = threading.Thread(
+        target=serve_simulated_wheel, args=(wire_map, PlantParameters(), link), kwargs=keys, daemon=True
+    )
+    thread.start()
+    times: list[float] = []
+    end_s = time.monotonic() + 30.0
+    while len(led) < 4 and time.monotonic() < end_s:
+        with contextlib.suppress(DriverError):
+            wheel = open_serial_wheel(str(link), wire_map, CLOCK, 0.05, probe=False)
+            led.add(os.readlink(link))
+            with contextlib.closing(wheel):
+                while True:
+                    sample = wheel.read(0.1)
+                    times += [] if sample is None else [sample.time_s]
+        time.sleep(0.02)
+    stop.set()
+    thread.join(10.0)
+    assert len(led) == 4
+    assert times == sorted(times)
+    assert max(times) > 2.0
+    assert not os.path.lexists(link)
 
 
 def _cpu_s(pid: int) -> float:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import itertools
 import os
 import pty
-import struct
 import subprocess
 import sys
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, cast
@@ -23,11 +22,11 @@ from drivers.line.serial_link import Exchange
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_layout import Register
 from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
-from drivers.sim import link_faults
-from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from drivers.sim.register_server import RegisterServer
 from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
 from rw_ekf.records import FAULT, WheelIdentity
+from tests.injecting import put_faults
 
 CLOCK = SystemClock()
 
@@ -99,13 +98,12 @@ def test_a_current_beyond_the_wire_is_an_error(line: tuple[SerialWheel, Register
         line[0].command_current(3.4)
 
 
-NOISE = b"\x1f\x7f\x00garbage\x1f\x1f\xff"
-FAULTS: dict[str, tuple[Manipulator, str]] = {
-    "silence": (link_faults.silent, "timeouts"),
-    "wrong bit": (link_faults.corrupt(), "damaged"),
-    "torn frame": (link_faults.cut(7), "timeouts"),
-    "old seq": (link_faults.wrong_seq(), "stale"),
-    "late by more than the timeout": (link_faults.late(TIMEOUT_S * 1.4), "timeouts"),
+FAULTS: dict[str, tuple[str, str]] = {
+    "silence": ("silence", "timeouts"),
+    "wrong bit": ("flip/from", "damaged"),
+    "torn frame": ("cut/from:7", "timeouts"),
+    "old seq": ("seq", "stale"),
+    "late by more than the timeout": (f"delay/from:{TIMEOUT_S * 1.4}", "timeouts"),
 }
 
 
@@ -114,15 +112,15 @@ def test_a_fault_costs_samples_and_is_counted_and_passes(fault: str, line: tuple
     """During the fault no sample and no acknowledgement; its counter rises; the first cycle behind it works again."""
     wheel, server = line
     assert wheel.read(1.0) is not None
-    manipulate, counter = FAULTS[fault]
-    server.manipulate = manipulate
+    text, counter = FAULTS[fault]
+    put_faults(server, text)
     asked = wheel.link.requests
     assert wheel.read(1.0) is None
     issued = wheel.command_current(0.1)
     assert (issued.acknowledged, issued.reason) == (False, "timeout")
     assert wheel.link.requests <= asked + 2  # one try each: who retries, and for how long, is the loop's business
     assert getattr(wheel.link, counter) > 0
-    server.manipulate = None
+    put_faults(server)
     time.sleep(TIMEOUT_S)
     assert wheel.read(1.0) is not None
     assert wheel.command_current(0.0).acknowledged
@@ -131,18 +129,13 @@ def test_a_fault_costs_samples_and_is_counted_and_passes(fault: str, line: tuple
 def test_a_late_reply_is_never_taken_for_a_fresh_one(line: tuple[SerialWheel, RegisterServer]) -> None:
     """A reply that comes while the next request waits has the old seq: dropped and counted, even if no other comes."""
     wheel, server = line
-    late = iter([TIMEOUT_S * 1.3])
-
-    def only_one_and_late(server: RegisterServer, request: Frame, content: bytes) -> list[Reply]:
-        late_s = next(late, None)
-        return [] if late_s is None else [Reply(content, late_s)]
-
-    server.manipulate = only_one_and_late
+    put_faults(server, f"delay/cycle:{TIMEOUT_S * 1.3}")
     assert wheel.read(TIMEOUT_S) is None
+    put_faults(server, "silence")
     wheel._status_due_s = time.monotonic() + 60.0  # the next request is for the same register
     assert wheel.read(TIMEOUT_S) is None
     assert wheel.link.stale == 1
-    server.manipulate = None
+    put_faults(server)
     asked = server.plant.time_s
     sample = wheel.read(1.0)
     assert sample is not None
@@ -152,7 +145,7 @@ def test_a_late_reply_is_never_taken_for_a_fresh_one(line: tuple[SerialWheel, Re
 def test_noise_around_good_replies_costs_nothing(line: tuple[SerialWheel, RegisterServer]) -> None:
     """Garbage before and behind every reply is skipped."""
     wheel, server = line
-    server.manipulate = link_faults.babble(NOISE)
+    put_faults(server, "insert/from:1:12")
     assert all(wheel.read(1.0) is not None for _ in range(5))
     assert wheel.command_current(0.1).acknowledged
 
@@ -161,7 +154,7 @@ def test_every_third_reply_lost_loses_every_third_sample(line: tuple[SerialWheel
     """Faults now and then do not spread to the good exchanges between them."""
     wheel, server = line
     wheel._status_due_s = time.monotonic() + 60.0  # only cycles count here
-    server.manipulate = link_faults.every(3, link_faults.corrupt())
+    put_faults(server, "flip/from:1/3")
     samples = []
     for _ in range(9):
         samples.append(wheel.read(1.0) is not None)
@@ -347,17 +340,8 @@ def test_a_value_beyond_any_machine_did_not_arrive(
             field["type"] = "f32"
             field.pop("scale", None)
     floating = wire_map_from_mapping(map_data, where)
-    register = floating.speed_register
-    at = struct.calcsize("<" + register.packing.format[1:].split("f")[0])
-
-    def damage(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
-        (frame,) = decode(content, floating.framing).frames
-        if frame.id != register.id:
-            return [Reply(content)]
-        data = frame.data[:at] + struct.pack("<f", wild) + frame.data[at + 4 :]
-        return [Reply(encode(frame.seq, frame.id, data, floating.framing))]
-
-    with served(floating, tmp_path / "wheel", manipulate=damage):
+    with served(floating, tmp_path / "wheel") as server:
+        put_faults(server, f"value/cycle:{name}={wild}")
         wheel = open_serial_wheel(str(tmp_path / "wheel"), floating, CLOCK, TIMEOUT_S)
         sample = wheel.read(1.0)
         wheel.close()

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,15 +19,15 @@ import yaml
 
 from drivers.line.framing import Frame
 from drivers.line.wire_map import WireMap, wire_map_from_mapping
-from drivers.sim import link_faults
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.pty_server import PtyServer
-from drivers.sim.register_server import Manipulator, RegisterServer, Reply
+from drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.resources import protocol_path
 from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.contract import check_document
+from tests.injecting import put_faults
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = (sys.executable, "-W", "ignore", "-m", "rw_ekf")
@@ -36,14 +36,12 @@ CURRENT_COMMAND, CYCLE = 3, 137
 
 @dataclass
 class Recorder:
-    """A manipulator that remembers what the wheel was sent, and puts in the fault of the moment."""
+    """Remembers what the wheel was sent."""
 
-    fault: Manipulator = link_faults.healthy
     requests: list[tuple[float, Frame]] = field(default_factory=list)
 
-    def __call__(self, server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
+    def __call__(self, request: Frame) -> None:
         self.requests.append((time.monotonic(), request))
-        return self.fault(server, request, content)
 
     def writes_A(self) -> list[float]:
         """Every current that a good write frame carried, in order."""
@@ -70,6 +68,10 @@ class Bench:
     _thread: threading.Thread | None = None
     _stop: threading.Event = field(default_factory=threading.Event)
     _gone: list[int] = field(default_factory=list)
+
+    def fault(self, text: str) -> None:
+        """From now on the wheel has these faults and no others; none where the text is empty."""
+        put_faults(self.registers, text)
 
     def plug(self) -> None:
         """Serve the wheel on a pty; it goes on where it was."""
@@ -150,7 +152,7 @@ def served_wheel(
     plant = PlantRunner(
         PlantParameters(), PlantNoise(noise_rpm * RAD_S_PER_RPM), 5, PlantState(speed_rad_s=initial_speed_rad_s)
     )
-    registers = RegisterServer(wire_map_of("sunspace-wheel"), plant, manipulate=recorder, first_uptime_s=first_uptime_s)
+    registers = RegisterServer(wire_map_of("sunspace-wheel"), plant, watch=recorder, first_uptime_s=first_uptime_s)
     bench = Bench(directory, registers, recorder, link)
     bench.plug()
     try:

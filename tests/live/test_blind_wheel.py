@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from drivers.line.framing import Frame, decode, encode
-from drivers.sim import link_faults
-from drivers.sim.register_server import Manipulator, RegisterServer, Reply
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.live.bench import CURRENT_COMMAND, CYCLE, ROOT, Bench, document_of, rw_ekf, served_wheel
+from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, document_of, rw_ekf, served_wheel
 from tests.live.daemon import Ran, run
-from tests.live.test_line_faults import fault, only
+from tests.live.test_line_faults import fault
 
 STEADY = {"profile": "steps", "amplitude_A": 0.25, "period_s": 60.0, "bias_A": 0.0}
 
@@ -26,39 +22,6 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     """A wheel on a pty."""
     with served_wheel(tmp_path, initial_speed_rad_s=2.0) as made:
         yield made
-
-
-class Repeated:
-    """The last cycle reply of before, for ever, with the seq of each request: nothing in it changes."""
-
-    def __init__(self) -> None:
-        self.data: bytes | None = None
-
-    def __call__(self, server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
-        (frame,) = decode(content, server.wire_map.framing).frames
-        self.data = frame.data if self.data is None else self.data
-        return [Reply(encode(frame.seq, frame.id, self.data, server.wire_map.framing))]
-
-
-class Frozen:
-    """The speed of the first reply in every one; all else, the clock too, goes on."""
-
-    def __init__(self) -> None:
-        self.speed: bytes | None = None
-
-    def __call__(self, server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
-        (frame,) = decode(content, server.wire_map.framing).frames
-        self.speed = frame.data[:2] if self.speed is None else self.speed
-        return [Reply(encode(frame.seq, frame.id, self.speed + frame.data[2:], server.wire_map.framing))]
-
-
-def flags(value: int) -> Manipulator:
-    """The status register with these flags."""
-
-    def manipulate(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
-        return [Reply(encode(request.seq, request.id, struct.pack("<BB", 1, value), server.wire_map.framing))]
-
-    return only(130, manipulate)
 
 
 def times_of(ran: Ran, event: str) -> int:
@@ -71,16 +34,9 @@ def told(ran: Ran, words: str) -> bool:
 
 def test_one_reply_repeated_is_silence(bench: Bench) -> None:
     """Its time stands still: zero within the silence, said, the log without those speeds, the run ends in time."""
-    speeds: list[float] = []
-
-    def watch(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
-        speeds.append(server.plant.speed_rad_s)
-        return repeated(server, request, content)
-
-    repeated = Repeated()
-    ran = run(bench, 3.0, *fault(bench, 1.0, 60.0, only(CYCLE, watch)), command=STEADY, limits={"speed_rpm": 100.0})
+    ran = run(bench, 3.0, *fault(bench, 1.0, 60.0, "repeat/cycle"), command=STEADY, limits={"speed_rpm": 100.0})
     assert bench.registers.command_A == 0.0
-    assert max(speeds) < 2.0 + 15.205 * 0.25 * 2.0
+    assert bench.registers.plant.speed_rad_s < 2.0 + 15.205 * 0.25 * 2.0
     assert times_of(ran, "silence") == 1
     assert told(ran, "repeated one reply")
     assert ran.outcome.lost
@@ -93,7 +49,7 @@ def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
     ran = run(
         bench,
         5.5,
-        *fault(bench, 1.2, 3.0, only(CYCLE, Frozen())),
+        *fault(bench, 1.2, 3.0, "freeze/cycle:speed"),
         command={"profile": "sine", "amplitude_A": 0.3, "period_s": 8.0},
     )
     assert times_of(ran, "telemetry_stuck") == 1
@@ -179,7 +135,7 @@ def test_a_clock_that_jumps_begins_a_segment_and_nothing_else(bench: Bench, jump
 def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(bench: Bench) -> None:
     """Zeros taken at once and confirmed a second later: the interval is unknown, a new segment, nothing rejected."""
     taken = {"profile": "steps", "amplitude_A": 0.4, "period_s": 60.0, "bias_A": 0.0}
-    deaf = *fault(bench, 1.0, 2.2, link_faults.silent), *fault(bench, 2.2, 2.6, only(CYCLE, link_faults.silent))
+    deaf = *fault(bench, 1.0, 2.2, "silence"), *fault(bench, 2.2, 2.6, "silence/cycle")
     ran = run(bench, 3.8, *deaf, command=taken)
     assert ran.outcome.statistics.rejected == 0
     assert ran.log.segment.max() == 1
@@ -191,7 +147,7 @@ def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(bench: Ben
 @pytest.mark.parametrize(("bit", "event"), [(1, "wheel_fault"), (4, "wheel_over_temperature")])
 def test_a_flag_of_the_status_register_is_said_and_holds_zero(bench: Bench, bit: int, event: str) -> None:
     """Fault or over-temperature: zero as long as the flag is up, an event and a finding, then the profile goes on."""
-    ran = run(bench, 3.6, *fault(bench, 0.8, 2.2, flags(bit)))
+    ran = run(bench, 3.6, *fault(bench, 0.8, 2.2, f"flag:{bit}"))
     assert times_of(ran, event) == 1
     assert times_of(ran, f"{event}_over") == 1
     assert told(ran, "status register")

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drivers.line.framing import Frame
-from drivers.sim import link_faults
-from drivers.sim.register_server import Manipulator, RegisterServer, Reply
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.live.bench import CURRENT_COMMAND, CYCLE, Bench, served_wheel
+from tests.live.bench import Bench, served_wheel
 from tests.live.daemon import Event, Ran, run
 
 
@@ -23,22 +20,9 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         yield made
 
 
-def fault(bench: Bench, from_s: float, to_s: float, what: Manipulator) -> tuple[Event, Event]:
-    """Two events: the fault comes, the fault goes."""
-
-    def set_to(manipulator: Manipulator) -> None:
-        bench.recorder.fault = manipulator
-
-    return (from_s, lambda: set_to(what)), (to_s, lambda: set_to(link_faults.healthy))
-
-
-def only(register_id: int, what: Manipulator) -> Manipulator:
-    """The fault on one register's replies only."""
-
-    def manipulate(server: RegisterServer, request: Frame, content: bytes) -> Sequence[Reply]:
-        return (what if request.id == register_id else link_faults.healthy)(server, request, content)
-
-    return manipulate
+def fault(bench: Bench, from_s: float, to_s: float, text: str) -> tuple[Event, Event]:
+    """Two events: the faults come, and go."""
+    return (from_s, lambda: bench.fault(text)), (to_s, lambda: bench.fault(""))
 
 
 def errors_rpm(ran: Ran, bench: Bench) -> float:
@@ -48,7 +32,7 @@ def errors_rpm(ran: Ran, bench: Bench) -> float:
 
 def test_dropped_replies_are_missing_samples_and_the_run_recovers(bench: Bench) -> None:
     """Replies lost for less than the silence: rows without a speed on the same grid of time, no zero, then all well."""
-    ran = run(bench, 2.0, *fault(bench, 0.7, 1.3, link_faults.silent), limits={"silence_s": 1.0})
+    ran = run(bench, 2.0, *fault(bench, 0.7, 1.3, "silence"), limits={"silence_s": 1.0})
     assert 4 <= ran.outcome.statistics.missing <= 8
     assert ran.outcome.statistics.samples == pytest.approx(21, abs=2)
     assert ran.outcome.link.timeouts >= 4
@@ -66,7 +50,7 @@ def test_dropped_replies_are_missing_samples_and_the_run_recovers(bench: Bench) 
 
 def test_in_silence_zero_is_written_again_and_again_and_then_the_run_goes_on(bench: Bench) -> None:
     """Beyond silence_s the wheel is sent zero at every tick though it never answers; then the profile resumes."""
-    ran = run(bench, 2.6, *fault(bench, 0.6, 1.6, link_faults.silent))
+    ran = run(bench, 2.6, *fault(bench, 0.6, 1.6, "silence"))
     writes = bench.recorder.writes_A()
     run_of_zeros = longest_run_of_zeros(writes)
     assert run_of_zeros >= 4
@@ -82,8 +66,7 @@ def test_in_silence_zero_is_written_again_and_again_and_then_the_run_goes_on(ben
 @pytest.mark.slow
 def test_a_zero_confirmed_in_silence_is_in_the_log_from_when_it_acted(bench: Bench) -> None:
     """Only the readings are lost: the zero is confirmed, logged as a row without a speed, and nothing is re-seeded."""
-    silent = only(CYCLE, link_faults.silent)
-    ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, silent))
+    ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, "silence/cycle"))
     log = ran.log
     assert log.segment.max() == 0
     assert ran.outcome.statistics.rejected == 0
@@ -95,17 +78,17 @@ def test_a_zero_confirmed_in_silence_is_in_the_log_from_when_it_acted(bench: Ben
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "counter"), [("corrupt", "damaged"), ("late", "stale"), ("wrong_seq", "stale"), ("cut", "timeouts")]
+    ("bad", "counter"),
+    [
+        ("flip/from:1/3", "damaged"),
+        ("delay/from:60ms:1/3", "stale"),
+        ("seq:1/3", "stale"),
+        ("cut/from:5:1/3", "timeouts"),
+    ],
 )
-def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, name: str, counter: str) -> None:
+def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, bad: str, counter: str) -> None:
     """Every third reply is bad: it is counted and dropped, and nothing wrong reaches the filter or the wheel."""
-    bad = {
-        "corrupt": link_faults.corrupt(),
-        "late": link_faults.late(0.06),
-        "wrong_seq": link_faults.wrong_seq(),
-        "cut": link_faults.cut(5),
-    }[name]
-    ran = run(bench, 2.0, *fault(bench, 0.4, 1.4, link_faults.every(3, bad)))
+    ran = run(bench, 2.0, *fault(bench, 0.4, 1.4, bad))
     assert getattr(ran.outcome.link, counter) >= 3
     assert ran.outcome.statistics.rejected == 0
     assert ran.outcome.zero_confirmed
@@ -117,9 +100,8 @@ def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, name: str, c
 @pytest.mark.slow
 def test_a_write_that_is_taken_but_never_confirmed_does_not_mislead_the_filter(bench: Bench) -> None:
     """The wheel obeys and its confirmations are lost: telemetry contradicts the log, so the speed starts afresh."""
-    lost = only(CURRENT_COMMAND, link_faults.silent)
     steps = {"profile": "steps", "amplitude_A": 0.3, "period_s": 1.0, "bias_A": 0.0}
-    ran = run(bench, 2.4, *fault(bench, 0.9, 1.4, lost), command=steps)
+    ran = run(bench, 2.4, *fault(bench, 0.9, 1.4, "silence/current_command"), command=steps)
     assert ran.outcome.statistics.rejected == 0
     assert ran.log.segment.max() >= 1
     assert ran.outcome.zero_confirmed
@@ -142,13 +124,7 @@ def test_a_wheel_that_restarts_begins_a_new_segment_with_the_parameters_kept(ben
 
 def test_a_hot_wheel_is_given_no_current_until_it_has_cooled(bench: Bench) -> None:
     """Above limits.temperature_degC only zero is written; below it again, the profile goes on."""
-
-    def set_heat(heat: float) -> None:
-        plant = bench.registers.plant
-        plant.parameters = plant.parameters._replace(ambient_degC=heat)
-        plant.state = plant.state._replace(temperature_degC=heat)
-
-    ran = run(bench, 2.2, (0.7, lambda: set_heat(80.0)), (1.4, lambda: set_heat(20.0)))
+    ran = run(bench, 2.2, *fault(bench, 0.7, 1.4, "heat:80"))
     assert longest_run_of_zeros(bench.recorder.writes_A()) >= 5
     log = ran.log
     hot = log.channels["temperature_degC"] > 60.0

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.sim import link_faults
 from rw_ekf.errors import DriverError
 from tests.live.bench import Bench, driven, open_descriptors, served_wheel, wait_for
 from tests.live.daemon import Notes, run
@@ -52,7 +51,7 @@ def test_zero_goes_out_after_a_reconnect_even_where_no_answer_comes_back(bench: 
 
     def plug_deaf() -> None:
         held.append(bench.registers.command_A)
-        bench.recorder.fault = link_faults.silent
+        bench.fault("silence")
         bench.plug()
         wait_for(lambda: bench.registers.command_A == 0.0, 1.5)
         held.append(bench.registers.command_A)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import yaml
 
-from drivers.sim import link_faults
 from rw_ekf.filter.belief import Belief
 from rw_ekf.logs.metadata import read_metadata
 from rw_ekf.logs.reader import read_log
@@ -23,7 +22,7 @@ from tests.commands.documents import replay_document
 from tests.contract import check_document
 from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for
 from tests.live.daemon import Ran, run
-from tests.live.test_line_faults import fault, only
+from tests.live.test_line_faults import fault
 
 
 @pytest.fixture
@@ -104,11 +103,11 @@ def test_a_replay_of_a_run_full_of_faults_says_the_same(bench: Bench) -> None:
     ran = run(
         bench,
         4.0,
-        *fault(bench, 0.4, 0.62, link_faults.silent),
-        *fault(bench, 0.9, 1.6, link_faults.silent),
+        *fault(bench, 0.4, 0.62, "silence"),
+        *fault(bench, 0.9, 1.6, "silence"),
         (2.0, bench.registers.restart),
-        *fault(bench, 2.5, 2.9, only(3, link_faults.silent)),
-        *fault(bench, 3.2, 3.7, link_faults.every(2, link_faults.corrupt())),
+        *fault(bench, 2.5, 2.9, "silence/current_command"),
+        *fault(bench, 3.2, 3.7, "flip/from:1/2"),
         command=fast,
     )
     assert ran.outcome.statistics.missing > 0

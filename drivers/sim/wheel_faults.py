@@ -1,0 +1,94 @@
+"""What a faulty wheel says and does: telemetry that stands still or is wild, writes refused, restarts, heat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers.line.framing import Frame
+from drivers.line.wire_layout import Register
+from drivers.sim.faults import FaultInjector
+from rw_ekf.units import rad_s_from_rpm
+
+if TYPE_CHECKING:
+    from drivers.sim.register_server import RegisterServer
+
+
+class Refusal(NamedTuple):
+    """A write is answered with this status; whether it is done all the same."""
+
+    status: int
+    acts: bool
+
+
+class WheelFaults:
+    """The faults of the electronics of one simulated wheel."""
+
+    def __init__(self, faults: FaultInjector) -> None:
+        self._faults = faults
+        self._cool_degC: float | None = None  # temperature before the heat
+
+    def happen(self, server: RegisterServer, time_s: float) -> None:
+        """Let what is due at time_s [s] happen to the wheel: restart, jump of its clock, heat."""
+        for fault in self._faults.on("reset", time_s):
+            if fault.begins(time_s):
+                server.restart()
+        for fault in self._faults.on("clock", time_s):
+            if fault.begins(time_s):
+                server.jump_clock(fault.fault.time_s)
+        hot = next(iter(self._faults.on("heat", time_s)), None)
+        plant = server.plant
+        if hot is not None:
+            if self._cool_degC is None:
+                self._cool_degC = plant.state.temperature_degC
+            plant.state = plant.state._replace(temperature_degC=hot.fault.number)
+        elif self._cool_degC is not None:
+            plant.state = plant.state._replace(temperature_degC=self._cool_degC)
+            self._cool_degC = None
+
+    def refusal(self, register: str, time_s: float) -> Refusal | None:
+        """How a write to a register is refused, where it is."""
+        for kind, acts in (("nack", False), ("nack-acted", True)):
+            fault = self._faults.striking(kind, time_s, register)
+            if fault is not None:
+                return Refusal(fault.fault.count, acts)
+        return None
+
+    def telemetry(self, register: Register, values: Mapping[str, float], time_s: float) -> dict[str, float]:
+        """The SI values that the register tells in place of the true ones."""
+        told = dict(values)
+        for fault in self._faults.on("flag", time_s):
+            if "flags" in told and fault.strikes(time_s):
+                told["flags"] = float(int(told["flags"]) | fault.fault.count)
+        for fault in self._faults.on("serial", time_s):
+            told["serial_number"] = float(fault.fault.count)
+        wild = self._faults.striking("spike", time_s, register.name) if "speed" in told else None
+        if wild is not None:
+            told["speed"] += wild.random.choice((-1.0, 1.0)) * rad_s_from_rpm(wild.fault.number)
+        for fault in self._faults.on("value", time_s):
+            of_this = fault.fault.register in (None, register.name) and register.field(fault.fault.name)
+            if of_this and fault.strikes(time_s):
+                told[fault.fault.name] = fault.fault.number
+        for fault in self._faults.on("freeze", time_s):
+            if fault.fault.register in (None, register.name) and fault.strikes(time_s):
+                before = fault.memory.setdefault(register.name, dict(told))
+                name = fault.fault.name
+                told |= {key: old for key, old in before.items() if key == name or (name == "all" and key != "uptime")}
+        return told
+
+    def reply(self, request: Frame, register: Register | None, data: bytes, time_s: float) -> Frame:
+        """The frame that answers a request: seq, id and data as they should be, or as a fault makes them."""
+        name = register.name if register is not None else None
+        seq, register_id = request.seq, request.id
+        if register is not None and register.access == "read":
+            again = self._faults.striking("repeat", time_s, name)
+            if again is not None:
+                data = again.memory.setdefault(name, data)
+        old = self._faults.striking("seq", time_s, name)
+        if old is not None:
+            seq = (seq - old.fault.count) & 0xFF
+        if self._faults.striking("id", time_s, name) is not None:
+            register_id = (register_id + 1) & 0xFF
+        if self._faults.striking("length", time_s, name) is not None:
+            data += b"\0"
+        return Frame(seq, register_id, data)

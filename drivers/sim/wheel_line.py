@@ -1,0 +1,97 @@
+"""A wheel's electronics at the end of a serial line with faults, in the wheel's time: bytes in, bytes out.
+
+A request counts as received when its last byte would have arrived at the map's baud rate, and a reply is sent when its
+last byte would have; so delays that the driver works out from the baud rate are true. Whoever has a clock drives it: a
+pseudo terminal in real time (`pty_server`), or a port in this process on any clock (`virtual_line`).
+"""
+
+from __future__ import annotations
+
+import heapq
+
+from drivers.sim.faults import FROM, TO
+from drivers.sim.line_stage import LineStage
+from drivers.sim.register_server import RegisterServer
+
+TURNAROUND_S = 0.0005  # from the last byte of a request to the first of its reply
+FLOOD_EVERY_S = 0.01  # junk is put on the line so often
+RECEIVED, SEND = 0, 1  # kinds of event
+
+
+class WheelLine:
+    """One RegisterServer and its line, with the server's faults. Times are the wheel's [s], and never go back."""
+
+    def __init__(self, server: RegisterServer) -> None:
+        self.server = server
+        self._faults = server.faults
+        self._stage = LineStage(self._faults)
+        self._byte_s = server.wire_map.line.bits_per_byte / server.wire_map.line.baud
+        self._events: list[tuple[float, int, int, bytes]] = []  # (time, order, kind, bytes)
+        self._order = 0
+        self._receiving_until_s = self._sending_until_s = server.plant.time_s
+
+    def is_plugged(self, now_s: float) -> bool:
+        """Whether there is a port at all."""
+        return not self._faults.on("hangup", now_s)
+
+    def takes(self, now_s: float) -> bool:
+        """Whether the far end takes bytes."""
+        return not self._faults.on("block", now_s)
+
+    def next_s(self, now_s: float) -> float:
+        """When something is due next, now or later; infinity: nothing until bytes come."""
+        due_s = self._faults.next_change_s(now_s)
+        if self._faults.on("flood", now_s):
+            due_s = min(due_s, now_s + FLOOD_EVERY_S)
+        if self._events:
+            due_s = min(due_s, self._events[0][0])
+        return max(due_s, now_s)
+
+    def take(self, content: bytes, now_s: float) -> None:
+        """Bytes from the client: received when the line has carried them."""
+        if not content:
+            return
+        begin_s = max(now_s, self._receiving_until_s)
+        self._receiving_until_s = begin_s + len(content) * self._byte_s
+        for piece in self._stage.carry(TO, content, now_s):
+            self._push(self._receiving_until_s + piece.late_s, RECEIVED, piece.content)
+        self._push(self._receiving_until_s, SEND, self._stage.echo(content, now_s))
+
+    def work(self, now_s: float) -> bytes:
+        """Work off what is due; the bytes that have come to the client's end."""
+        came = self._stage.junk(FROM, now_s)
+        junk = self._stage.junk(TO, now_s)
+        if junk:
+            self._push(now_s, RECEIVED, junk)
+        while self._events and self._events[0][0] <= now_s:
+            time_s, _, kind, content = heapq.heappop(self._events)
+            if kind == SEND:
+                came += content
+            else:
+                self._answer(content, time_s)
+        return came
+
+    def idle(self, now_s: float, longest_s: float) -> None:
+        """Keep the wheel's time moving where nobody asks: never with hours at once."""
+        if not self._events and now_s - self.server.plant.time_s > longest_s:
+            self.server.advance_to(now_s)
+
+    def unplug(self) -> None:
+        """Lose what is on the line."""
+        self._events.clear()
+
+    def _answer(self, content: bytes, time_s: float) -> None:
+        """The wheel has got these bytes: its replies go on the line."""
+        for reply in self.server.handle(content, time_s):
+            end_s = max(time_s + TURNAROUND_S, self._sending_until_s) + len(reply.content) * self._byte_s
+            pieces = self._stage.carry(FROM, reply.content, time_s, reply.register)
+            if any(piece.late_s == 0.0 for piece in pieces):
+                self._sending_until_s = end_s
+            for piece in pieces:
+                self._push(end_s + piece.late_s, SEND, piece.content)
+
+    def _push(self, time_s: float, kind: int, content: bytes) -> None:
+        """Note something to do at a time; equal times in the order they came."""
+        if content:
+            self._order += 1
+            heapq.heappush(self._events, (time_s, self._order, kind, content))
