@@ -6,6 +6,8 @@ Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import serial
@@ -20,6 +22,7 @@ from rw_ekf.records import LinkCounters
 POLL_S = 0.002
 DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
 _PARITIES = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
+OpenPort = Callable[..., Any]  # takes pyserial's options, gives an open port as pyserial's are
 
 
 class Exchange(NamedTuple):
@@ -44,8 +47,12 @@ class SerialLink:
         baud: int | None = None,
         counters: LinkCounters | None = None,
         exclusive: bool = True,
+        open_port: OpenPort | None = None,
     ) -> None:
-        """Open the port: anything pyserial's serial_for_url takes. reply_timeout_s: behind a request's last byte."""
+        """Open the port: anything pyserial's serial_for_url takes. reply_timeout_s: behind a request's last byte.
+
+        open_port: opens it in pyserial's place, with the same options.
+        """
         self.port = port
         self._clock = clock
         self.framing = framing
@@ -57,7 +64,7 @@ class SerialLink:
         self.good_frames = 0
         self._seq = 0
         self._rest = b""
-        self._serial = self._open(line, exclusive=exclusive)
+        self._serial = self._open(line, open_port, exclusive=exclusive)
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """Send one frame and wait for the reply with the same seq and id and `reply_bytes` of data.
@@ -90,14 +97,13 @@ class SerialLink:
         with contextlib.suppress(*LINE_EXCEPTIONS):  # a port that is gone is closed
             self._serial.close()
 
-    def _open(self, line: LineSettings, *, exclusive: bool) -> Any:
+    def _open(self, line: LineSettings, open_port: OpenPort | None, *, exclusive: bool) -> Any:
         """Open the port; exclusively, if asked for, where it is a device of this machine."""
         options: dict[str, Any] = {"exclusive": True} if exclusive and "://" not in self.port else {}
         if not self.port.startswith("rfc2217://"):  # which refuses to be opened with one
             options["write_timeout"] = max(self.reply_timeout_s, 0.050)
         try:
-            opened: Any = serial.serial_for_url(
-                self.port,
+            opened: Any = (open_port or partial(serial.serial_for_url, self.port))(
                 baudrate=self.baud,
                 bytesize=line.data_bits,
                 parity=_PARITIES[line.parity],

@@ -6,7 +6,7 @@ import math
 
 from drivers.line.line_errors import silent_error
 from drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
-from drivers.line.serial_link import Exchange, SerialLink
+from drivers.line.serial_link import Exchange, OpenPort, SerialLink
 from drivers.line.wheel_clock import WheelClock
 from drivers.line.wheel_registers import FLAG_RESET, conditions, registers_beside, uptime_field
 from drivers.line.wire_layout import Field, Register
@@ -227,19 +227,28 @@ def open_serial_wheel(
     probe: bool = True,
     previous: SerialWheel | None = None,
     exclusive: bool = True,
+    open_port: OpenPort | None = None,
 ) -> SerialWheel:
     """Open a wheel. Default timeout and baud are the wire map's.
 
     probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
-    segments go on from it. exclusive: refuse a port that another process has locked. Raises DriverError: no such port,
-    busy, no permission, no answer.
+    segments go on from it. exclusive: refuse a port that another process has locked. open_port: opens it in pyserial's
+    place. Raises DriverError: no such port, busy, no permission, no answer.
     """
     if previous is not None:
         previous.close()
     counters = previous.link if previous is not None else None
     timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.line.reply_timeout_s
     line = SerialLink(
-        port, wire_map.framing, wire_map.line, timeout_s, clock, baud=baud, counters=counters, exclusive=exclusive
+        port,
+        wire_map.framing,
+        wire_map.line,
+        timeout_s,
+        clock,
+        baud=baud,
+        counters=counters,
+        exclusive=exclusive,
+        open_port=open_port,
     )
     wheel = SerialWheel(line, wire_map, clock, previous.clock if previous is not None else None)
     if previous is not None:

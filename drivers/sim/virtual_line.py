@@ -1,0 +1,142 @@
+"""A simulated wheel behind the real serial driver in this process, on any clock: hours of a faulty line in seconds.
+
+The port is an object with the methods of pyserial that the driver uses. What is on the line comes when the clock says
+so, and a read waits on that clock; frames, checksums, stale replies and reconnections are the driver's own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import serial
+
+from drivers.line.register_protocol import RegisterProtocol
+from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.line.wire_map import WireMap
+from drivers.sim.register_server import RegisterServer
+from drivers.sim.wheel_line import WheelLine
+from rw_ekf.clock import Clock
+from rw_ekf.driver import WheelDriver
+
+IDLE_ADVANCE_S = 0.5
+
+
+class VirtualPort:
+    """The client's end of a line, as pyserial's ports are."""
+
+    def __init__(self, cable: VirtualCable, timeout_s: float) -> None:
+        """Raise SerialException while the cable is out."""
+        self._cable = cable
+        self._timeout_s = timeout_s
+        self._waiting = bytearray()
+        self._open = True
+        cable.check()
+
+    @property
+    def in_waiting(self) -> int:
+        """How many bytes have come."""
+        self._receive()
+        return len(self._waiting)
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to `size` bytes, as many as come within the port's timeout."""
+        clock = self._cable.clock
+        end_s = clock.monotonic() + self._timeout_s
+        while True:
+            self._receive()
+            left_s = end_s - clock.monotonic()
+            if len(self._waiting) >= size or left_s <= 0.0:
+                break
+            clock.sleep(min(max(self._cable.next_in_s(), 0.0), left_s))
+        content = bytes(self._waiting[:size])
+        del self._waiting[:size]
+        return content
+
+    def write(self, content: bytes) -> int:
+        """Send bytes. Raises SerialTimeoutException where the far end takes none."""
+        self._receive()
+        line, now_s = self._cable.line, self._cable.now_s()
+        if not line.takes(now_s):
+            self._cable.clock.sleep(self._timeout_s)
+            raise serial.SerialTimeoutException("Write timeout")
+        line.take(bytes(content), now_s)
+        return len(content)
+
+    def reset_input_buffer(self) -> None:
+        """Forget what has come."""
+        self._receive()
+        self._waiting.clear()
+
+    def reset_output_buffer(self) -> None:
+        """Nothing waits to be sent: the line takes bytes or refuses them."""
+
+    def close(self) -> None:
+        """Let go of the line."""
+        self._open = False
+
+    def _receive(self) -> None:
+        if not self._open:
+            raise serial.PortNotOpenError
+        self._cable.check()
+        self._waiting += self._cable.line.work(self._cable.now_s())
+
+
+class VirtualCable:
+    """A wheel's line in the time of a clock; ports are opened on it one after the other."""
+
+    def __init__(self, server: RegisterServer, clock: Clock) -> None:
+        self.line = WheelLine(server)
+        self.clock = clock
+        self._zero_s = clock.monotonic() - server.plant.time_s
+
+    def now_s(self) -> float:
+        """The wheel's time [s]."""
+        return self.clock.monotonic() - self._zero_s
+
+    def next_in_s(self) -> float:
+        """In how long something comes, or the cable is pulled [s]; a moment more, so that it is then past."""
+        due_s = self.line.next_s(self.now_s()) - self.now_s()
+        return due_s + 1e-9 if math.isfinite(due_s) else due_s
+
+    def check(self) -> None:
+        """Let the wheel's time go on. Raises SerialException while the cable is out."""
+        now_s = self.now_s()
+        self.line.idle(now_s, IDLE_ADVANCE_S)
+        if not self.line.is_plugged(now_s):
+            self.line.unplug()
+            raise serial.SerialException("device disconnected")
+
+
+class VirtualLineProtocol(RegisterProtocol):
+    """The protocol of a wire map on one wheel in this process, whatever the port's name."""
+
+    def __init__(self, wire_map: WireMap, server: RegisterServer, clock: Clock) -> None:
+        super().__init__(wire_map)
+        self.cable = VirtualCable(server, clock)
+
+    def open_wheel(
+        self,
+        port: str,
+        clock: Clock,
+        reply_timeout_s: float,
+        *,
+        baud: int | None = None,
+        probe: bool = True,
+        exclusive: bool = True,
+        previous: WheelDriver | None = None,
+    ) -> WheelDriver:
+        """Open the wheel. Raises DriverError while its cable is out."""
+
+        def open_port(**options: Any) -> VirtualPort:
+            return VirtualPort(self.cable, options["timeout"])
+
+        return open_serial_wheel(
+            port,
+            self.wire_map,
+            clock,
+            reply_timeout_s,
+            probe=probe,
+            previous=previous if isinstance(previous, SerialWheel) else None,
+            open_port=open_port,
+        )
