@@ -61,7 +61,6 @@ class RunStatistics:
 
         from rw_ekf.filter import decisions
 
-        same = np.diff(course.segment) == 0
         used = run.outcome == decisions.UPDATED
         innovation = run.innovation_rad_s[used]
         nis = innovation**2 / run.innovation_variance[used]
@@ -71,7 +70,7 @@ class RunStatistics:
             missing=int(np.count_nonzero(np.isnan(course.speed_rad_s))),
             rejected=int(np.count_nonzero(tested & ~used)),
             reseeded=int(np.count_nonzero(run.outcome == decisions.RESEEDED)),
-            duration_s=float(np.diff(course.time_s)[same].sum()),
+            duration_s=course.duration_s,
             used=int(used.sum()),
             innovation_sum=float(innovation.sum()),
             innovation_squares=float(innovation @ innovation),

@@ -90,10 +90,8 @@ def _said_while_running(outcome: RunOutcome) -> list[str]:
 
 
 def _warnings(outcome: RunOutcome) -> list[str]:
-    """Judge the log that was just written; a run's own numbers never fail because of this."""
-    from rw_ekf.course.course import Course
+    """Judge the last hour of the run; a run's own numbers never fail because of this."""
     from rw_ekf.errors import RwEkfError
-    from rw_ekf.logs.reader import read_log
     from rw_ekf.replay import consistency_now
 
     found = _said_while_running(outcome)
@@ -113,12 +111,15 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         found.append(refused)
     log = shown_path(outcome.files.log)
     try:
-        course = Course.of_log(read_log(outcome.files.log))
+        course = outcome.recent.course()
         judged, _ = consistency_now(course, outcome.setup, outcome.belief)
     except (RwEkfError, ArithmeticError, ValueError, LookupError) as error:
-        return [*found, f"the run's log could not be judged: {error}"]
+        return [*found, f"the run's residual could not be judged: {error}"]
+    stretch = (
+        "" if outcome.recent.is_whole else f" (Judged over the last {course.duration_s / 60.0:.3g} min of the run.)"
+    )
     # A command that is named can be run from here, as it stands.
-    return [*found, *(text.replace(" LOG", f" {log}") for text in judged.warnings())]
+    return [*found, *(text.replace(" LOG", f" {log}") + stretch for text in judged.warnings())]
 
 
 def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:

@@ -90,6 +90,11 @@ class Course(NamedTuple):
         step_s = np.diff(self.time_s[:_PERIOD_SAMPLES])[np.diff(self.segment[:_PERIOD_SAMPLES]) == 0]
         return float(np.median(step_s)) if step_s.size else 0.1
 
+    @property
+    def duration_s(self) -> float:
+        """Time covered: first to last sample of each segment, summed over segments [s]."""
+        return float(np.diff(self.time_s)[np.diff(self.segment) == 0].sum())
+
     def window(self, first: int, last: int) -> Course:
         """Samples first <= i < last alone, with the pieces of current between them."""
         n, m = self.samples, self.pieces.duration_s.size

@@ -31,6 +31,7 @@ from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_met
 from rw_ekf.numbers import plus_minus
 from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, Tick
 from rw_ekf.sinks.guard import GuardedSink
+from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.registry import RunContext, sinks_of
 from rw_ekf.sinks.run_files import RunFiles, Unwritten
 from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
@@ -54,6 +55,7 @@ class RunOutcome:
     setup: FilterSetup
     belief: Belief
     statistics: RunStatistics
+    recent: RecentSink  # what the end of the run is judged by
     link: LinkCounters
     timing: LoopTiming
     stopped_by: str | None
@@ -140,6 +142,7 @@ def run_daemon(
                 total_s=lasts_s,
                 phase=phase,
                 watched=watch is not None,
+                recent=RecentSink(configuration.loop.rate_hz),
             )
             sinks = sinks_of(run)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
@@ -181,6 +184,7 @@ def run_daemon(
             setup=setup,
             belief=belief,
             statistics=run.statistics,
+            recent=run.recent,
             link=live.link,
             timing=live.timing,
             stopped_by=stop.requested,

@@ -17,6 +17,7 @@ from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.guard import GuardedSink, Queue
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer
+from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.run_files import RunFiles, Unwritten
 from rw_ekf.sinks.state_file import StateFileSink
 from rw_ekf.sinks.statistics_sink import StatisticsSink
@@ -41,6 +42,7 @@ class RunContext:
     phase: Phase | None = None
     watched: bool = True  # whether there can be alarms
     statistics: RunStatistics = field(default_factory=RunStatistics)
+    recent: RecentSink = field(default_factory=RecentSink)
     unwritten: Unwritten = field(default_factory=Unwritten)
 
 
@@ -69,6 +71,7 @@ def _state(run: RunContext) -> tuple[Sink, Queue]:
 SINKS: dict[str, Callable[[RunContext], tuple[Sink, Queue | None]]] = {
     "log": _log,
     "statistics": lambda run: (StatisticsSink(run.statistics), None),
+    "recent": lambda run: (run.recent, None),
     "state": _state,
     "status": lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
 }
