@@ -18,7 +18,7 @@ from rw_ekf.filter.belief import (
 )
 from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.friction import LAW_NAMES
-from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, SPEED, STATE_NAMES, STATE_SIZE
+from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
@@ -157,7 +157,8 @@ def setup_of_record(
 def belief_of_model(model: WheelModel) -> Belief:
     """Belief over the state from a model file; the speed and hidden states are left to the first reading."""
     values = (*model.parameters, *model.effects.values)
-    return Belief.of_known(values, np.array(model.covariance), model.effects.table().size)
+    size, ids = model.effects.table().size, model.effects.coefficient_ids
+    return Belief.of_known(values, np.array(model.covariance), size, effect_ids=ids)
 
 
 def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
@@ -199,12 +200,12 @@ def model_of(
     belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoisePosterior | None = None
 ) -> WheelModel:
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
+    _, covariance = belief.known(setup.effects.size)
     known = STATE_SIZE + setup.effects.size
-    behind = slice(SPEED + 1, known)
     told = setup.constants if noise is None else noise
     return WheelModel(
         parameters=belief.parameters,
-        covariance=tuple(tuple(float(v) for v in row) for row in belief.covariance[behind, behind]),
+        covariance=tuple(tuple(float(v) for v in row) for row in covariance),
         stribeck_speed_rad_s=setup.constants.stribeck.omega_s,
         stribeck_law=LAW_NAMES[setup.constants.stribeck.law],
         speed_noise_rad_s=told.speed_noise_rad_s,

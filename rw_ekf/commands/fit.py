@@ -62,7 +62,6 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.filter.identifiability import report
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
-    from rw_ekf.model.state import MOTOR_GAIN, STATE_SIZE
     from rw_ekf.replay import refuse_runaway_model
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
     from rw_ekf.wheel.model_file import refusal_of
@@ -90,7 +89,6 @@ def execute(args: argparse.Namespace) -> int:
         belief, found, quality, warnings = _fit(args.method, course, log, setup, bar.update)
     noise = found if args.noise else None
     reports = report(belief, setup.prior)
-    here = slice(MOTOR_GAIN, STATE_SIZE + setup.effects.size)
     document: dict[str, Any] = {
         "schema": FIT_SCHEMA,
         "log": log.name,
@@ -106,7 +104,7 @@ def execute(args: argparse.Namespace) -> int:
             }
             for item in reports
         },
-        "covariance": belief.covariance[here, here].tolist(),
+        "covariance": belief.known(setup.effects.size)[1].tolist(),
         **({} if augmented is None else {"effects": effects_document(setup.effects, belief)}),
         "physical": physical(belief.parameters, setup.inertia_kg_m2),
         "inertia_kg_m2": setup.inertia_kg_m2,

@@ -64,7 +64,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     if source.unfit is not None:
         return None
     prepared = richer_part(prepare(source, None, None, split))
-    search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, lambda text: None)
+    search = Search(prepared.whole, prepared.seen, prepared.facts, lambda text: None)
     fit = prepared.base
     for name in effect_ids:
         fit = search.told(fit, name)

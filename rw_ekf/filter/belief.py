@@ -27,11 +27,12 @@ _EXCESS_STD_IN_COULOMB = 0.5
 class Belief:
     """Gaussian over the state: mean (n,), covariance (n, n), the named state, then effects' coefficients.
 
-    n is 5 without effects; hidden states come last.
+    n is 5 without effects; hidden states come last. An a priori names the effect of each coefficient it knows.
     """
 
     mean: Float64Array
     covariance: Float64Array
+    effect_ids: tuple[str, ...] = ()
 
     @classmethod
     def of_known(
@@ -40,6 +41,7 @@ class Belief:
         covariance: Float64Array,
         size: int = 0,
         speed_variance: float = 1.0,
+        effect_ids: tuple[str, ...] = (),
     ) -> Belief:
         """A belief over what stands behind the speed: values (m,), covariance (m, m), the parameters first.
 
@@ -51,7 +53,19 @@ class Belief:
         whole = np.zeros((mean.size, mean.size))
         whole[SPEED, SPEED] = speed_variance
         whole[SPEED + 1 : known, SPEED + 1 : known] = covariance
-        return cls(mean, whole)
+        return cls(mean, whole, effect_ids)
+
+    def known(self, coefficients: int = 0) -> tuple[Float64Array, Float64Array]:
+        """Mean (4 + m,) and covariance (4 + m, 4 + m) of the parameters and the first m coefficients."""
+        here = slice(PARAMETERS.start, PARAMETERS.stop + coefficients)
+        return self.mean[here].copy(), self.covariance[here, here]
+
+    def with_coefficient(self, effect_id: str, value: float, std: float) -> Belief:
+        """The same, without hidden states, and a coefficient more that is independent of all others."""
+        values, covariance = self.known(len(self.effect_ids))
+        wider = np.zeros((values.size + 1, values.size + 1))
+        wider[:-1, :-1], wider[-1, -1] = covariance, std**2
+        return Belief.of_known(np.append(values, value), wider, effect_ids=(*self.effect_ids, effect_id))
 
     @property
     def std(self) -> Float64Array:
@@ -103,4 +117,4 @@ def with_prior_table(belief: Belief, table: dict[str, tuple[float, float]]) -> B
         mean[i] = value
         covariance[i, :] = covariance[:, i] = 0.0
         covariance[i, i] = std**2
-    return Belief(mean, covariance)
+    return Belief(mean, covariance, belief.effect_ids)

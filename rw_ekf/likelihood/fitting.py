@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.likelihood.frame import Frame, Noise, Prior, linearise
+from rw_ekf.filter.belief import Belief
+from rw_ekf.likelihood.frame import Frame, Noise, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model import Model, prior_rows
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
@@ -44,7 +45,10 @@ class Likelihood:
     count: int
 
 
-def likelihood(frame: Frame, prior: Prior | None, noise: Noise) -> Likelihood:
+Rows = tuple[Float64Array, Float64Array]  # of an a priori, as `prior_rows` gives them
+
+
+def likelihood(frame: Frame, prior: Belief | None, noise: Noise) -> Likelihood:
     """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`.
 
     The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
@@ -53,10 +57,11 @@ def likelihood(frame: Frame, prior: Prior | None, noise: Noise) -> Likelihood:
     from scipy.optimize import minimize_scalar
 
     found: dict[float, Likelihood] = {}
+    known = None if prior is None else prior_rows(prior, frame.model)
 
     def negative(log_ratio: float) -> float:
         ratio = math.exp(log_ratio)
-        found[log_ratio] = at_ratio(frame, prior, noise.variance, ratio)
+        found[log_ratio] = at_ratio(frame, known, noise.variance, ratio)
         return -found[log_ratio].restricted
 
     low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
@@ -65,7 +70,7 @@ def likelihood(frame: Frame, prior: Prior | None, noise: Noise) -> Likelihood:
     return max(found.values(), key=lambda item: item.restricted)
 
 
-def at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> Likelihood:
+def at_ratio(frame: Frame, known: Rows | None, scale: float, ratio: float) -> Likelihood:
     """Maximise over corrections of the vector and R at one ratio of noises; scale: about what R is [rad^2/s^2]."""
     r, A, logs = frame.whitened(ratio, scale, frame.columns, frame.memory_columns)
     n = r.size
@@ -79,8 +84,8 @@ def at_ratio(frame: Frame, prior: Prior | None, scale: float, ratio: float) -> L
     normal = (A / weights).T @ (A / weights)
     target = (A / weights).T @ r
     pull, offset = np.zeros((size, size)), np.zeros(size)
-    if prior is not None:
-        W, aim = prior.rows(frame.model)
+    if known is not None:
+        W, aim = known
         pull, offset = W.T @ W, W.T @ (aim - W @ frame.model.vector)
     # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
     total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
@@ -99,9 +104,10 @@ class Fit:
     """A model fitted to a part of a record: its likelihood, and the reference it was linearised along."""
 
     model: Model
+    prior: Belief | None
     likelihood: Likelihood
     frame: Frame
-    omit: BoolArray
+    omit: BoolArray  # (n,) readings left out
 
     @property
     def noise(self) -> Noise:
@@ -117,6 +123,22 @@ class Fit:
     def std(self) -> Float64Array:
         """Standard deviations of the model's vector."""
         return np.sqrt(np.maximum(np.diag(self.likelihood.covariance), 0.0))
+
+    def refitted(self, model: Model) -> Fit:
+        """Another model fitted to the same part of the record, from where this one stands."""
+        return fit_model(self.frame.record, model, self.prior, self.reference, self.noise, self.omit)
+
+    def without(self, effect_id: str) -> Fit:
+        """The same part fitted without one effect."""
+        return self.refitted(self.model.without(effect_id))
+
+    def widened(self, record: Record, seen: Reference) -> Fit:
+        """The same model fitted to a record of which this is a part; elsewhere it starts along `seen`."""
+        follows = self.frame.record.follows
+        reference = Reference.of_speed(
+            np.where(follows, self.reference.speed, seen.speed), np.where(follows, self.reference.spread, seen.spread)
+        )
+        return fit_model(record, self.model, self.prior, reference, self.noise, self.omit)
 
 
 def smoothed_reference(frame: Frame, correction: Float64Array, noise: Noise) -> Reference:
@@ -146,7 +168,7 @@ def value_of(frame: Frame, noise: Noise) -> Likelihood:
 def fit_model(
     record: Record,
     model: Model,
-    prior: Prior | None,
+    prior: Belief | None,
     reference: Reference,
     noise: Noise,
     omit: BoolArray,
@@ -181,7 +203,7 @@ def _settle(
 def _gauss_newton(
     record: Record,
     model: Model,
-    prior: Prior | None,
+    prior: Belief | None,
     reference: Reference,
     noise: Noise,
     omit: BoolArray,
@@ -205,7 +227,7 @@ def _gauss_newton(
                 break
         else:
             here = replace(here, covariance=found.covariance, correction=found.correction)
-            best = Fit(model, here, frame, omit)
+            best = Fit(model, prior, here, frame, omit)
             start, step, noise = model, found.correction, found.noise
             std = np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300))
             if turn > 0 and bool(np.all(np.abs(step) < _SMALL_STEP * std)):

@@ -19,40 +19,6 @@ _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may stil
 
 
 @dataclass(frozen=True)
-class Prior:
-    """A priori on the first k of a model's vector: mean (k,), and W (k, k) with W' W the inverse covariance.
-
-    These are the four parameters, or all of a model's coefficients with them.
-    given: coefficients of effects that a model file brought, (id, mean, standard deviation), in the model's order.
-    """
-
-    mean: Float64Array
-    root: Float64Array
-    given: tuple[tuple[str, float, float], ...] = ()
-
-    def rows(self, model: Model) -> tuple[Float64Array, Float64Array]:
-        """What is known of a model's vector x (p,) as W x = aim, each row of unit variance: W (k, p), aim (k,)."""
-        size, known = model.vector.size, self.mean.size
-        found, aims = [np.zeros((known, size))], [self.root @ self.mean]
-        found[0][:, :known] = self.root
-        left = [(place, term.id) for term, at in model.placed for place in range(at.start, at.stop)]
-        for name, mean, std in self.given:
-            found_at = next((item for item in left if item[1] == name), None)
-            if found_at is not None:  # else the effect has been left out of this model
-                left.remove(found_at)
-                row = np.zeros((1, size))
-                row[0, found_at[0]] = 1.0 / std
-                found.append(row)
-                aims.append(np.array([mean / std]))
-        return np.concatenate(found), np.concatenate(aims)
-
-    @classmethod
-    def of(cls, mean: Float64Array, covariance: Float64Array) -> Prior:
-        """From a mean (k,) and a covariance (k, k)."""
-        return cls(mean, np.linalg.cholesky(np.linalg.inv(covariance)).T)
-
-
-@dataclass(frozen=True)
 class Frame:
     """Predictions of a model along a reference, and their slopes by everything that is fitted; arrays (n, ...)."""
 

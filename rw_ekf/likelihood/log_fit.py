@@ -24,14 +24,13 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
 from rw_ekf.likelihood.one_step import Record, state_vector
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.structure import structure
 from rw_ekf.model.effect import Term
-from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, FrictionParameters
+from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 _SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
@@ -48,7 +47,6 @@ class LogFit:
     stribeck_speed_std: float  # 0 where it was given
     noises: NoisePosterior
     fit: Fit
-    prior: Prior
 
     @property
     def std(self) -> Float64Array:
@@ -89,21 +87,19 @@ def fit_log(
     record = Record.of(course, everything, constants)
     bare = Model(start, constants.stribeck, EffectSet(tuple(replace(term, settled=True) for term in effects.terms)))
     size = bare.known
-    here = slice(MOTOR_GAIN, MOTOR_GAIN + size)
-    known = Prior.of(prior.mean[here], prior.covariance[here, here])
+    known = Belief.of_known(*prior.known(effects.size), effect_ids=effects.coefficient_ids)
     model, (omega_s, law) = bare, constants.stribeck
     if stribeck_speed_std > 0.0:
         shape = (float(law), 0.0, 0.0)
         free = Term.of(STRIBECK, shape, omega_s, stribeck_speed_std)
         model = bare.with_terms(free)
-        given = (free.id, omega_s, stribeck_speed_std)
-        known = Prior(known.mean, known.root, (given,))
+        known = known.with_coefficient(free.id, omega_s, stribeck_speed_std)
     advance()
     seen = bare.base if effects.table().hidden else bare
     starts = [read_reference(course, noise), smoothed_by_filter(course, everything, seen, constants, noise)]
     fit = robust_fit(record, model, known, noise, starts)
     advance()
-    noises = noise_posterior(fit.frame, known, fit.noise)
+    noises = noise_posterior(fit)
     found = fit.model.vector + fit.model.limited(noises.correction)
     fitted = bare.with_vector(found[:size])
     std = np.sqrt(np.maximum(np.diag(noises.covariance)[:size], 0.0))
@@ -115,7 +111,6 @@ def fit_log(
         stribeck_speed_std=float(np.sqrt(noises.covariance[size, size])) if model is not bare else 0.0,
         noises=noises,
         fit=fit,
-        prior=known,
     )
 
 
@@ -138,5 +133,5 @@ def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     run = filter_log(course, without_drift(constants), mean, covariance, fit.effects)
     told = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     with_memory = frame.memory_columns.size > 0  # what would be added has no slope by the memory
-    p_value = None if with_memory else structure(fit.fit, fit.prior).p_value
+    p_value = None if with_memory else structure(fit.fit).p_value
     return replace(found, noise_ratio=told.noise_ratio, structure_p=p_value)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.filter.belief import Belief
 from rw_ekf.model.effect import Shape, Term
 from rw_ekf.model.friction import Stribeck
-from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
+from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, STATE_SIZE, FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 
@@ -108,6 +109,26 @@ class Model:
     def base(self) -> Model:
         """The same without any effect."""
         return replace(self, effects=NO_EFFECTS)
+
+
+def prior_rows(prior: Belief, model: Model) -> tuple[Float64Array, Float64Array]:
+    """What an a priori says of a model's vector x (p,) as W x = aim, each row of unit variance: W (k, p), aim (k,).
+
+    Coefficients are found by the effect they belong to, several of one in their order; those of effects that the model
+    has not are left out.
+    """
+    unmatched = [(place, term.id) for term, at in model.placed for place in range(at.start, at.stop)]
+    states, places = list(range(MOTOR_GAIN, STATE_SIZE)), list(range(PARAMETER_COUNT))
+    for state, effect_id in enumerate(prior.effect_ids, start=STATE_SIZE):
+        found = next((item for item in unmatched if item[1] == effect_id), None)
+        if found is not None:
+            unmatched.remove(found)
+            states.append(state)
+            places.append(found[0])
+    root = np.linalg.cholesky(np.linalg.inv(prior.covariance[np.ix_(states, states)])).T
+    rows = np.zeros((len(states), model.vector.size))
+    rows[:, places] = root
+    return rows, root @ prior.mean[states]
 
 
 def _with(shape: Shape, at: int, value: float) -> Shape:

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.likelihood.fitting import LEAST_RATIO, MOST_RATIO, Likelihood, at_ratio
-from rw_ekf.likelihood.frame import Frame, Noise, Prior
+from rw_ekf.likelihood.fitting import LEAST_RATIO, MOST_RATIO, Fit, Likelihood, Rows, at_ratio
+from rw_ekf.likelihood.frame import Frame, Noise
+from rw_ekf.likelihood.model import prior_rows
 
 _STEP = 0.4  # of log ratio between two points of the grid
 _DROP = 9.0  # log-likelihood below the top where the grid ends
@@ -40,9 +41,11 @@ class NoisePosterior:
     log_evidence: float  # of the model on this frame: log of the sum of L over the grid
 
 
-def noise_posterior(frame: Frame, prior: Prior | None, noise: Noise) -> NoisePosterior:
-    """Integrate over the ratio of noises, on a grid around the top of its distribution; `noise` is where to begin."""
-    points = _grid(frame, prior, noise)
+def noise_posterior(fit: Fit) -> NoisePosterior:
+    """Integrate over the ratio of noises, on a grid around the top of its distribution, along a fit's reference."""
+    frame, noise = fit.frame, fit.noise
+    known = None if fit.prior is None else prior_rows(fit.prior, fit.model)
+    points = _grid(frame, known, noise)
     logs = np.array([_density(item) for item in points])
     weights = np.exp(logs - logs.max())
     total = float(weights.sum())
@@ -61,7 +64,7 @@ def noise_posterior(frame: Frame, prior: Prior | None, noise: Noise) -> NoisePos
     within = float(weights @ (variances - sigma**2) ** 2)  # of R between the ratios; within each, R's own chi-square
     own = 2.0 * sigma**4 / max(points[0].count, 1)
     limit = float(np.interp(0.95, np.cumsum(weights), deviation))
-    without = _marginal(at_ratio(frame, prior, noise.variance, LEAST_RATIO))
+    without = _marginal(at_ratio(frame, known, noise.variance, LEAST_RATIO))
     return NoisePosterior(
         correction=mean,
         covariance=covariance,
@@ -85,15 +88,15 @@ def _density(item: Likelihood) -> float:
     return _marginal(item) + 0.5 * math.log(item.noise.ratio)
 
 
-def _grid(frame: Frame, prior: Prior | None, noise: Noise) -> list[Likelihood]:
+def _grid(frame: Frame, known: Rows | None, noise: Noise) -> list[Likelihood]:
     """Likelihoods at ratios a step apart, as far to both sides as they matter, in rising order."""
     low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
-    known: dict[int, Likelihood] = {}
+    found: dict[int, Likelihood] = {}
 
     def at(place: int) -> float:
-        if place not in known:
-            known[place] = at_ratio(frame, prior, noise.variance, math.exp(low + _STEP * place))
-        return _density(known[place])
+        if place not in found:
+            found[place] = at_ratio(frame, known, noise.variance, math.exp(low + _STEP * place))
+        return _density(found[place])
 
     last = int((high - low) / _STEP)
     top = min(max(round((math.log(max(noise.ratio, LEAST_RATIO)) - low) / _STEP), 0), last)
@@ -105,4 +108,4 @@ def _grid(frame: Frame, prior: Prior | None, noise: Noise) -> list[Likelihood]:
         first -= 1
     while end < last and at(end + 1) > at(top) - _DROP:
         end += 1
-    return [known[place] for place in range(first, end + 1)]
+    return [found[place] for place in range(first, end + 1)]

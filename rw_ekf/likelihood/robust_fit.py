@@ -7,11 +7,12 @@ import numpy as np
 from rw_ekf.arrays import BoolArray
 from rw_ekf.course.conditions import bridged
 from rw_ekf.course.course import Course
+from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import OUTLIER_SHARE, OUTLIER_STDS
 from rw_ekf.likelihood.fitting import Fit, fit_model
-from rw_ekf.likelihood.frame import Noise, Prior
+from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
@@ -37,7 +38,7 @@ def smoothed_by_filter(
     return Reference.of_speed(means[:, SPEED], np.maximum(stds[:, SPEED], 0.02 * noise_rad_s))
 
 
-def robust_fit(record: Record, model: Model, prior: Prior, noise_rad_s: float, starts: list[Reference]) -> Fit:
+def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, starts: list[Reference]) -> Fit:
     """Fit from each reference, keep the likeliest, leave out the readings that no noise explains, and fit again."""
     n = record.course.time_s.size
     noise = Noise(noise_rad_s**2, 1.0e-2)

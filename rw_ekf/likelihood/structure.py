@@ -17,7 +17,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
-from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
@@ -57,14 +57,14 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
     return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(knots.size)))
 
 
-def structure(fit: Fit, prior: Prior) -> Structure:
+def structure(fit: Fit) -> Structure:
     """Test the fit of a model without friction that has a memory for what the commonest effects would add."""
     frame = fit.frame
     extra = _columns(fit)
     best_with, best_without = -math.inf, -math.inf
     with_value, without_value = 0.0, 0.0
     freedom = 0
-    pull, _ = prior.rows(frame.model)
+    pull = np.zeros((0, fit.model.vector.size)) if fit.prior is None else prior_rows(fit.prior, fit.model)[0]
     scale = fit.noise.variance
     keep = np.zeros(extra.shape[1], dtype=bool)
     for number in range(_RATIOS_BELOW + 1):

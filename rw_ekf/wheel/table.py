@@ -72,10 +72,15 @@ class EffectSet:
         return tuple(dict.fromkeys(term.id for term in self.terms))
 
     @property
+    def coefficient_ids(self) -> tuple[str, ...]:
+        """The effect's id of every coefficient of the state, (m,)."""
+        return tuple(term.id for term in self.state_terms for _ in term.values)
+
+    @property
     def state_names(self) -> tuple[str, ...]:
         """A name for every coefficient of the state, as a column of a table: the id, numbered where it repeats."""
         names: list[str] = []
-        for effect_id in (term.id for term in self.state_terms for _ in term.values):
+        for effect_id in self.coefficient_ids:
             count = sum(name == effect_id or name.startswith(f"{effect_id}_") for name in names)
             names.append(effect_id if count == 0 else f"{effect_id}_{count + 1}")
         return tuple(names)

@@ -17,7 +17,7 @@ from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_reference
-from rw_ekf.likelihood.frame import Noise, Prior, linearise
+from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.logs.wheel_log import WheelLog
@@ -29,7 +29,6 @@ from tests.truth import OMEGA_S
 RATE_HZ = 10.0
 MAX_GAP_S = 2.0
 TRUTH = Model(CK13_STATISTICAL, Stribeck(OMEGA_S, GAUSS))  # the healthy plant
-PRIOR = Prior.of(np.array(DEFAULT_PRIOR.parameters), DEFAULT_PRIOR.parameter_covariance)
 
 
 def simulated(
@@ -73,8 +72,10 @@ def fitted(record: Record, model: Model = TRUTH, start: Fit | None = None) -> Fi
     """A model fitted to a record, from its readings or from where another fit ended."""
     omit = np.zeros(record.follows.size, dtype=bool)
     if start is None:
-        return fit_model(record, model, PRIOR, first_reference(record, model), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit)
-    return fit_model(record, model, PRIOR, start.reference, start.noise, omit)
+        return fit_model(
+            record, model, DEFAULT_PRIOR, first_reference(record, model), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit
+        )
+    return fit_model(record, model, DEFAULT_PRIOR, start.reference, start.noise, omit)
 
 
 def log_of(run: PlantRun, *, angle: bool = False) -> WheelLog:

@@ -12,13 +12,14 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.prepare.conditions import facts_of
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.likelihood.fitting import fit_model, likelihood, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.diagnosis.simulated import PRIOR, TRUTH, fitted, record_of, simulated
+from tests.diagnosis.simulated import TRUTH, fitted, record_of, simulated
 
 QUIET = Noise(RAD_S_PER_RPM**2, 1.0e-4)
 
@@ -174,7 +175,7 @@ def test_readings_left_out_do_not_count() -> None:
     record = record_of(run)
     clean = fitted(record)
     speed[spikes] += 100.0 * RAD_S_PER_RPM
-    left_out = fit_model(record, TRUTH, PRIOR, clean.reference, clean.noise, spikes)
+    left_out = fit_model(record, TRUTH, DEFAULT_PRIOR, clean.reference, clean.noise, spikes)
     assert left_out.likelihood.count == clean.likelihood.count - 3
     assert math.sqrt(left_out.noise.variance / clean.noise.variance) == pytest.approx(1.0, abs=0.01)
     assert np.all(np.abs(left_out.model.vector - clean.model.vector) < clean.std)
@@ -192,7 +193,7 @@ def healthy() -> tuple[dict[str, list[float]], list[float]]:
         everything = np.ones(record.follows.size, dtype=bool)
         sigma = math.sqrt(fit.noise.variance)
         facts = facts_of(record.course, fit.model, sigma, everything, frozenset())
-        scorer = Scorer(fit.frame, PRIOR, fit.noise.variance, fit.noise.ratio)
+        scorer = Scorer(fit)
         for name, score in scorer.best_of_each(facts, [CATALOGUE[name] for name in names], lambda: None).items():
             statistics[name].append(score.statistic)
         noises.append(sigma / RAD_S_PER_RPM)
@@ -241,7 +242,7 @@ def test_process_noise_does_not_pass_for_an_effect() -> None:
         everything = np.ones(record.follows.size, dtype=bool)
         sigma = math.sqrt(fit.noise.variance)
         facts = facts_of(record.course, fit.model, sigma, everything, frozenset())
-        scorer = Scorer(fit.frame, PRIOR, fit.noise.variance, fit.noise.ratio)
+        scorer = Scorer(fit)
         score = scorer.best_of_each(facts, [CATALOGUE["offset_torque"]], lambda: None)["offset_torque"]
         statistics.append(score.statistic)
         squares.append(np.mean(((fit.model.coefficients - TRUTH.coefficients) / fit.std)[:3] ** 2))

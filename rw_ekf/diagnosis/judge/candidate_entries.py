@@ -92,13 +92,13 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     Of one effect that was added alone it is what the figures before and after say.
     """
     if CATALOGUE[name].local_in_time:
-        gain = event_gain(found.whole, name, found.prepared.prior, found.prepared.seen)
+        gain = event_gain(found.whole, name, found.prepared.seen)
         return None if gain is None else gain.percent
     errors = [performed.figures.get("free_run_rms_rpm") for performed in (before, after)]
     if found.new_ids == [name] and errors[0] and errors[1] is not None:
         return float(100.0 * (1.0 - errors[1] / errors[0]))
     final = found.selection.final
-    return gain_over(found.prepared, found.search.without(final, name), final)
+    return gain_over(found.prepared, final.without(name), final)
 
 
 def _described(fit: Fit, name: str) -> dict[str, Any]:

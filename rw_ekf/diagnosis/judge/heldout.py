@@ -17,7 +17,6 @@ from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.judge.event import event_gain
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
-from rw_ekf.diagnosis.search.selection import Search
 from rw_ekf.diagnosis.search.trial import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -180,12 +179,12 @@ _REAL_GAIN = 0.05
 _LEAST_EVENT = 4.0  # of twice the log-likelihood on the seconds left out of an event: two sigma
 
 
-def confirm(prepared: Prepared, search: Search, selection: Selection, names: list[str]) -> None:
+def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
     """Drop what worsens the held-out part, by its likelihood or by its free run; an event is not judged there."""
     for name in names:
         if CATALOGUE[name].local_in_time:
             continue
-        less = search.without(selection.final, name)
+        less = selection.final.without(name)
         with_it = heldout_likelihood(prepared.heldout, selection.final, prepared.seen)
         likelier = with_it > heldout_likelihood(prepared.heldout, less, prepared.seen)
         gain = gain_over(prepared, less, selection.final)
@@ -194,16 +193,16 @@ def confirm(prepared: Prepared, search: Search, selection: Selection, names: lis
             selection.final = less
 
 
-def veto(prepared: Prepared, search: Search, selection: Selection) -> None:
+def veto(prepared: Prepared, selection: Selection) -> None:
     """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first."""
     for name in reversed(selection.new_ids):
-        less = search.without(selection.final, name)
+        less = selection.final.without(name)
         before, after = performance(prepared, less).figures, performance(prepared, selection.final).figures
         free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
         gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
         worse = worsened(before, after, *(_WORST if gained else _WORSE))
         if worse is None and CATALOGUE[name].local_in_time:
-            gain = event_gain(search.on_whole(selection.final), name, prepared.prior, prepared.seen)
+            gain = event_gain(selection.final.widened(prepared.whole, prepared.seen), name, prepared.seen)
             if gain is not None and gain.statistic < _LEAST_EVENT:
                 worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
         if worse is not None:

@@ -67,7 +67,7 @@ class Found:
         """Of all the structure there was, what the effects explain; of what is left only what exceeds chance counts."""
         if not self.left:
             return 1.0
-        base = self.search.on_whole(self.selection.base)
+        base = self.selection.base.widened(self.prepared.whole, self.prepared.seen)
         explained = 2.0 * (self.whole.likelihood.value - base.likelihood.value)
         most = max(item.statistic - item.freedom for item in self.left)
         return explained / (explained + most) if explained > 0.0 else 0.0
@@ -90,19 +90,19 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
 
 
 def _investigated(prepared: Prepared, advance: Advance, *, stationary_first: bool) -> Found:
-    search = Search(prepared.fit_part, prepared.whole, prepared.seen, prepared.prior, prepared.facts, advance)
+    search = Search(prepared.whole, prepared.seen, prepared.facts, advance)
     search.stationary_first = stationary_first
     selection = search.run(prepared.base)
     if selection.new_ids:
         find_rivals(search, selection)
         settle_rivals(search, selection)
-        confirm(prepared, search, selection, selection.new_ids)
+        confirm(prepared, selection, selection.new_ids)
     if prepared.work.has(work.WIDEN):
         _widen(prepared, search, selection, advance)
     else:
         prepared.work.leave_out("the search of the whole record for what a part shows too little of")
     _drop_trifles(search, selection)
-    veto(prepared, search, selection)
+    veto(prepared, selection)
     advance("mapping the residual")
     found = _mapped(prepared, search, selection)
     if not found.left and found.new_ids:
@@ -118,15 +118,15 @@ def _drop_trifles(search: Search, selection: Selection) -> None:
     for name in selection.new_ids:
         if not matters(selection.final.model, name, search.facts):
             selection.trials[name].decision = TOO_SMALL
-            selection.final = search.without(selection.final, name)
+            selection.final = selection.final.without(name)
         elif not possible(selection.final.model, name, search.facts):
             selection.trials[name].decision = IMPOSSIBLE
-            selection.final = search.without(selection.final, name)
+            selection.final = selection.final.without(name)
 
 
 def _mapped(prepared: Prepared, search: Search, selection: Selection) -> Found:
-    whole = search.on_whole(selection.final)
-    return Found(prepared, search, selection, whole, residual_map(whole, prepared.prior, prepared.facts))
+    whole = selection.final.widened(prepared.whole, prepared.seen)
+    return Found(prepared, search, selection, whole, residual_map(whole, prepared.facts))
 
 
 def _with_wandering_friction(found: Found) -> Found:
@@ -147,7 +147,7 @@ def _with_wandering_friction(found: Found) -> Found:
     trials = {**selection.trials, WANDERING.id: tried.trial}
     changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
     changed.final = search.pruned(changed.final, changed)
-    confirm(prepared, search, changed, [WANDERING.id])
+    confirm(prepared, changed, [WANDERING.id])
     if WANDERING.id not in changed.final.model.effects.ids:
         return found
     changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
@@ -163,10 +163,9 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     The held-out part then has a share in finding an effect, but none in its size, and must still be predicted better.
     """
     advance("searching the whole record")
-    whole, facts = prepared.whole, prepared.facts
-    everywhere = Search(whole, whole, prepared.seen, prepared.prior, facts, advance, WHOLE_P, work.WIDEN)
+    everywhere = Search(prepared.whole, prepared.seen, prepared.facts, advance, WHOLE_P, work.WIDEN)
     everywhere.stationary_first = search.stationary_first
-    wide = everywhere.run(search.on_whole(selection.final))
+    wide = everywhere.run(selection.final.widened(prepared.whole, prepared.seen))
     names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
     if not names:
         return
@@ -175,7 +174,7 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
     fit = selection.final
     for name in [name for name in fit.model.effects.ids if name not in wide.final.model.effects.ids]:
-        fit = search.without(fit, name)
+        fit = fit.without(name)
         if name in selection.trials:  # else the model given had it
             selection.trials[name].decision = explained_by(names)
     for name in names:
@@ -187,6 +186,6 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
             selection.trials[name].decision = f"{NOT_CONFIRMED}: the searched part knows no size of it"
     before = set(fit.model.effects.ids)
     selection.final = fit
-    confirm(prepared, search, selection, [name for name in names if name in before])
+    confirm(prepared, selection, [name for name in names if name in before])
     selection.rivals |= {name: fits for name, fits in wide.rivals.items() if name in selection.final.model.effects.ids}
     selection.whole_record = [name for name in names if name in selection.final.model.effects.ids]

@@ -16,7 +16,6 @@ from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.trial import INFLATION
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import RecordFacts
 
@@ -31,7 +30,7 @@ class Dependence:
     p_value: float
 
 
-def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]:
+def residual_map(fit: Fit, facts: RecordFacts) -> list[Dependence]:
     """Dependences of what the model leaves, most significant first."""
     drive, dry = slopes_by_torque(fit)
     frame = fit.frame
@@ -59,7 +58,7 @@ def residual_map(fit: Fit, prior: Prior, facts: RecordFacts) -> list[Dependence]
     if facts.angle:
         turn = np.outer(frame.record.course.angle_rad, np.arange(1, 5))
         groups["angle"] = [drive[:, None] * np.sin(turn), drive[:, None] * np.cos(turn)]
-    scorer = Scorer(frame, prior, fit.noise.variance, fit.noise.ratio)
+    scorer = Scorer(fit)
     found = []
     for name, parts in groups.items():
         columns = np.where(frame.record.follows[:, None], np.concatenate(parts, axis=1), 0.0)

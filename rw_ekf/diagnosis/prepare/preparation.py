@@ -17,7 +17,6 @@ from rw_ekf.diagnosis.prepare.split import Kind, Split, split_record
 from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
@@ -49,7 +48,6 @@ class Prepared:
     course: Course  # temperature and angle without gaps
     setup: FilterSetup
     split: Split
-    prior: Prior
     facts: RecordFacts
     fit_part: Record
     whole: Record
@@ -112,23 +110,20 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     temperature, warm = filled(course.temperature_degC, REFERENCE_DEGC)
     logged_angle, turned = filled(course.angle_rad, 0.0)
     course = course._replace(temperature_degC=temperature, angle_rad=logged_angle)
-    prior = Prior.of(np.array(setup.prior.parameters), setup.prior.parameter_covariance)
-    if model is not None:
-        prior = replace(prior, given=_given(model))
     part = part_of(course, current, delay, split.fit)
     start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
     everything = np.ones(course.samples, dtype=bool)
     by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
     work = Work()
     record = Record.of(course, everything, setup.constants, work, log_of)
-    seen = robust_fit(record, start, prior, noise, [read_reference(course, noise), by_filter]).reference
+    seen = robust_fit(record, start, setup.prior, noise, [read_reference(course, noise), by_filter]).reference
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, seen.speed))
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     fit_part, whole, heldout = (
         Record.of(course, mask, setup.constants, work, log_of) for mask in (split.fit, everything, split.heldout)
     )
-    base = robust_fit(fit_part, start, prior, noise, _references(course, split, start.parameters, setup))
+    base = robust_fit(fit_part, start, setup.prior, noise, _references(course, split, start.parameters, setup))
     facts = facts_of(course, base.model, math.sqrt(base.noise.variance), split.fit, channels)
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = replace(facts, timing_doubt_s=source.timing_doubt_s, log_starts_s=starts)
@@ -137,7 +132,6 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         course=course,
         setup=setup,
         split=split,
-        prior=prior,
         facts=facts,
         fit_part=fit_part,
         whole=whole,
@@ -188,21 +182,19 @@ def _set_up(
 
 
 def _aged(model: WheelModel) -> Belief:
-    """Prior from a model of another log: three times as wide as it says, and as much wider as a wheel may have aged."""
+    """Prior from a model of another log: three times as wide as it says, and as much wider as a wheel may have aged.
+
+    Coefficients of effects are as wide, each by itself.
+    """
     said = np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
     width = _AGEING * np.maximum(np.abs(model.parameters), [0.0, _LEAST_VISCOUS, 0.0, 0.0])
-    return Belief.of_known(model.parameters, _WIDENED**2 * said + np.diag(width**2))
-
-
-def _given(model: WheelModel) -> tuple[tuple[str, float, float], ...]:
-    """Coefficients of a model of another log, as wide as its parameters are taken (`_aged`)."""
-    found = []
+    aged = Belief.of_known(model.parameters, _WIDENED**2 * said + np.diag(width**2))
     coefficients = [(term, value) for term in model.effects.state_terms for value in term.values]
     for at, (term, value) in enumerate(coefficients, start=len(model.parameters)):
-        aged = 0.0 if term.effect.of_one_record else _AGEING * abs(value)
-        std = math.hypot(_WIDENED * math.sqrt(max(model.covariance[at][at], 0.0)), aged)
-        found.append((term.id, value, max(std, 1.0e-9 * max(abs(value), 1.0))))
-    return tuple(found)
+        ageing = 0.0 if term.effect.of_one_record else _AGEING * abs(value)
+        std = math.hypot(_WIDENED * math.sqrt(max(model.covariance[at][at], 0.0)), ageing)
+        aged = aged.with_coefficient(term.id, value, max(std, 1.0e-9 * max(abs(value), 1.0)))
+    return aged
 
 
 def _references(course: Course, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
@@ -217,7 +209,7 @@ def _with_base(prepared: Prepared, model: Model) -> Prepared:
     """Fit the base to the present fit part."""
     noise = prepared.setup.constants.speed_noise_rad_s
     references = _references(prepared.course, prepared.split, model.parameters, prepared.setup)
-    base = robust_fit(prepared.fit_part, model, prepared.prior, noise, references)
+    base = robust_fit(prepared.fit_part, model, prepared.setup.prior, noise, references)
     channels = prepared.facts.channels
     facts = facts_of(prepared.course, base.model, math.sqrt(base.noise.variance), prepared.split.fit, channels)
     before = prepared.facts

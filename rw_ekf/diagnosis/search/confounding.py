@@ -17,7 +17,6 @@ from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.trial import Selection, p_value
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import Effect, RecordFacts
@@ -98,16 +97,14 @@ def smooth_columns(fit: Fit, quantity: Quantity) -> Float64Array:
     return np.where(record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
 
 
-def scorer_beside(fit: Fit, prior: Prior, quantity: Quantity) -> Scorer:
+def scorer_beside(fit: Fit, quantity: Quantity) -> Scorer:
     """Scores what is left of an effect beside a smooth function of a quantity."""
-    return Scorer(fit.frame, prior, fit.noise.variance, fit.noise.ratio, smooth_columns(fit, quantity))
+    return Scorer(fit, smooth_columns(fit, quantity))
 
 
-def says_more(
-    fit: Fit, prior: Prior, facts: RecordFacts, effect: type[Effect], quantity: Quantity, enough: float
-) -> bool:
+def says_more(fit: Fit, facts: RecordFacts, effect: type[Effect], quantity: Quantity, enough: float) -> bool:
     """Whether an effect is significant at a p-value even beside a smooth function of a quantity."""
-    found = scorer_beside(fit, prior, quantity).best_of_each(facts, [effect], lambda: None).get(effect.id)
+    found = scorer_beside(fit, quantity).best_of_each(facts, [effect], lambda: None).get(effect.id)
     return found is not None and p_value(effect, found.statistic, facts) < enough
 
 
@@ -126,7 +123,7 @@ def stationary_first(search: Search, current: Fit, strong: list[Score], selectio
             continue
         for score in list(timed):
             effect = score.hypothesis.effect
-            if not says_more(current, search.prior, search.facts, effect, other, search.enough_for(effect)):
+            if not says_more(current, search.facts, effect, other, search.enough_for(effect)):
                 selection.trials[score.id].decision = f"nothing beside a smooth effect of the {other}"
                 search.set_aside = True
                 strong = [s for s in strong if s is not score]

@@ -9,8 +9,7 @@ from rw_ekf.diagnosis.search.confounding import may_confound
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.trial import Trial
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood.fitting import Fit, fit_model
-from rw_ekf.likelihood.frame import Prior
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
@@ -21,9 +20,9 @@ _ZOOMS = 8
 _WORTH_A_LAW = 16.0  # of twice the log-likelihood, for one law more
 
 
-def zoomed(fit: Fit, score: Score, prior: Prior, facts: RecordFacts) -> Score:
+def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> Score:
     """The best place of an event near the one found, by ever finer steps: a fit follows its onset only so far."""
-    scorer = Scorer(fit.frame, prior, fit.noise.variance, fit.noise.ratio)
+    scorer = Scorer(fit)
     effect = score.hypothesis.effect
     best: Score | None = None
     at = score.hypothesis.candidate
@@ -42,22 +41,22 @@ def with_other_laws(search: Search, fit: Fit, trial: Trial) -> Fit:
 
     Only alternatives that a law itself names as such are tried in its place, each with the event sought anew.
     """
-    whole = search.on_whole(fit)
+    whole = fit.widened(search.whole, search.seen)
     name = trial.effect.id
     if not may_confound(whole, "time", "speed"):
         return fit
     tried = []
     for model in [fit.model, *_others(fit.model, search.effects)]:
-        less = fit_model(search.whole, model.without(name), search.prior, whole.reference, whole.noise, whole.omit)
+        less = whole.refitted(model.without(name))
         score = search.event_scores(less, [trial.effect]).get(name)
         if score is not None:
-            term = zoomed(less, score, search.prior, search.facts).hypothesis.starts(score.coefficients)[0]
-            tried.append(search.refitted(less, less.model.with_terms(term)))
+            term = zoomed(less, score, search.facts).hypothesis.starts(score.coefficients)[0]
+            tried.append(less.refitted(less.model.with_terms(term)))
     if not tried:
         return fit
     best = max(tried, key=lambda item: 2.0 * item.likelihood.value - _WORTH_A_LAW * len(item.model.effects.ids))
     trial.shape_std |= shape_std_of(best, name)
-    return search.refitted(fit, best.model.settled(name))
+    return fit.refitted(best.model.settled(name))
 
 
 def _others(model: Model, effects: list[type[Effect]]) -> list[Model]:

@@ -27,7 +27,7 @@ def find_rivals(search: Search, selection: Selection) -> None:
             search.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
             continue
         search.advance(f"comparing rivals of {name}")
-        less = search.without(final, name)
+        less = final.without(name)
         scores = search.scores(less, near)
         value = final.model.of(name)[0].values[0]
         for effect in near:
@@ -38,7 +38,7 @@ def find_rivals(search: Search, selection: Selection) -> None:
             starts = [] if score is None else score.hypothesis.starts(score.coefficients)
             if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
                 starts.append(Term.at(effect, Candidate(value)))
-            fits = [search.refitted(less, less.model.with_terms(term)) for term in starts]
+            fits = [less.refitted(less.model.with_terms(term)) for term in starts]
             fits = [fit for fit in fits if possible(fit.model, effect.id, search.facts)]
             if not fits:
                 continue
@@ -58,7 +58,7 @@ def _same_by_construction(search: Search, less: Fit, final: Fit, rival: Fit, nam
     gained = final.likelihood.value - less.likelihood.value
     if rival.likelihood.value - less.likelihood.value < EXPLAINED_SHARE * gained:
         return False
-    return not says_more(less, search.prior, search.facts, CATALOGUE[name], its, search.enough)
+    return not says_more(less, search.facts, CATALOGUE[name], its, search.enough)
 
 
 def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]:
@@ -85,10 +85,10 @@ def settle_rivals(search: Search, selection: Selection) -> None:
     Where it cannot either, what holds at any time goes before what is tied to this record's clock.
     """
     for name, fits in list(selection.rivals.items()):
-        tried = [(search.on_whole(selection.final).likelihood.value, name, selection.final)]
+        tried = [(selection.final.widened(search.whole, search.seen).likelihood.value, name, selection.final)]
         for fit in fits:
             other = next(item for item in fit.model.effects.ids if item not in selection.final.model.effects.ids)
-            tried.append((search.on_whole(fit).likelihood.value, other, fit))
+            tried.append((fit.widened(search.whole, search.seen).likelihood.value, other, fit))
         top = max(value for value, _, _ in tried)
         same = selection.constructed.get(name, set())
         near = [

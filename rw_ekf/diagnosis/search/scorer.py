@@ -13,13 +13,11 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, hypotheses
-from rw_ekf.likelihood.fitting import LEAST_RATIO
-from rw_ekf.likelihood.frame import Frame, Prior
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
+from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts
-from rw_ekf.model.state import PARAMETER_COUNT
 
 _RATIOS_BELOW = 6
 _SCREENED = 24
@@ -31,19 +29,17 @@ _SEEN = 1.0e-4  # a column that the model's own explain to this share of its len
 
 
 class Scorer:
-    """Scores hypotheses on a frame, at a few ratios of noises from the model's own downwards.
+    """Scores hypotheses beside a fit, at a few ratios of noises from the model's own downwards.
 
     Which ratio goes with which columns is decided by the restricted likelihood (Patterson & Thompson 1971; eq. 6a):
     columns that follow a wandering speed would otherwise make it look as if it wandered less, and gain by that.
     """
 
-    def __init__(
-        self, frame: Frame, prior: Prior | None, variance: float, ratio: float, beside: Float64Array | None = None
-    ) -> None:
+    def __init__(self, fit: Fit, beside: Float64Array | None = None) -> None:
         """beside: more columns (n, m) that are free, as the model's own are."""
-        self.frame = frame
-        self.variance = variance
-        self.ratios = _ratios(ratio)
+        frame = self.frame = fit.frame
+        variance = self.variance = fit.noise.variance
+        self.ratios = _ratios(fit.noise.ratio)
         self.bases: list[Float64Array] = []
         self.residuals: list[Float64Array] = []
         self.rss: list[float] = []
@@ -54,8 +50,8 @@ class Scorer:
             self.places = frame.innovation_at
             if beside is not None:
                 A = np.concatenate((A, frame.whitened(value, variance, beside)[1]), axis=1)
-            Q = basis(A, prior, frame.model)
-            self.restrictions.append(_restriction(A, prior))
+            Q = basis(A, fit)
+            self.restrictions.append(_restriction(A, fit))
             left = r - Q @ (Q.T @ r)
             self.bases.append(Q)
             self.residuals.append(left)
@@ -199,11 +195,11 @@ def powers(frequency_Hz: Float64Array, time_s: Float64Array, values: Float64Arra
     return power
 
 
-def _restriction(A: Float64Array, prior: Prior | None) -> float:
+def _restriction(A: Float64Array, fit: Fit) -> float:
     """Half the log-determinant of the information on the model's own vector."""
     normal = A.T @ A
-    if prior is not None:
-        normal[:PARAMETER_COUNT, :PARAMETER_COUNT] += prior.root.T @ prior.root
+    pull = _parameter_rows(fit, A.shape[1])
+    normal += pull.T @ pull
     scale = np.sqrt(np.maximum(np.diag(normal), 1.0e-300))
     return float(0.5 * np.linalg.slogdet(normal / np.outer(scale, scale) + 1.0e-12 * np.eye(scale.size))[1]
                  + np.sum(np.log(scale)))  # fmt: skip
@@ -222,15 +218,18 @@ def _ratios(ratio: float) -> list[float]:
     return [math.exp(v) for v in sorted({*steps.tolist(), top + 1.0})]
 
 
-def basis(A: Float64Array, prior: Prior | None, model: Model) -> Float64Array:
-    """Orthonormal columns (n, p) of the span of A, a priori counted as rows that are then cut off."""
+def basis(A: Float64Array, fit: Fit) -> Float64Array:
+    """Orthonormal columns (n, p) of the span of A, the a priori of the parameters counted as rows, then cut off."""
     weights = np.linalg.norm(A, axis=0)
     weights[weights == 0.0] = 1.0
-    scaled = A / weights
-    if prior is None:
-        U, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-        return np.asarray(U[:, sizes > 1.0e-8 * sizes[0]])
-    pull = np.zeros((PARAMETER_COUNT, A.shape[1]))
-    pull[:, :PARAMETER_COUNT] = prior.root
-    U, sizes, _ = np.linalg.svd(np.vstack((scaled, pull / weights)), full_matrices=False)
-    return np.asarray(U[:-PARAMETER_COUNT, sizes > 1.0e-8 * sizes[0]])
+    pull = _parameter_rows(fit, A.shape[1])
+    U, sizes, _ = np.linalg.svd(np.vstack((A, pull)) / weights, full_matrices=False)
+    return np.asarray(U[: A.shape[0], sizes > 1.0e-8 * sizes[0]])
+
+
+def _parameter_rows(fit: Fit, columns: int) -> Float64Array:
+    """What is known of the four parameters beforehand, as rows of unit variance over all that is free, (4, columns)."""
+    known = np.zeros((0, 0)) if fit.prior is None else prior_rows(fit.prior.core, fit.model)[0]
+    rows = np.zeros((known.shape[0], columns))
+    rows[:, : known.shape[1]] = known
+    return rows

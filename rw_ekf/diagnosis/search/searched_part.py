@@ -10,8 +10,7 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.candidates import analytic
 from rw_ekf.diagnosis.search.scorer import basis
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood.fitting import LEAST_RATIO
-from rw_ekf.likelihood.frame import Frame, Prior
+from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts
 from rw_ekf.model.effect_kinds import StaticEffect
 
@@ -23,14 +22,12 @@ def richer_part(prepared: Prepared) -> Prepared:
     other = prepared.swapped()
     if int(other.split.fit.sum()) > 2 * int(prepared.split.fit.sum()):
         return prepared  # a long record, of which only some blocks are searched
-    parts = [
-        _information(p.base.frame, p.prior, prepared.base.noise.variance, prepared.facts) for p in (prepared, other)
-    ]
+    parts = [_information(p.base, prepared.base.noise.variance, prepared.facts) for p in (prepared, other)]
     ratios = [math.log(parts[1][name] / parts[0][name]) for name in parts[0] if parts[0][name] > 0.0 < parts[1][name]]
     return other if ratios and sum(ratios) > 0.0 else prepared
 
 
-def _information(frame: Frame, prior: Prior | None, variance: float, facts: RecordFacts) -> dict[str, float]:
+def _information(fit: Fit, variance: float, facts: RecordFacts) -> dict[str, float]:
     """How much a part of a record can say of each simple linear effect: its squared length beside the model's own.
 
     No residual enters: this is about excitation alone.
@@ -46,10 +43,11 @@ def _information(frame: Frame, prior: Prior | None, variance: float, facts: Reco
     ]
     if not places:
         return {}
+    frame = fit.frame
     group = analytic(frame, places)
     columns = np.concatenate([h.columns for h in group], axis=1)
     _, A, _ = frame.whitened(LEAST_RATIO, variance, columns)
     _, own, _ = frame.whitened(LEAST_RATIO, variance, frame.columns, frame.memory_columns)
-    Q = basis(own, prior, frame.model)
+    Q = basis(own, fit)
     lengths = np.einsum("ij,ij->j", A - Q @ (Q.T @ A), A)
     return {h.effect.id: float(length) for h, length in zip(group, lengths, strict=True)}

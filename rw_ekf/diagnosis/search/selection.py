@@ -31,7 +31,6 @@ from rw_ekf.diagnosis.standing import IMPOSSIBLE, TOO_SMALL, explained_by
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit, fit_model
-from rw_ekf.likelihood.frame import Prior
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
 from rw_ekf.likelihood.robust_fit import smoothed_by_filter
@@ -49,10 +48,8 @@ class Search:
 
     def __init__(
         self,
-        fit_part: Record,
         whole: Record,
         seen: Reference,
-        prior: Prior,
         facts: RecordFacts,
         advance: Callable[[str], object],
         enough: float = SIGNIFICANT_P,
@@ -64,12 +61,9 @@ class Search:
         """
         self.work = whole.work
         self.share = share
-        self.where = "the whole record" if fit_part is whole else "the part that is searched"
-        self.fit_part = fit_part
         self.whole = whole
         self.seen = seen
         self.enough = enough
-        self.prior = prior
         self.facts = facts
         self.advance = advance
         self.stationary_first = True  # what goes with time waits where time goes with speed or temperature
@@ -82,7 +76,8 @@ class Search:
         current = base
         for turn in range(_MOST_TURNS):
             if turn > 0 and not self.work.has(self.share):
-                self.work.leave_out(f"the search of {self.where} for more than {_said(current)}")
+                where = "the whole record" if base.frame.record is self.whole else "the part that is searched"
+                self.work.leave_out(f"the search of {where} for more than {_said(current)}")
                 break
             self.advance("searching the catalogue")
             contenders = self._contenders(current, selection)
@@ -118,7 +113,7 @@ class Search:
         anywhere = [effect for effect in effects if not effect.local_in_time]
         scores = self.scores(current, anywhere)
         local = [effect for effect in effects if effect.local_in_time]
-        whole = self.on_whole(current) if local else current
+        whole = current.widened(self.whole, self.seen) if local else current
         if local and not (self._asks_for_a_law(scores) and may_confound(whole, "time", "speed")):
             here = self.event_scores(whole, local)
             if any(self._significant(score) for score in here.values()):
@@ -144,21 +139,11 @@ class Search:
         """Scores of events; where time goes with speed, of what is left beside any smooth function of that."""
         if not may_confound(whole, "time", "speed"):
             return self.scores(whole, local)
-        return scorer_beside(whole, self.prior, "speed").best_of_each(self.facts, local, lambda: None)
+        return scorer_beside(whole, "speed").best_of_each(self.facts, local, lambda: None)
 
     def scores(self, fit: Fit, effects: list[type[Effect]]) -> dict[str, Score]:
         """The best place of each effect beside all that a fitted model has."""
-        scorer = Scorer(fit.frame, self.prior, fit.noise.variance, fit.noise.ratio)
-        return scorer.best_of_each(self.facts, effects, lambda: None)
-
-    def on_whole(self, fit: Fit) -> Fit:
-        """The same model fitted to the whole record, from where the fit part left it."""
-        follows = fit.frame.record.follows
-        reference = Reference.of_speed(
-            np.where(follows, fit.reference.speed, self.seen.speed),
-            np.where(follows, fit.reference.spread, self.seen.spread),
-        )
-        return fit_model(self.whole, fit.model, self.prior, reference, fit.noise, fit.omit, turns=8)
+        return Scorer(fit).best_of_each(self.facts, effects, lambda: None)
 
     def enough_for(self, effect: type[Effect]) -> float:
         """The p-value at which an effect may enter."""
@@ -195,16 +180,15 @@ class Search:
                 continue
             self.advance(f"fitting {score.id}")
             effect = score.hypothesis.effect
-            start = self.on_whole(current) if local else current
-            place = zoomed(start, score, self.prior, self.facts) if local else score
+            start = current.widened(self.whole, self.seen) if local else current
+            place = zoomed(start, score, self.facts) if local else score
             fits = [
-                self.refitted(start, start.model.with_terms(term))
-                for term in place.hypothesis.starts(place.coefficients)
+                start.refitted(start.model.with_terms(term)) for term in place.hypothesis.starts(place.coefficients)
             ]
             fit = self._from_other_side(start, max(fits, key=lambda item: item.likelihood.value), place)
             shape_std = shape_std_of(fit, score.id) if local else {}
             if local:
-                fit = self.refitted(current, fit.model.settled(score.id))
+                fit = current.refitted(fit.model.settled(score.id))
                 statistic = score.statistic
             else:
                 statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
@@ -237,28 +221,20 @@ class Search:
         part = record.follows | np.append(record.follows[1:], False)
         noise = float(np.sqrt(start.noise.variance))
         path = smoothed_by_filter(record.course, part & ~start.omit, model, record.constants, noise)
-        other = fit_model(record, model, self.prior, path, start.noise, start.omit)
+        other = fit_model(record, model, start.prior, path, start.noise, start.omit)
         return max(fit, other, key=lambda item: item.likelihood.value)
-
-    def without(self, fit: Fit, name: str) -> Fit:
-        """The same part fitted without one effect."""
-        return self.refitted(fit, fit.model.without(name))
 
     def told(self, fit: Fit, name: str) -> Fit:
         """The same part fitted with an effect that is known to be there; unchanged where the log cannot show it."""
         effect = CATALOGUE[name]
-        start = self.on_whole(fit) if effect.local_in_time else fit
+        start = fit.widened(self.whole, self.seen) if effect.local_in_time else fit
         score = self.scores(start, [effect]).get(name)
         if score is None:
             return fit
         starts = score.hypothesis.starts(score.coefficients)
-        fits = [self.refitted(start, start.model.with_terms(term)) for term in starts]
+        fits = [start.refitted(start.model.with_terms(term)) for term in starts]
         best = max(fits, key=lambda item: item.likelihood.value)
-        return self.refitted(fit, best.model.settled(name)) if effect.local_in_time else best
-
-    def refitted(self, start: Fit, model: Model) -> Fit:
-        """Another model fitted to the part of `start`, from where that one stands."""
-        return fit_model(start.frame.record, model, self.prior, start.reference, start.noise, start.omit)
+        return fit.refitted(best.model.settled(name)) if effect.local_in_time else best
 
     def pruned(self, fit: Fit, selection: Selection) -> Fit:
         """Leave out, one by one, what is no longer missed or no longer matters."""
@@ -267,7 +243,7 @@ class Search:
             for name in fit.model.effects.ids:
                 if CATALOGUE[name].local_in_time:
                     continue
-                less = self.without(fit, name)
+                less = fit.without(name)
                 statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
                 losses.append((statistic, name, less))
             if not losses:

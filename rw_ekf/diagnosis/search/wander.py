@@ -57,8 +57,8 @@ def wandering(prepared: Prepared, search: Search, final: Fit) -> Wander | None:
     less = final
     for name in final.model.effects.ids:  # a spike or a drift may be but a piece of it
         if CATALOGUE[name].of_one_record and name not in prepared.base.model.effects.ids:
-            less = search.without(less, name)
-    fit = search.refitted(less, less.model.with_terms(*terms))
+            less = less.without(name)
+    fit = less.refitted(less.model.with_terms(*terms))
     statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
     p = chi_square_tail(statistic / INFLATION, len(terms)) if statistic > 0.0 else 1.0
     most, at = max(
