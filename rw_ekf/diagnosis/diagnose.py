@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import investigate
 from rw_ekf.diagnosis.judge.verdict import Verdict
-from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
-from rw_ekf.diagnosis.search.searched_part import richer_part
+from rw_ekf.diagnosis.search.scorer import information
 from rw_ekf.diagnosis.search.selection import Search
-from rw_ekf.likelihood import work
+from rw_ekf.likelihood.work import OTHER_PART
 from rw_ekf.logs.wheel_log import WheelLog
 
 if TYPE_CHECKING:
@@ -45,10 +47,11 @@ def diagnose_log(
         return _unjudged(source, split)
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
-    prepared.work.start_clock()
+    work = prepared.whole.work
+    work.start_clock()
     found = investigate(prepared, advance)
-    if split == "blocks" and not found.new_ids and found.left and not prepared.work.has(work.OTHER_PART):
-        prepared.work.leave_out("a search of the other part of the record")
+    if split == "blocks" and not found.new_ids and found.left and not work.has(OTHER_PART):
+        work.leave_out("a search of the other part of the record")
     elif split == "blocks" and not found.new_ids and found.left:
         # What acts may have acted in the held-out blocks alone: then they are searched, and the others held out.
         other = investigate(found.prepared.swapped(), advance)
@@ -56,6 +59,18 @@ def diagnose_log(
             found = other
     advance("judging on the held-out part")
     return conclude(found, configuration, advance)
+
+
+def richer_part(prepared: Prepared) -> Prepared:
+    """Exchange the parts where the one that is held out can say more; halves are taken as they are."""
+    if prepared.split.kind == "halves":
+        return prepared
+    other = prepared.swapped()
+    if int(other.split.fit.sum()) > 2 * int(prepared.split.fit.sum()):
+        return prepared  # a long record, of which only some blocks are searched
+    here, there = (information(p.base, prepared.base.noise.variance, prepared.facts) for p in (prepared, other))
+    ratios = [math.log(there[name] / here[name]) for name in here if here[name] > 0.0 < there[name]]
+    return other if ratios and sum(ratios) > 0.0 else prepared
 
 
 def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:
@@ -92,7 +107,7 @@ def _unjudged(source: Source, kind: Kind) -> Diagnosis:
         "schema": SCHEMA,
         **source.document(),
         "split": split.document(),
-        "verdict": Verdict("insufficient_excitation", statement=statement).document(),
+        "verdict": asdict(Verdict("insufficient_excitation", statement=statement)),
         "candidates": [],
         "before": nothing,
         "after": nothing,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal
 
 Standing = Literal["added", "related", "rejected", "untestable"]
@@ -16,14 +16,14 @@ IMPOSSIBLE = "of a size that no machine has"
 NOT_CONFIRMED = "not confirmed"
 PARTIAL = "explains only part of the residual"
 NO_GRID = "no grid coarser than the noise"
-_EXPLAINED, _ALIKE = "explained by ", "indistinguishable from "
+EXPLAINED, ALIKE = "explained by ", "indistinguishable from "  # and names
 
 _STANDINGS: dict[str, Standing] = {
     ADDED: "added",
     GIVEN: "added",
     UNTESTABLE: "untestable",
-    _EXPLAINED: "related",
-    _ALIKE: "related",
+    EXPLAINED: "related",
+    ALIKE: "related",
 }  # by how a decision begins; any other is a rejection
 
 
@@ -31,18 +31,3 @@ def standing_of(candidate: Mapping[str, Any]) -> Standing:
     """What a candidate's decision comes down to."""
     decision = str(candidate.get("decision") or "")
     return next((found for words, found in _STANDINGS.items() if decision.startswith(words)), "rejected")
-
-
-def explained_by(names: Sequence[str]) -> str:
-    """The decision about an effect whose gain others have in full."""
-    return _EXPLAINED + ", ".join(names)
-
-
-def explanations(decision: str) -> list[str]:
-    """The names in `explained_by`; none in any other decision."""
-    return decision.removeprefix(_EXPLAINED).split(", ") if decision.startswith(_EXPLAINED) else []
-
-
-def indistinguishable_from(name: str) -> str:
-    """The decision about an effect that fits as well as the one named."""
-    return _ALIKE + name

@@ -1,13 +1,10 @@
-"""The likelihood of a model along a reference with the noises profiled out, and its fit (docs/diagnosis.md).
-
-The noises are never known beforehand, and a model that lacks something pays in process noise. So every comparison of
-models is between likelihoods each at its own best ratio of noises, q dt / R; R itself drops out in closed form.
-"""
+"""A model fitted to a part of a record: Gauss-Newton on its vector to the highest likelihood (docs/diagnosis.md)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,16 +12,14 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.belief import Belief
 from rw_ekf.likelihood.frame import Frame, Noise, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference
-from rw_ekf.likelihood.model import Model, prior_rows
+from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
+from rw_ekf.model.effect import Term, size_of
 from rw_ekf.wheel.table import ABSENT
 
-LEAST_RATIO = (
-    1.0e-7  # of q dt to R: over a record of 10^5 samples the speed then wanders by a tenth of a reading's noise
-)
-MOST_RATIO = 1.0e2
 _FIT_TURNS = 8
 _SETTLING_TURNS = 4
 _LEAST_SPREAD = 0.02  # of the speed noise: no reference is known better
@@ -33,70 +28,12 @@ _LEAST_DAMPING = 0.02
 _SMALL_STEP = 0.05  # standard deviations
 
 
-@dataclass(frozen=True)
-class Likelihood:
-    """Of one model, at its best noises and corrections of its vector."""
+class FittedTerm(NamedTuple):
+    """A term of a fitted model, and how well it is known."""
 
-    value: float
-    restricted: float  # the same less half the log-determinant of the vector's information (REML): decides on noises
-    noise: Noise
-    correction: Float64Array
-    covariance: Float64Array
-    count: int
-
-
-Rows = tuple[Float64Array, Float64Array]  # of an a priori, as `prior_rows` gives them
-
-
-def likelihood(frame: Frame, prior: Belief | None, noise: Noise) -> Likelihood:
-    """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`.
-
-    The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
-    vector can follow would otherwise pass for one that wanders less.
-    """
-    from scipy.optimize import minimize_scalar
-
-    found: dict[float, Likelihood] = {}
-    known = None if prior is None else prior_rows(prior, frame.model)
-
-    def negative(log_ratio: float) -> float:
-        ratio = math.exp(log_ratio)
-        found[log_ratio] = at_ratio(frame, known, noise.variance, ratio)
-        return -found[log_ratio].restricted
-
-    low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
-    minimize_scalar(negative, bounds=(low, high), method="bounded", options={"xatol": 0.2})
-    negative(low)
-    return max(found.values(), key=lambda item: item.restricted)
-
-
-def at_ratio(frame: Frame, known: Rows | None, scale: float, ratio: float) -> Likelihood:
-    """Maximise over corrections of the vector and R at one ratio of noises; scale: about what R is [rad^2/s^2]."""
-    r, A, logs = frame.whitened(ratio, scale, frame.columns, frame.memory_columns)
-    n = r.size
-    size = A.shape[1]
-    weights = np.linalg.norm(A, axis=0)
-    weights[weights == 0.0] = 1.0
-    if size == 0:
-        variance = max(float(r @ r), 1.0e-12) / max(r.size, 1)
-        value = -0.5 * (r.size * math.log(variance) + logs + r.size)
-        return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
-    normal = (A / weights).T @ (A / weights)
-    target = (A / weights).T @ r
-    pull, offset = np.zeros((size, size)), np.zeros(size)
-    if known is not None:
-        W, aim = known
-        pull, offset = W.T @ W, W.T @ (aim - W @ frame.model.vector)
-    # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
-    total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
-    step = np.linalg.solve(total, target + offset / weights)
-    rss = float(r @ r - 2.0 * step @ target + step @ normal @ step)
-    rss = max(rss, 1.0e-12)
-    variance = rss / max(n, 1)  # in units of scale
-    value = -0.5 * (n * math.log(variance) + logs + n)
-    covariance = variance * np.linalg.inv(total) / np.outer(weights, weights)
-    restricted = value - 0.5 * float(np.linalg.slogdet(total)[1]) - float(np.sum(np.log(weights)))
-    return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
+    term: Term
+    covariance: Float64Array  # of its coefficients
+    shape_std: dict[str, float]  # of the shape constants that were fitted, by name
 
 
 @dataclass(frozen=True)
@@ -140,6 +77,25 @@ class Fit:
         )
         return fit_model(record, self.model, self.prior, reference, self.noise, self.omit)
 
+    def terms_of(self, effect_id: str) -> list[FittedTerm]:
+        """The terms of one effect, in the order of use."""
+        found = []
+        for number, (term, at) in enumerate(self.model.placed):
+            if term.id == effect_id:
+                shapes = enumerate(self.model.refined, start=self.model.known)
+                stds = {
+                    term.effect.constants[j].name: float(self.std[place]) for place, (i, j) in shapes if i == number
+                }
+                found.append(FittedTerm(term, self.likelihood.covariance[at, at], stds))
+        return found
+
+    def knows(self, effect_id: str, sigmas: float) -> bool:
+        """Whether an effect's size is known to so many sigma: a fit that ran away claims a gain, but no size."""
+        terms = self.terms_of(effect_id)
+        variances = [float(v) for item in terms for v in np.maximum(np.diag(item.covariance), 0.0)]
+        size = size_of([item.term for item in terms])
+        return bool(variances) and size > sigmas * math.sqrt(math.fsum(variances) / len(variances))
+
 
 def smoothed_reference(frame: Frame, correction: Float64Array, noise: Noise) -> Reference:
     """The reference smoothed under the corrected model."""
@@ -157,12 +113,6 @@ def smoothed_reference(frame: Frame, correction: Float64Array, noise: Noise) -> 
     coulomb = frame.model.parameters.coulomb
     memory_spread = np.clip(np.sqrt(np.maximum(variances[:, 1], 0.0)), 0.005 * coulomb, 0.3 * coulomb)
     return Reference(speed, spread, frame.reference.memory + means[:, 1], memory_spread)
-
-
-def value_of(frame: Frame, noise: Noise) -> Likelihood:
-    """Likelihood of the model as it stands, nothing corrected, at a given ratio of noises."""
-    bare = replace(frame, columns=frame.columns[:, :0], memory_columns=frame.memory_columns[:, :0])
-    return at_ratio(bare, None, noise.variance, noise.ratio)
 
 
 def fit_model(

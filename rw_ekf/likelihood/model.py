@@ -8,7 +8,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import Belief
-from rw_ekf.model.effect import Shape, Term
+from rw_ekf.model.effect import RecordFacts, Shape, Term
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, STATE_SIZE, FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
@@ -91,6 +91,16 @@ class Model:
     def of(self, effect_id: str) -> list[Term]:
         """The terms of one effect."""
         return [term for term in self.terms if term.id == effect_id]
+
+    def matters(self, effect_id: str, facts: RecordFacts) -> bool:
+        """Whether an effect in the model is large enough to matter in practice."""
+        terms = self.of(effect_id)
+        return bool(terms) and terms[0].effect.matters(terms, facts)
+
+    def possible(self, effect_id: str, facts: RecordFacts) -> bool:
+        """Whether an effect in the model has a size and shape that a machine can have."""
+        terms = self.of(effect_id)
+        return not terms or terms[0].effect.possible(terms, facts, self.parameters.coulomb)
 
     def with_terms(self, *added: Term) -> Model:
         """The same model with more effects."""

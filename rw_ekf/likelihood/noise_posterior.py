@@ -17,9 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.likelihood.fitting import LEAST_RATIO, MOST_RATIO, Fit, Likelihood, Rows, at_ratio
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frame import Frame, Noise
 from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, Likelihood, Rows, at_ratio
 
 _STEP = 0.4  # of log ratio between two points of the grid
 _DROP = 9.0  # log-likelihood below the top where the grid ends

@@ -51,6 +51,21 @@ def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, 
     return fit
 
 
+def likelier_along_filter(fit: Fit, start: Fit, model: Model) -> Fit:
+    """A fit, or one of `model` along the path of its own filter, if that is likelier: near rest there are two valleys.
+
+    Both are of the part of `start`; a model with hidden states has no such path.
+    """
+    if model.effects.table().hidden:
+        return fit
+    record = start.frame.record
+    part = record.follows | np.append(record.follows[1:], False)
+    noise = float(np.sqrt(start.noise.variance))
+    path = smoothed_by_filter(record.course, part & ~start.omit, model, record.constants, noise)
+    other = fit_model(record, model, start.prior, path, start.noise, start.omit)
+    return max(fit, other, key=lambda item: item.likelihood.value)
+
+
 def outliers(fit: Fit) -> BoolArray:
     """Readings beyond six standard deviations of what the model predicts, (n,)."""
     none = np.zeros((fit.frame.chain.reading.size, 0))

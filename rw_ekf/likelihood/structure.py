@@ -16,9 +16,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import TORQUE
 from rw_ekf.filter.consistency import chi_square_tail
-from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.one_step import predict
+from rw_ekf.likelihood.profile import LEAST_RATIO
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
 from rw_ekf.wheel.table import EffectSet

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from rw_ekf.diagnosis.judge.heldout import worsened
-from rw_ekf.diagnosis.search.trial import possible
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL
@@ -64,7 +63,7 @@ def test_a_size_that_no_machine_has_or_no_record_shows_is_refused(
 ) -> None:
     """In shares of Coulomb friction: tenths are possible, elevenfold jumps not, nor what readings do not resolve."""
     term = Term(CATALOGUE[name], (value * CK13_STATISTICAL.coulomb,), (0.0,), shape)
-    assert possible(TRUTH.with_terms(term), name, WHEEL) is expected
+    assert TRUTH.with_terms(term).possible(name, WHEEL) is expected
 
 
 def test_worse_figures_are_told() -> None:

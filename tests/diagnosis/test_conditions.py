@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rw_ekf.diagnosis.prepare.conditions import command_frequency
+from rw_ekf.course.conditions import command_frequency
 from rw_ekf.effects.catalogue import CATALOGUE
 from tests.diagnosis.simulated import record_of, simulated
 from tests.effects.test_catalogue import WHEEL

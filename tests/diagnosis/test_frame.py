@@ -9,14 +9,15 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.prepare.conditions import facts_of
+from rw_ekf.diagnosis.prepare.preparation import facts_of
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.likelihood.fitting import fit_model, likelihood, smoothed_reference
+from rw_ekf.likelihood.fitting import fit_model, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference, predict
+from rw_ekf.likelihood.profile import likelihood
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis.simulated import TRUTH, fitted, record_of, simulated
@@ -192,9 +193,9 @@ def healthy() -> tuple[dict[str, list[float]], list[float]]:
         fit = fitted(record)
         everything = np.ones(record.follows.size, dtype=bool)
         sigma = math.sqrt(fit.noise.variance)
-        facts = facts_of(record.course, fit.model, sigma, everything, frozenset())
+        facts = facts_of(record.course, fit, everything, frozenset())
         scorer = Scorer(fit)
-        for name, score in scorer.best_of_each(facts, [CATALOGUE[name] for name in names], lambda: None).items():
+        for name, score in scorer.best_of_each(facts, [CATALOGUE[name] for name in names]).items():
             statistics[name].append(score.statistic)
         noises.append(sigma / RAD_S_PER_RPM)
     return statistics, noises
@@ -240,10 +241,9 @@ def test_process_noise_does_not_pass_for_an_effect() -> None:
         record = record_of(simulated(seed=1000 + seed, process_rpm=0.02))
         fit = fitted(record)
         everything = np.ones(record.follows.size, dtype=bool)
-        sigma = math.sqrt(fit.noise.variance)
-        facts = facts_of(record.course, fit.model, sigma, everything, frozenset())
+        facts = facts_of(record.course, fit, everything, frozenset())
         scorer = Scorer(fit)
-        score = scorer.best_of_each(facts, [CATALOGUE["offset_torque"]], lambda: None)["offset_torque"]
+        score = scorer.best_of_each(facts, [CATALOGUE["offset_torque"]])["offset_torque"]
         statistics.append(score.statistic)
         squares.append(np.mean(((fit.model.coefficients - TRUTH.coefficients) / fit.std)[:3] ** 2))
     assert np.mean(statistics) < 3.0

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.diagnosis.judge.candidate_entries import _explained_by_what_stands
+from rw_ekf.diagnosis.judge.conclude import in_words
 from rw_ekf.diagnosis.report.markup import commands
 from rw_ekf.diagnosis.report.residual import _marked
 from rw_ekf.diagnosis.report.words import gain_text, percent_text
@@ -43,14 +43,14 @@ def test_every_effect_of_the_catalogue_has_a_panel() -> None:
 
 def test_nothing_is_explained_by_what_was_rejected() -> None:
     """Only what stands in the model explains another candidate; of a rejected one it is said that it was rejected."""
-    entries = [
+    entries: list[dict[str, Any]] = [
         {"effect": "a", "decision": "added"},
         {"effect": "b", "decision": "not confirmed on the held-out part"},
-        {"effect": "c", "decision": "explained by a, b"},
-        {"effect": "d", "decision": "explained by b"},
+        {"effect": "c", "decision": ("a", "b")},
+        {"effect": "d", "decision": ("b",)},
         {"effect": "e", "decision": "not significant"},
     ]
-    _explained_by_what_stands(entries)
+    in_words(entries)
     assert [entry["decision"] for entry in entries[2:]] == [
         "explained by a", "looks like b: not confirmed on the held-out part", "not significant",
     ]  # fmt: skip

@@ -1,32 +1,42 @@
-"""From what was found to a verdict, and the document (docs/contract.md#diagnosis)."""
+"""From what was found to the document (docs/contract.md#diagnosis): its verdict, figures, and every candidate."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.candidate_entries import candidate_entries
-from rw_ekf.diagnosis.judge.heldout import performance
-from rw_ekf.diagnosis.judge.investigation import Found
-from rw_ekf.diagnosis.judge.lattice import Lattice, find_lattice
-from rw_ekf.diagnosis.judge.residual_tests import residual_tests
-from rw_ekf.diagnosis.judge.verdict import verdict_on
-from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.diagnosis.judge.event import event_gain
+from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
+from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
+from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, residual_tests
+from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
-from rw_ekf.diagnosis.standing import ADDED, PARTIAL
-from rw_ekf.effects.catalogue import GRID
-from rw_ekf.model.effect import Term
-from rw_ekf.model.state import PARAMETER_COUNT
+from rw_ekf.diagnosis.search.candidates import threshold
+from rw_ekf.diagnosis.search.selection import Trial
+from rw_ekf.diagnosis.standing import (
+    ADDED,
+    ALIKE,
+    EXPLAINED,
+    GIVEN,
+    NO_GRID,
+    NOT_CONFIRMED,
+    NOT_SIGNIFICANT,
+    PARTIAL,
+    TOO_SMALL,
+    UNTESTABLE,
+)
+from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect import size_of
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
-from rw_ekf.wheel.table import EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
-    from rw_ekf.wheel.model_file import WheelModel
 
 Advance = Callable[[str], object]
 
@@ -56,13 +66,15 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     """Judge, decide, and write the document and the model."""
     lattice = _lattice(found)
     prepared, selection = found.prepared, found.selection
+    work, kept, course = prepared.whole.work, prepared.kept, prepared.whole.course
     inertia = prepared.setup.inertia_kg_m2 if configuration is None else configuration.wheel.inertia_kg_m2
     before = performance(prepared, selection.base, inertia)
-    names = found.new_ids
-    unexplained = found.is_unexplained
+    names, unexplained = found.new_ids, found.is_unexplained
     after = performance(prepared, selection.final, inertia) if names else before
     quantised = lattice is not None and not unexplained
-    verdict = verdict_on(found, lattice if quantised else None, before, after)
+    split = prepared.split.document()
+    heldout_s = sum(end - begin for begin, end in split["heldout_s"])
+    verdict = verdict_on(found, lattice if quantised else None, before, after, heldout_s)
     chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
     for name in names:
         trial = selection.trials[name]
@@ -77,8 +89,8 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     document = {
         "schema": SCHEMA,
         **prepared.source.document(),
-        "split": prepared.split.document(),
-        "verdict": replace(verdict, statement=prepared.source.said_first + verdict.statement).document(),
+        "split": split,
+        "verdict": asdict(replace(verdict, statement=prepared.source.said_first + verdict.statement)),
         "candidates": candidate_entries(found, lattice, verdict, before, after),
         "before": before.figures,
         "after": after.figures if chosen else before.figures,
@@ -93,69 +105,142 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         },
         "warnings": [
             *prepared.source.notes,
-            *prepared.log.warnings,
+            *prepared.source.log.warnings,
             *prepared.setup.notes,
             *prepared.notes,
-            *prepared.work.sentences(),
-            *_not_written(refusal),
+            *work.sentences(),
+            *([] if refusal is None else [f"no model was written, because none could read it: {refusal}"]),
         ],
-        "left_out": list(prepared.work.left_out),
+        "left_out": list(work.left_out),
     }
-    heldout = np.zeros(prepared.kept.size, dtype=bool)
-    heldout[prepared.kept] = prepared.split.heldout
-    course = prepared.whole.course
+    heldout = np.zeros(kept.size, dtype=bool)
+    heldout[kept] = prepared.split.heldout
     return Diagnosis(
-        log=prepared.log,
+        log=prepared.source.log,
         document=document,
         heldout=heldout,
-        before=_over_log(prepared, before.trace),
-        after=_over_log(prepared, after.trace) if chosen else None,
-        temperature_degC=prepared.over_log(course.temperature_degC) if prepared.temperature_is_logged else None,
-        angle_rad=prepared.over_log(course.angle_rad) if prepared.facts.angle else None,
+        before=_trace_over_log(before.trace, kept),
+        after=_trace_over_log(after.trace, kept) if chosen else None,
+        temperature_degC=_over_log(course.temperature_degC, kept) if prepared.temperature_is_logged else None,
+        angle_rad=_over_log(course.angle_rad, kept) if prepared.facts.angle else None,
         angle_is_logged=prepared.angle_is_logged,
         model=model,
         inertia_kg_m2=inertia,
         inertia_from=prepared.setup.inertia_from,
-        in_rpm=inertia is not None or prepared.log.in_rpm,
+        in_rpm=inertia is not None or prepared.source.log.in_rpm,
     )
 
 
-def _over_log(prepared: Prepared, trace: ModelTrace) -> ModelTrace:
-    return ModelTrace(
-        prepared.over_log(trace.one_step_error_rad_s),
-        prepared.over_log(trace.free_run_rad_s),
-        prepared.over_log(trace.residual_acceleration_rad_s2),
-        prepared.over_log(trace.normalised_innovation),
-    )
+def _over_log(values: Float64Array, kept: BoolArray) -> Float64Array:
+    """An array over the samples looked at as one over the whole log (kept (n,)), NaN elsewhere."""
+    if kept.all():
+        return values
+    out = np.full(kept.size, np.nan)
+    out[kept] = values
+    return out
 
 
-def _not_written(refusal: str | None) -> list[str]:
-    return [] if refusal is None else [f"no model was written, because none could read it: {refusal}"]
+def _trace_over_log(trace: ModelTrace, kept: BoolArray) -> ModelTrace:
+    return ModelTrace(**{name: _over_log(values, kept) for name, values in vars(trace).items()})
 
 
-def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
-    """The final model, fitted to the whole record, as a file carries it on."""
-    from rw_ekf import __version__
-    from rw_ekf.model.friction import LAW_NAMES
-    from rw_ekf.wheel.model_file import WheelModel
+def candidate_entries(
+    found: Found, lattice: Lattice | None, verdict: Verdict, before: Performance, after: Performance
+) -> list[dict[str, Any]]:
+    """One entry for every effect of the catalogue, strongest first."""
+    facts, selection = found.prepared.facts, found.selection
+    entries = []
+    for name, effect in CATALOGUE.items():
+        trial = selection.trials.get(name)
+        entry: dict[str, Any] = {
+            "effect": name, "parameters": {}, "statistic": None, "p_value": None,
+            "heldout_gain_percent": None, "decision": NOT_SIGNIFICANT,
+        }  # fmt: skip
+        if name in selection.base.model.effects.ids:
+            entry["decision"] = GIVEN
+            entry["parameters"] = _described(selection.final, name)
+        elif name == GRID.id:
+            entry |= {"decision": NO_GRID} if lattice is None else _lattice_entry(lattice)
+            if name in verdict.effects:
+                entry["decision"] = ADDED
+        elif (why := effect.untestable(facts)) is not None:
+            entry["decision"] = f"{UNTESTABLE}: {why}"
+        elif trial is not None:
+            entry |= {"statistic": trial.statistic, "p_value": trial.p_value, "decision": trial.decision}
+            entry["threshold"] = threshold(effect, facts)
+            if name in selection.final.model.effects.ids:
+                entry["parameters"] = _described(selection.final, name)
+                for constant, std in trial.shape_std.items():
+                    entry["parameters"][constant] = {**entry["parameters"][constant], "std": std}
+                entry["heldout_gain_percent"] = _gain(found, name, before, after)
+            else:
+                entry["parameters"] = _tried(trial)
+                if trial.decision == NOT_SIGNIFICANT and trial.p_value < 1.0e-5:
+                    entry["decision"] = tuple(found.new_ids) or TOO_SMALL
+            for group in verdict.indistinguishable:
+                if name in group[1:]:
+                    entry["decision"] = ALIKE + group[0]
+        entries.append(entry)
+    in_words(entries)
+    return sorted(entries, key=lambda e: -(e["statistic"] if e["statistic"] is not None else -1.0e300))
 
-    fit, prepared = found.whole, found.prepared
-    known = fit.model.known
-    covariance = fit.likelihood.covariance[:known, :known]
-    covariance = 0.5 * (covariance + covariance.T)
-    effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[PARAMETER_COUNT:known])
-    variance = fit.noise.variance
-    if lattice is not None:
-        effects = EffectSet((*effects.terms, Term.of(GRID, value=lattice.grid_rad_s)))
-        variance = max(variance - GRID.variance(lattice.grid_rad_s), (0.02 * lattice.grid_rad_s) ** 2)
-    return WheelModel(
-        parameters=fit.model.parameters,
-        covariance=tuple(tuple(float(v) for v in row) for row in covariance),
-        stribeck_speed_rad_s=fit.model.stribeck.omega_s,
-        stribeck_law=LAW_NAMES[fit.model.stribeck.law],
-        speed_noise_rad_s=float(np.sqrt(variance)),
-        acceleration_noise=float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.course.period_s)),
-        inertia_kg_m2=prepared.setup.inertia_kg_m2,
-        source={"method": "diagnose, fitted to the whole record", "log": prepared.log.name, "rw_ekf": __version__},
-        effects=effects,
-    )
+
+def in_words(entries: list[dict[str, Any]]) -> None:
+    """Replace decisions that are names of what explains an effect by words.
+
+    Only what is in the model explains anything; what looked like a cause that was rejected is said to.
+    """
+    stand = {entry["effect"] for entry in entries if entry["decision"] in {ADDED, GIVEN}}
+    explained = [entry for entry in entries if isinstance(entry["decision"], tuple)]
+    said = {entry["effect"]: entry["decision"] for entry in entries}
+    for entry in explained:
+        names = entry["decision"]
+        standing = [name for name in names if name in stand]
+        if standing:
+            entry["decision"] = EXPLAINED + ", ".join(standing)
+        else:
+            why = said.get(names[0], NOT_CONFIRMED)
+            entry["decision"] = f"looks like {names[0]}: {why if isinstance(why, str) else EXPLAINED + ', '.join(why)}"
+
+
+def _gain(found: Found, name: str, before: Performance, after: Performance) -> float | None:
+    """Percent by which the held-out error falls when the effect is added to the others.
+
+    Of one effect that was added alone it is what the figures before and after say.
+    """
+    if CATALOGUE[name].local_in_time:
+        gain = event_gain(found.whole, name, found.prepared.seen)
+        return None if gain is None else gain.percent
+    errors = [performed.figures.get("free_run_rms_rpm") for performed in (before, after)]
+    if found.new_ids == [name] and errors[0] and errors[1] is not None:
+        return float(100.0 * (1.0 - errors[1] / errors[0]))
+    final = found.selection.final
+    return gain_over(found.prepared, final.without(name), final)
+
+
+def _described(fit: Fit, name: str) -> dict[str, Any]:
+    """`parameters` of a candidate that was fitted, with standard deviations; the strongest term of several first."""
+    found: dict[str, Any] = {}
+    terms = sorted(fit.terms_of(name), key=lambda item: -item.term.size)
+    for count, item in enumerate(terms, start=1):
+        parameters = dict(item.term.described(item.covariance))
+        for constant, std in item.shape_std.items():
+            parameters[constant] = {**parameters[constant], "std": std}
+        found |= {key if count == 1 else f"{key}_{count}": value for key, value in parameters.items()}
+    return found
+
+
+def _tried(trial: Trial) -> dict[str, Any]:
+    """Parameters of a candidate that was only scored."""
+    first = trial.terms[0]
+    value = size_of(trial.terms) if len(trial.terms) > 1 or len(first.values) > 1 else first.values[0]
+    return dict(first.effect.described(value, trial.std, first.shape))
+
+
+def _lattice_entry(lattice: Lattice) -> dict[str, Any]:
+    coefficient = GRID.coefficient
+    return {
+        "parameters": {coefficient.name: {"value": lattice.grid_rad_s, "std": None, "unit": coefficient.unit}},
+        "statistic": lattice.statistic,
+        "p_value": None,
+    }

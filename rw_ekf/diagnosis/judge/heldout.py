@@ -17,14 +17,15 @@ from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.judge.event import event_gain
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
-from rw_ekf.diagnosis.search.trial import Selection
+from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood.fitting import Fit, likelihood, smoothed_reference
+from rw_ekf.likelihood.fitting import Fit, smoothed_reference
 from rw_ekf.likelihood.frame import Noise, linearise
 from rw_ekf.likelihood.frozen_filter import filtered_reference, run_frozen
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.profile import likelihood
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import ABSENT
 
@@ -193,9 +194,9 @@ def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
             selection.final = less
 
 
-def veto(prepared: Prepared, selection: Selection) -> None:
+def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
     """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first."""
-    for name in reversed(selection.new_ids):
+    for name in reversed(names):
         less = selection.final.without(name)
         before, after = performance(prepared, less).figures, performance(prepared, selection.final).figures
         free = [figures.get("free_run_rms_rpm") for figures in (before, after)]

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.heldout import Performance
 from rw_ekf.diagnosis.judge.investigation import Found
-from rw_ekf.diagnosis.judge.lattice import Lattice
+from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
-from rw_ekf.diagnosis.search.trial import Selection
+from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.model.effect import RecordFacts, Term
+from rw_ekf.model.effect import RecordFacts
 from rw_ekf.numbers import number_text
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
@@ -29,27 +28,23 @@ _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 _GROUP = 3  # at most so many are named together
 
 
-@dataclass
+@dataclass(frozen=True)
 class Verdict:
-    """The `verdict` object, and how each effect's candidate was decided."""
+    """The `verdict` object of the document."""
 
     kind: str
     effects: list[str] = field(default_factory=list)
     indistinguishable: list[list[str]] = field(default_factory=list)
     statement: str = ""
 
-    def document(self) -> dict[str, Any]:
-        """The object of the diagnosis document."""
-        return {
-            "kind": self.kind,
-            "effects": self.effects,
-            "indistinguishable": self.indistinguishable,
-            "statement": self.statement,
-        }
 
+def verdict_on(
+    found: Found, lattice: Lattice | None, before: Performance, after: Performance, heldout_s: float
+) -> Verdict:
+    """What is said of a record, from what was found in it; lattice: None where it is not named.
 
-def verdict_on(found: Found, lattice: Lattice | None, before: Performance, after: Performance) -> Verdict:
-    """What is said of a record, from what was found in it; lattice: None where it is not named."""
+    heldout_s: how long the part is that the performances are of.
+    """
     facts, names, left = found.prepared.facts, found.new_ids, found.left
     if found.is_unexplained:
         along = ", ".join(item.name for item in left[:2])
@@ -75,7 +70,6 @@ def verdict_on(found: Found, lattice: Lattice | None, before: Performance, after
         names = [*names, GRID.id]
         said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
     groups = _grouped(found.selection, names)
-    seconds = sum(b - a for a, b in found.prepared.split.document()["heldout_s"])
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
     where = ""
     on_whole = [name for name in found.selection.whole_record if name in names]
@@ -83,7 +77,7 @@ def verdict_on(found: Found, lattice: Lattice | None, before: Performance, after
         where = f" ({', '.join(on_whole)} sought on the whole record)"
     if any(CATALOGUE[name].local_in_time for name in names):
         where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
-    better = _improvement(before.figures, after.figures, seconds, wheel_units=found.prepared.in_rpm)
+    better = _improvement(before.figures, after.figures, heldout_s, wheel_units=found.prepared.in_rpm)
     text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
     if groups:
         text += f" {_separation(groups[0], found.selection)}."
@@ -112,22 +106,13 @@ def _noise_text(found: Found) -> str:
     return f"{sigma:.3g} {unit}, and a torque noise that moves the speed by {wander:.2g} in a second"
 
 
-def fitted_terms(fit: Fit, name: str) -> list[tuple[int, Term, Float64Array]]:
-    """Terms of an effect in the order of use: (number among all, term, covariance of its coefficients)."""
-    return [
-        (number, term, fit.likelihood.covariance[at, at])
-        for number, (term, at) in enumerate(fit.model.placed)
-        if term.id == name
-    ]
-
-
 def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     """What was found of one effect, its size as a share of the friction that the final model has."""
     facts = replace(facts, friction=fit.model.parameters)
-    terms = fitted_terms(fit, name)  # pieces of a broken line are in the order of time
+    terms = fit.terms_of(name)  # pieces of a broken line are in the order of time
     if CATALOGUE[name].repeats:
-        terms.sort(key=lambda item: -item[1].size)
-    return "; ".join(term.sentence(covariance, facts) for _, term, covariance in terms)
+        terms.sort(key=lambda item: -item.term.size)
+    return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
 
 
 def _grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.course.conditions import filled, integrated_angle
+from rw_ekf.course.conditions import command_frequency, filled, integrated_angle
 from rw_ekf.course.course import Course
-from rw_ekf.diagnosis.prepare.conditions import facts_of
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
-from rw_ekf.diagnosis.prepare.split import Kind, Split, split_record
+from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
 from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
@@ -29,13 +28,15 @@ from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import EffectSet
 
 if TYPE_CHECKING:
-    from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
 
 # Of the top speed. A record cleaner than the first shows the steps of any integration near rest as structure, and is
 # looked at with noise of the second added: 0.06 rpm of 2000.
 _CLEAN, _LEAST_NOISE = 1.5e-5, 3.0e-5
+_LEAST_SQUARES_SAMPLES = 20_000
+_TURN_PER_SAMPLE = 2.0  # rad: an angle is integrated where the wheel is slow enough for some of the record
+_SLOW_SHARE = 0.02
 _WIDENED, _AGEING = 3.0, 0.2
 _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known exactly
 
@@ -58,34 +59,17 @@ class Prepared:
     temperature_is_logged: bool
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
-
-    @property
-    def work(self) -> Work:
-        """What the diagnosis has cost so far."""
-        return self.whole.work
-
-    @property
-    def log(self) -> WheelLog:
-        """The log, or several joined, as it is looked at."""
-        return self.source.log
-
-    @property
-    def in_rpm(self) -> bool:
-        """Whether speeds are told in rpm: of a wheel, and of any plant whose log has them so."""
-        return self.setup.inertia_kg_m2 is not None or self.log.in_rpm
-
-    def over_log(self, values: Float64Array) -> Float64Array:
-        """An array over the samples looked at as one over the whole log, NaN elsewhere."""
-        if self.kept.all():
-            return values
-        out = np.full(self.kept.size, np.nan)
-        out[self.kept] = values
-        return out
+    in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
 
     def swapped(self) -> Prepared:
         """The same with the parts' roles exchanged: what was held out is searched."""
         split = replace(self.split, fit=self.split.heldout, heldout=self.split.fit)
-        return _with_base(replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part), self.base.model)
+        noise = self.setup.constants.speed_noise_rad_s
+        references = _references(self.course, split, self.base.model.parameters, self.setup)
+        base = robust_fit(self.heldout, self.base.model, self.setup.prior, noise, references)
+        before = self.facts
+        facts = facts_of(self.course, base, split.fit, before.channels, before.timing_doubt_s, before.log_starts_s)
+        return replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part, base=base, facts=facts)
 
 
 def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
@@ -110,8 +94,11 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     temperature, warm = filled(course.temperature_degC, REFERENCE_DEGC)
     logged_angle, turned = filled(course.angle_rad, 0.0)
     course = course._replace(temperature_degC=temperature, angle_rad=logged_angle)
-    part = part_of(course, current, delay, split.fit)
-    start = model_of_setup(setup, setup.prior.parameters if model is not None else start_parameters(part, setup))
+    parameters = setup.prior.parameters
+    if model is None:  # from several starts: the likelihood has one valley from here
+        head = part_of(course, current, delay, split.fit).window(0, _LEAST_SQUARES_SAMPLES)
+        parameters = least_squares(head, setup.constants, setup.prior.core).parameters
+    start = model_of_setup(setup, parameters)
     everything = np.ones(course.samples, dtype=bool)
     by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
     work = Work()
@@ -124,9 +111,8 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         Record.of(course, mask, setup.constants, work, log_of) for mask in (split.fit, everything, split.heldout)
     )
     base = robust_fit(fit_part, start, setup.prior, noise, _references(course, split, start.parameters, setup))
-    facts = facts_of(course, base.model, math.sqrt(base.noise.variance), split.fit, channels)
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
-    facts = replace(facts, timing_doubt_s=source.timing_doubt_s, log_starts_s=starts)
+    facts = facts_of(course, base, split.fit, channels, source.timing_doubt_s, starts)
     return Prepared(
         source=source,
         course=course,
@@ -142,6 +128,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         temperature_is_logged=warm,
         kept=kept,
         notes=notes,
+        in_rpm=setup.inertia_kg_m2 is not None or log.in_rpm,
     )
 
 
@@ -205,19 +192,40 @@ def _references(course: Course, split: Split, parameters: FrictionParameters, se
     return [read_reference(blind, noise), smoothed_by_filter(course, split.fit, bare, setup.constants, noise)]
 
 
-def _with_base(prepared: Prepared, model: Model) -> Prepared:
-    """Fit the base to the present fit part."""
-    noise = prepared.setup.constants.speed_noise_rad_s
-    references = _references(prepared.course, prepared.split, model.parameters, prepared.setup)
-    base = robust_fit(prepared.fit_part, model, prepared.setup.prior, noise, references)
-    channels = prepared.facts.channels
-    facts = facts_of(prepared.course, base.model, math.sqrt(base.noise.variance), prepared.split.fit, channels)
-    before = prepared.facts
-    facts = replace(facts, timing_doubt_s=before.timing_doubt_s, log_starts_s=before.log_starts_s)
-    return replace(prepared, base=base, facts=facts)
-
-
-_LEAST_SQUARES_SAMPLES = 20_000
+def facts_of(
+    course: Course,
+    base: Fit,
+    part: BoolArray,
+    channels: frozenset[str],
+    timing_doubt_s: float = 0.0,
+    log_starts_s: tuple[float, ...] = (),
+) -> RecordFacts:
+    """What the catalogue asks of the part (n,) that is searched and its base model; channels: those logged."""
+    model, speed_noise_rad_s = base.model, math.sqrt(base.noise.variance)
+    speed = course.speed_rad_s[part]
+    speed = speed[np.isfinite(speed)]
+    period = course.period_s
+    top = float(np.quantile(np.abs(speed), 0.999)) if speed.size else 0.0
+    slow = np.mean(np.abs(speed) * period < _TURN_PER_SAMPLE) if speed.size else 0.0
+    warmth = course.temperature_degC[part]
+    return RecordFacts(
+        first_s=float(course.time_s[0]),
+        last_s=float(course.time_s[-1]),
+        period_s=period,
+        top_speed_rad_s=top,
+        top_current_A=float(np.max(np.abs(course.pieces.current_A))) if course.pieces.current_A.size else 0.0,
+        friction=model.parameters,
+        stribeck_speed_rad_s=model.stribeck.omega_s,
+        stribeck_law=model.stribeck.law,
+        speed_noise_rad_s=speed_noise_rad_s,
+        reversals=reversals(course.speed_rad_s[part], speed_noise_rad_s),
+        temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
+        angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
+        channels=channels,
+        command_Hz=command_frequency(course),
+        timing_doubt_s=timing_doubt_s,
+        log_starts_s=log_starts_s,
+    )
 
 
 def part_of(course: Course, current_A: Float64Array, delay_s: Float64Array, part: BoolArray) -> Course:
@@ -234,12 +242,6 @@ def part_of(course: Course, current_A: Float64Array, delay_s: Float64Array, part
         course.temperature_degC[part],
         course.angle_rad[part],
     )
-
-
-def start_parameters(part: Course, setup: FilterSetup) -> FrictionParameters:
-    """Least squares over the part, from several starts: the likelihood has one valley from here."""
-    head = part.window(0, _LEAST_SQUARES_SAMPLES)
-    return least_squares(head, setup.constants, setup.prior.core).parameters
 
 
 def model_of_setup(setup: FilterSetup, parameters: FrictionParameters) -> Model:

@@ -1,27 +1,73 @@
-"""Every effect of the catalogue tried on a frame: its columns, and what it would add to the likelihood.
+"""Every effect of the catalogue tried on a frame: its columns, and how strong evidence for it would have to be.
 
 A linear effect's column is its analytic slope along the reference; one with a memory, a delay or a threshold is tried
-at a few sizes, its column the difference that this size makes. Nothing is refitted here: a candidate's gain is that of
-a linear regression, joint with the corrections of everything already in the model, at each of a few ratios of noises
-(docs/diagnosis.md, "Evidence").
+at a few sizes, its column the difference that this size makes.
+
+Under a model that lacks nothing, twice the gain in log-likelihood is chi-square with as many degrees of freedom as the
+effect has coefficients (Wilks); the best of N independent places exceeds x with probability 1 - (1 - p(x))^N. What is
+not independent is counted by its resolution: onsets a decay apart, frequencies a line apart. Healthy simulated wheels
+follow this law but for a factor, because crossings of zero speed are not perfectly Gaussian (`python -m
+tools.proof.prove --only healthy`, docs/diagnosis-proof.md).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.frame import Frame
 from rw_ekf.likelihood.one_step import predict
+from rw_ekf.likelihood.whitening import adjoint
+from rw_ekf.likelihood.work import screening_units
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 from rw_ekf.model.effect_kinds import StaticEffect
 from rw_ekf.wheel.table import EffectSet
 
+SIGNIFICANT_P = 5.0e-4  # of one effect on the part that is searched; the held-out part must confirm it
+INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
 _CHUNK = 128
+_SCREENED = 24
+_NEIGHBOURS = 41
+_BLOCK = 64  # frequencies at once
+_EVEN = 1.0e-9  # of their spacing
+
+
+def p_value(effect: type[Effect], statistic: float, facts: RecordFacts) -> float:
+    """Probability that a wheel without the effect shows as much."""
+    if statistic <= 0.0:
+        return 1.0
+    single = chi_square_tail(statistic / INFLATION, effect.components)
+    return float(-math.expm1(effect.places(facts) * math.log1p(-single))) if single < 1.0 else 1.0
+
+
+def threshold(effect: type[Effect], facts: RecordFacts, p: float = SIGNIFICANT_P) -> float:
+    """Statistic whose p-value is p, by bisection."""
+    low, high = 0.0, 400.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if p_value(effect, middle, facts) > p:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@dataclass(frozen=True)
+class Score:
+    """What an effect would add at its best place: 2 (L_with - L_without), each at its own best noises."""
+
+    effect: type[Effect]
+    candidate: Candidate
+    statistic: float
+    p_value: float
+    size: float  # the coefficient in its unit; the amplitude of sine and cosine
+    std: float
+    starts: tuple[Term, ...]  # where fits of the effect begin
 
 
 @dataclass(frozen=True)
@@ -33,37 +79,22 @@ class Hypothesis:
     columns: Float64Array
     unit: float
 
-    def starts(self, coefficients: Float64Array) -> list[Term]:
-        """The effect as fits should start: at the regression's coefficients (1 or 2,), or where it was tried."""
+    def scored(self, statistic: float, coefficients: Float64Array, std: Float64Array, facts: RecordFacts) -> Score:
+        """What a regression on the columns gave: coefficients and standard deviations (1 or 2,)."""
         found = tuple(float(value) * self.unit for value in coefficients)
         if self.effect.linear:
-            return [replace(Term.at(self.effect, self.candidate), values=found)]
-        return [Term.at(self.effect, start) for start in self.effect.starts(self.candidate, found[0])]
-
-
-@dataclass(frozen=True)
-class Score:
-    """What a hypothesis would add: 2 (L_with - L_without), each at its own best noises, and the coefficients found."""
-
-    hypothesis: Hypothesis
-    statistic: float
-    coefficients: Float64Array
-    std: Float64Array
-
-    @property
-    def id(self) -> str:
-        """The effect's id."""
-        return self.hypothesis.effect.id
-
-    @property
-    def size(self) -> float:
-        """The coefficient in its unit; the amplitude of sine and cosine."""
-        return float(np.linalg.norm(self.coefficients)) * self.hypothesis.unit
-
-
-def testable(facts: RecordFacts) -> dict[str, str | None]:
-    """Why each effect cannot be tested on this log; None for those that can."""
-    return {name: effect.untestable(facts) for name, effect in CATALOGUE.items()}
+            starts = [replace(Term.at(self.effect, self.candidate), values=found)]
+        else:
+            starts = [Term.at(self.effect, start) for start in self.effect.starts(self.candidate, found[0])]
+        return Score(
+            effect=self.effect,
+            candidate=self.candidate,
+            statistic=statistic,
+            p_value=p_value(self.effect, statistic, facts),
+            size=float(np.linalg.norm(coefficients)) * self.unit,
+            std=float(np.linalg.norm(std)) * self.unit,
+            starts=tuple(starts),
+        )
 
 
 def hypotheses(
@@ -124,3 +155,56 @@ def _secant(frame: Frame, effect: type[Effect], candidate: Candidate) -> Hypothe
     if not np.isfinite(change).all() or not change.any():
         return None
     return Hypothesis(effect, candidate, change[:, None], candidate.amplitude)
+
+
+def screened(
+    candidates: list[Candidate], frame: Frame, left: list[tuple[float, Float64Array]], variance: float
+) -> list[Candidate]:
+    """The frequencies worth an exact score: those of most power in the adjoint of what is left (eq. 9).
+
+    left: ratios of noises, each with what the model leaves at it, whitened, (n,), zero where there is no innovation.
+    The power's denominator changes slowly with frequency, so that comparing neighbours needs none.
+    """
+    if len(candidates) <= _SCREENED:
+        return candidates
+    chain = frame.chain
+    middle = frame.record.course.time_s - 0.5 * chain.step_s
+    frequency = np.array([candidate.shape[0] for candidate in candidates])
+    chosen: set[int] = set()
+    moving = np.zeros((len(left), chain.reading.size))
+    for at, (ratio, white) in enumerate(left):
+        back = np.zeros(chain.reading.size)
+        adjoint(chain, ratio * variance / frame.record.course.period_s, variance, white, back)
+        moving[at] = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
+    frame.record.work.charge(screening_units(middle.size, frequency.size))
+    # A torque moves the speed by one over its frequency.
+    for power in powers(frequency, middle, moving) * (frequency**2 + frequency[0] ** 2):
+        level = np.maximum(np.convolve(power, np.ones(_NEIGHBOURS), "same"), 1.0e-300)
+        chosen |= {int(j) for j in np.argsort(power / level)[-_SCREENED // 2 :]}
+        chosen |= {int(j) for j in np.argsort(power)[-_SCREENED // 2 :]}
+    return [candidates[j] for j in sorted(chosen)]
+
+
+def powers(frequency_Hz: Float64Array, time_s: Float64Array, values: Float64Array) -> Float64Array:
+    """Power (k, m) of k series (k, n) at times (n,) in m frequencies [Hz].
+
+    Where a block of frequencies is as evenly spaced as the one before, its phasors are those turned on: a product in
+    place of an exponential.
+    """
+    used = np.any(values != 0.0, axis=0)
+    time, series = time_s[used] - time_s[0], values[:, used].T.astype(np.complex128)
+    power = np.empty((values.shape[0], frequency_Hz.size))
+    turn, shift, before = np.zeros((0, 0), np.complex128), 0.0, np.zeros(0)
+    on = np.zeros(0, np.complex128)
+    for first in range(0, frequency_Hz.size, _BLOCK):
+        block = frequency_Hz[first : first + _BLOCK]
+        apart = block - before if block.size == before.size else np.zeros(0)
+        if apart.size and np.ptp(apart) < _EVEN * apart[0]:
+            if apart[0] != shift:
+                shift, on = float(apart[0]), np.exp(-2j * math.pi * apart[0] * time)
+            turn *= on
+        else:
+            turn = np.exp(-2j * math.pi * np.outer(block, time))
+        before = block
+        power[:, first : first + _BLOCK] = (np.abs(turn @ series) ** 2).T
+    return power

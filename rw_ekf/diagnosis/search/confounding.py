@@ -8,21 +8,17 @@ of the other (docs/diagnosis.md, "Confounded by construction")?
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.trial import Selection, p_value
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import Effect, RecordFacts
-
-if TYPE_CHECKING:
-    from rw_ekf.diagnosis.search.selection import Search
 
 Quantity = Literal["speed", "time", "temperature"]
 
@@ -97,35 +93,29 @@ def smooth_columns(fit: Fit, quantity: Quantity) -> Float64Array:
     return np.where(record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
 
 
-def scorer_beside(fit: Fit, quantity: Quantity) -> Scorer:
-    """Scores what is left of an effect beside a smooth function of a quantity."""
-    return Scorer(fit, smooth_columns(fit, quantity))
+def deferred(fit: Fit, strong: list[Score], facts: RecordFacts, enough: float) -> dict[str, Quantity]:
+    """Effects that go with time and must wait, by id: the record cannot tell them from one of this quantity.
+
+    That must be a contender, or in the model already: a law that holds at any time goes first.
+    """
+    laws = {quantity_of(score.effect) for score in strong} | {quantity_of(term.effect) for term in fit.model.terms}
+    timed = [s.effect for s in strong if quantity_of(s.effect) == "time" and not s.effect.local_in_time]
+    found: dict[str, Quantity] = {}
+    others: list[Quantity] = ["speed", "temperature"]
+    for other in others:
+        left = [effect for effect in timed if effect.id not in found]
+        if left and other in laws and may_confound(fit, "time", other):
+            found |= {effect.id: other for effect in left if not says_more(fit, facts, effect, other, enough)}
+    return found
 
 
 def says_more(fit: Fit, facts: RecordFacts, effect: type[Effect], quantity: Quantity, enough: float) -> bool:
     """Whether an effect is significant at a p-value even beside a smooth function of a quantity."""
-    found = scorer_beside(fit, quantity).best_of_each(facts, [effect], lambda: None).get(effect.id)
-    return found is not None and p_value(effect, found.statistic, facts) < enough
+    found = Scorer(fit, smooth_columns(fit, quantity)).best_of_each(facts, [effect]).get(effect.id)
+    return found is not None and found.p_value < enough
 
 
-def stationary_first(search: Search, current: Fit, strong: list[Score], selection: Selection) -> list[Score]:
-    """Leave out what goes with time as long as the record cannot tell it from an effect of speed or temperature.
-
-    That must be a contender, or in the model already: a law that holds at any time goes first.
-    """
-    timed = [s for s in strong if quantity_of(s.hypothesis.effect) == "time" and not s.hypothesis.effect.local_in_time]
-    others: list[Quantity] = ["speed", "temperature"]
-    for other in others:
-        there = any(quantity_of(s.hypothesis.effect) == other for s in strong) or any(
-            quantity_of(term.effect) == other for term in current.model.terms
-        )
-        if not (timed and there and may_confound(current, "time", other)):
-            continue
-        for score in list(timed):
-            effect = score.hypothesis.effect
-            if not says_more(current, search.facts, effect, other, search.enough_for(effect)):
-                selection.trials[score.id].decision = f"nothing beside a smooth effect of the {other}"
-                search.set_aside = True
-                strong = [s for s in strong if s is not score]
-                timed.remove(score)
-    return strong
+def event_scores(fit: Fit, events: list[type[Effect]], facts: RecordFacts) -> dict[str, Score]:
+    """Scores of events; where time goes with speed, of what is left beside any smooth function of that."""
+    scorer = Scorer(fit, smooth_columns(fit, "speed") if may_confound(fit, "time", "speed") else None)
+    return scorer.best_of_each(facts, events)

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
-from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Search
-from rw_ekf.diagnosis.search.trial import EXPLAINED_SHARE, INDISTINGUISHABLE, Selection, possible
-from rw_ekf.diagnosis.standing import explained_by
+from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Search, Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Candidate, Effect, Term
 
+INDISTINGUISHABLE = 9.0  # two explanations whose log-likelihoods differ by less than half of this: three sigma
+EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
 _RIVAL_MARGIN = 16.0  # of twice the log-likelihood on the part: nearer ones are compared on the whole record
 
 
-def find_rivals(search: Search, selection: Selection) -> None:
+def weigh_rivals(search: Search, selection: Selection) -> None:
+    """Find explanations that fit nearly as well as those chosen, and let the whole record decide where it can."""
+    _find_rivals(search, selection)
+    _settle_rivals(search, selection)
+
+
+def _find_rivals(search: Search, selection: Selection) -> None:
     """For each effect chosen, those that fit nearly as well in its place; all fitted in full."""
     final = selection.final
     for name in final.model.effects.ids:
@@ -28,18 +35,18 @@ def find_rivals(search: Search, selection: Selection) -> None:
             continue
         search.advance(f"comparing rivals of {name}")
         less = final.without(name)
-        scores = search.scores(less, near)
+        scores = Scorer(less).best_of_each(search.facts, near)
         value = final.model.of(name)[0].values[0]
         for effect in near:
             if not search.work.has(max(work.RIVALS, search.share)):
                 search.work.leave_out(f"rivals of {name} ({effect.id})")
                 continue
             score = scores.get(effect.id)
-            starts = [] if score is None else score.hypothesis.starts(score.coefficients)
+            starts = [] if score is None else list(score.starts)
             if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
                 starts.append(Term.at(effect, Candidate(value)))
             fits = [less.refitted(less.model.with_terms(term)) for term in starts]
-            fits = [fit for fit in fits if possible(fit.model, effect.id, search.facts)]
+            fits = [fit for fit in fits if fit.model.possible(effect.id, search.facts)]
             if not fits:
                 continue
             rival = max(fits, key=lambda item: item.likelihood.value)
@@ -79,7 +86,7 @@ def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]
     ]
 
 
-def settle_rivals(search: Search, selection: Selection) -> None:
+def _settle_rivals(search: Search, selection: Selection) -> None:
     """Between explanations that the searched part cannot tell apart, the whole record decides where it can.
 
     Where it cannot either, what holds at any time goes before what is tied to this record's clock.
@@ -101,7 +108,7 @@ def settle_rivals(search: Search, selection: Selection) -> None:
         )
         selection.rivals.pop(name)
         if best is not selection.final:
-            selection.trials[name].decision = explained_by([winner])
+            selection.trials[name].decision = (winner,)
             selection.final = best
         others = [fit for _, other, fit in near if other != winner]
         if others:

@@ -1,4 +1,4 @@
-"""What each hypothesis would add to the likelihood of a model on a frame (docs/diagnosis.md, "Evidence").
+"""What each hypothesis would add to the likelihood of a fitted model (docs/diagnosis.md, "Evidence").
 
 Nothing is refitted: a candidate's gain is that of a linear regression, joint with the corrections of everything already
 in the model, at each of a few ratios of noises.
@@ -7,25 +7,32 @@ in the model, at each of a few ratios of noises.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, hypotheses
-from rw_ekf.likelihood.fitting import LEAST_RATIO, Fit
+from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, analytic, hypotheses, screened
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
-from rw_ekf.likelihood.whitening import adjoint
-from rw_ekf.likelihood.work import screening_units
+from rw_ekf.likelihood.profile import LEAST_RATIO
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts
+from rw_ekf.model.effect_kinds import StaticEffect
 
 _RATIOS_BELOW = 6
-_SCREENED = 24
-_NEIGHBOURS = 41
-_BLOCK = 64  # frequencies at once
-_EVEN = 1.0e-9  # of their spacing
 _GROUP_RANK = 0.02  # of a unit column: less is what the model's own parameters do
 _SEEN = 1.0e-4  # a column that the model's own explain to this share of its length says nothing
+
+
+@dataclass(frozen=True)
+class _Gain:
+    """What a hypothesis would add, and the regression's coefficients in its units."""
+
+    hypothesis: Hypothesis
+    statistic: float
+    coefficients: Float64Array
+    std: Float64Array
 
 
 class Scorer:
@@ -50,7 +57,7 @@ class Scorer:
             self.places = frame.innovation_at
             if beside is not None:
                 A = np.concatenate((A, frame.whitened(value, variance, beside)[1]), axis=1)
-            Q = basis(A, fit)
+            Q = _basis(A, fit)
             self.restrictions.append(_restriction(A, fit))
             left = r - Q @ (Q.T @ r)
             self.bases.append(Q)
@@ -66,11 +73,11 @@ class Scorer:
         left = max(self.rss[i] - gain, 1.0e-9)
         return -0.5 * (self.count * math.log(left / self.count) + self.logs[i])
 
-    def score(self, group: list[Hypothesis]) -> list[Score]:
-        """Scores of hypotheses that came in one chunk."""
+    def _gains(self, group: list[Hypothesis]) -> list[_Gain]:
+        """What hypotheses that came in one chunk would add; those that the model follows already are left out."""
         columns = np.concatenate([h.columns for h in group], axis=1)
         edges = np.cumsum([0, *(h.columns.shape[1] for h in group)])
-        best: list[tuple[float, Score] | None] = [None] * len(group)
+        best: list[tuple[float, _Gain] | None] = [None] * len(group)
         for i, ratio in enumerate(self.ratios):
             _, A, _ = self.frame.whitened(ratio, self.variance, columns)
             Q = self.bases[i]
@@ -84,7 +91,7 @@ class Scorer:
                     continue
                 inverse = np.linalg.inv(gram)
                 solution = inverse @ products[part]
-                if not _allowed(hypothesis, solution):
+                if not hypothesis.effect.admits(float(solution[0]) * hypothesis.unit):
                     continue
                 gain = float(products[part] @ solution)
                 value = self._value(i, gain)
@@ -93,7 +100,7 @@ class Scorer:
                 if before is None or merit > before[0]:
                     scale = max(self.rss[i] - gain, 1.0e-9) / self.count
                     std = np.sqrt(scale * np.diag(inverse))
-                    best[g] = merit, Score(hypothesis, 2.0 * (value - self.without), solution, std)
+                    best[g] = merit, _Gain(hypothesis, 2.0 * (value - self.without), solution, std)
         return [found[1] for found in best if found is not None]
 
     def score_group(self, columns: Float64Array) -> tuple[float, int]:
@@ -125,74 +132,35 @@ class Scorer:
         _, sizes, Vt = np.linalg.svd(self._beside_own(self.own, scaled), full_matrices=False)
         return np.ascontiguousarray(scaled @ Vt[sizes > _GROUP_RANK].T)
 
-    def best_of_each(
-        self, facts: RecordFacts, effects: list[type[Effect]], advance: Callable[[], object]
-    ) -> dict[str, Score]:
+    def best_of_each(self, facts: RecordFacts, effects: list[type[Effect]]) -> dict[str, Score]:
         """The best place of each effect, by id."""
-        best: dict[str, Score] = {}
         places = []
         for effect in effects:
-            if effect.in_state:
-                found = effect.candidates(facts)
-                places += [(effect, c) for c in (self._screened(found) if effect.clocked else found)]
+            found = effect.candidates(facts) if effect.in_state else []
+            places += [(effect, c) for c in (self._screened(found) if effect.clocked else found)]
+        return self.best_at(facts, places)
+
+    def best_at(self, facts: RecordFacts, places: list[tuple[type[Effect], Candidate]]) -> dict[str, Score]:
+        """The best of the places given for each effect, by id."""
+        best: dict[str, _Gain] = {}
         for group in hypotheses(self.frame, places):
-            advance()
-            for score in self.score(group):
-                if score.id not in best or score.statistic > best[score.id].statistic:
-                    best[score.id] = score
-        return best
+            for gain in self._gains(group):
+                name = gain.hypothesis.effect.id
+                if name not in best or gain.statistic > best[name].statistic:
+                    best[name] = gain
+        return {
+            name: gain.hypothesis.scored(gain.statistic, gain.coefficients, gain.std, facts)
+            for name, gain in best.items()
+        }
 
     def _screened(self, candidates: list[Candidate]) -> list[Candidate]:
-        """The frequencies worth an exact score: those of most power in the adjoint of what is left (eq. 9).
-
-        The power's denominator changes slowly with frequency, so that comparing neighbours needs none.
-        """
-        if len(candidates) <= _SCREENED:
-            return candidates
-        frame = self.frame
-        chain = frame.chain
-        middle = frame.record.course.time_s - 0.5 * chain.step_s
-        frequency = np.array([candidate.shape[0] for candidate in candidates])
-        chosen: set[int] = set()
-        moving = np.zeros((2, chain.reading.size))
-        for at, i in enumerate((0, len(self.ratios) - 1)):
-            full = np.zeros(chain.reading.size)
-            full[self.places] = self.residuals[i]
-            back = np.zeros(chain.reading.size)
-            adjoint(chain, self.ratios[i] * self.variance / frame.record.course.period_s, self.variance, full, back)
-            moving[at] = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
-        frame.record.work.charge(screening_units(middle.size, frequency.size))
-        # A torque moves the speed by one over its frequency.
-        for power in powers(frequency, middle, moving) * (frequency**2 + frequency[0] ** 2):
-            level = np.maximum(np.convolve(power, np.ones(_NEIGHBOURS), "same"), 1.0e-300)
-            chosen |= {int(j) for j in np.argsort(power / level)[-_SCREENED // 2 :]}
-            chosen |= {int(j) for j in np.argsort(power)[-_SCREENED // 2 :]}
-        return [candidates[j] for j in sorted(chosen)]
-
-
-def powers(frequency_Hz: Float64Array, time_s: Float64Array, values: Float64Array) -> Float64Array:
-    """Power (k, m) of k series (k, n) at times (n,) in m frequencies [Hz].
-
-    Where a block of frequencies is as evenly spaced as the one before, its phasors are those turned on: a product in
-    place of an exponential.
-    """
-    used = np.any(values != 0.0, axis=0)
-    time, series = time_s[used] - time_s[0], values[:, used].T.astype(np.complex128)
-    power = np.empty((values.shape[0], frequency_Hz.size))
-    turn, shift, before = np.zeros((0, 0), np.complex128), 0.0, np.zeros(0)
-    on = np.zeros(0, np.complex128)
-    for first in range(0, frequency_Hz.size, _BLOCK):
-        block = frequency_Hz[first : first + _BLOCK]
-        apart = block - before if block.size == before.size else np.zeros(0)
-        if apart.size and np.ptp(apart) < _EVEN * apart[0]:
-            if apart[0] != shift:
-                shift, on = float(apart[0]), np.exp(-2j * math.pi * apart[0] * time)
-            turn *= on
-        else:
-            turn = np.exp(-2j * math.pi * np.outer(block, time))
-        before = block
-        power[:, first : first + _BLOCK] = (np.abs(turn @ series) ** 2).T
-    return power
+        """The frequencies worth a score, by what is left at the model's own ratio's neighbours."""
+        left = []
+        for i in (0, len(self.ratios) - 1):
+            white = np.zeros(self.frame.chain.reading.size)
+            white[self.places] = self.residuals[i]
+            left.append((self.ratios[i], white))
+        return screened(candidates, self.frame, left, self.variance)
 
 
 def _restriction(A: Float64Array, fit: Fit) -> float:
@@ -205,11 +173,6 @@ def _restriction(A: Float64Array, fit: Fit) -> float:
                  + np.sum(np.log(scale)))  # fmt: skip
 
 
-def _allowed(hypothesis: Hypothesis, solution: Float64Array) -> bool:
-    """Whether the coefficient's sign is one that the effect can have."""
-    return hypothesis.effect.admits(float(solution[0]) * hypothesis.unit)
-
-
 def _ratios(ratio: float) -> list[float]:
     """The model's own ratio, one above, and several below down to hardly any process noise."""
     low = math.log(LEAST_RATIO)
@@ -218,7 +181,7 @@ def _ratios(ratio: float) -> list[float]:
     return [math.exp(v) for v in sorted({*steps.tolist(), top + 1.0})]
 
 
-def basis(A: Float64Array, fit: Fit) -> Float64Array:
+def _basis(A: Float64Array, fit: Fit) -> Float64Array:
     """Orthonormal columns (n, p) of the span of A, the a priori of the parameters counted as rows, then cut off."""
     weights = np.linalg.norm(A, axis=0)
     weights[weights == 0.0] = 1.0
@@ -233,3 +196,29 @@ def _parameter_rows(fit: Fit, columns: int) -> Float64Array:
     rows = np.zeros((known.shape[0], columns))
     rows[:, : known.shape[1]] = known
     return rows
+
+
+def information(fit: Fit, variance: float, facts: RecordFacts) -> dict[str, float]:
+    """How much a part of a record can say of each simple linear effect: its squared length beside the model's own.
+
+    No residual enters: this is about excitation alone.
+    """
+    places: list[tuple[type[Effect], Candidate]] = [
+        (effect, effect.candidates(facts)[0])
+        for effect in CATALOGUE.values()
+        if issubclass(effect, StaticEffect)
+        and effect.linear
+        and effect.components == 1
+        and not effect.local_in_time
+        and effect.untestable(facts) is None
+    ]
+    if not places:
+        return {}
+    frame = fit.frame
+    group = analytic(frame, places)
+    columns = np.concatenate([h.columns for h in group], axis=1)
+    _, A, _ = frame.whitened(LEAST_RATIO, variance, columns)
+    _, own, _ = frame.whitened(LEAST_RATIO, variance, frame.columns, frame.memory_columns)
+    Q = _basis(own, fit)
+    lengths = np.einsum("ij,ij->j", A - Q @ (Q.T @ A), A)
+    return {h.effect.id: float(length) for h, length in zip(group, lengths, strict=True)}

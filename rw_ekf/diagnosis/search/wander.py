@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.search.selection import Search
-from rw_ekf.diagnosis.search.trial import INFLATION, Trial
+from rw_ekf.diagnosis.search.candidates import INFLATION
+from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
@@ -48,12 +48,11 @@ def pieces(prepared: Prepared) -> list[Term]:
     return [Term.of(WANDERING, WANDERING.piece(float(a), float(b))) for a, b in pairwise(knots)]
 
 
-def wandering(prepared: Prepared, search: Search, final: Fit) -> Wander | None:
+def wandering(prepared: Prepared, final: Fit) -> Wander | None:
     """The final model with wandering friction instead of a drift of any other shape; None where it has no room."""
     terms = pieces(prepared)
     if not terms:
         return None
-    search.advance(f"fitting {WANDERING.id}, wandering")
     less = final
     for name in final.model.effects.ids:  # a spike or a drift may be but a piece of it
         if CATALOGUE[name].of_one_record and name not in prepared.base.model.effects.ids:

@@ -1,0 +1,206 @@
+"""What a fitted model leaves, looked at in three ways (docs/diagnosis.md).
+
+The map asks whether anything structured is left, and along what: each dependence (speed, low speed, current, angle,
+temperature, time) is a set of hat functions that multiply a torque or a dry friction, entered into the same regression
+as an effect would be. Nothing in particular is assumed of the shape, and a dependence that the model's own parameters
+can follow counts for nothing.
+
+The tests are the usual ones, each at its own false-alarm rate: whiteness, mean, NIS, periodogram. They look at one-step
+errors of the frozen filter, which hide what acts like a bias: the filter follows it. So none of them decides; they are
+what a reader expects to see, and say so when they disagree.
+
+The lattice asks whether the reading stands on a grid coarser than its noise. The evidence is the grid itself and the
+held-out likelihood.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.diagnosis.search.candidates import INFLATION
+from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.filter.consistency import chi_square_tail, consistency_of
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.structure import hats, slopes_by_torque
+from rw_ekf.model.effect import RecordFacts
+
+FALSE_ALARM = 1.0e-3  # of each test
+_MOST_TESTED = 200_000
+_SAMPLES = 20_000
+_ON_LATTICE = 0.999  # share of readings that a grid must hold
+_TOLERANCE = 0.01  # of the grid: text with few digits is not exact
+_LEAST_VALUES = 5
+_LEAST_PROBABILITY = 1.0e-9  # of a cell: beyond it a reading is an outlier of any noise
+_COARSER = 1.5  # standard deviations of the noise that a grid must exceed
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """What the residual's dependence on one quantity amounts to."""
+
+    name: str
+    statistic: float  # chi-square gain, profiled over the noises as an effect's is
+    freedom: int
+    p_value: float
+
+
+def residual_map(fit: Fit, facts: RecordFacts) -> list[Dependence]:
+    """Dependences of what the model leaves, most significant first."""
+    drive, dry = slopes_by_torque(fit)
+    frame = fit.frame
+    speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
+    current = fit.frame.record.course.mean_current_A
+    groups: dict[str, list[Float64Array]] = {}
+    size = np.abs(speed)
+    top = max(facts.top_speed_rad_s, 1.0e-9)
+    by_speed = hats(size, 12, 0.0, top)
+    groups["speed"] = [dry[:, None] * by_speed, drive[:, None] * by_speed]
+    near = hats(size, 5, 0.0, 8.0 * facts.stribeck_speed_rad_s)[:, :-1]
+    groups["low speed"] = [dry[:, None] * near, drive[:, None] * near]
+    if facts.top_current_A > 0.0:
+        by_current = hats(np.abs(current), 6, 0.0, facts.top_current_A)
+        signed = np.sign(current)[:, None] * by_current
+        groups["current"] = [dry[:, None] * by_current, drive[:, None] * by_current, drive[:, None] * signed]
+    time = frame.record.course.time_s
+    by_time = hats(time, 10, facts.first_s, facts.last_s)
+    groups["time"] = [dry[:, None] * by_time, drive[:, None] * by_time]
+    if facts.temperature_range_K is not None and facts.temperature_range_K > 0.5:
+        warmth = frame.record.course.temperature_degC
+        by_warmth = hats(warmth, 4, float(warmth.min()), float(warmth.max()))
+        gain = (drive * current)[:, None]
+        groups["temperature"] = [dry[:, None] * by_warmth, drive[:, None] * by_warmth, gain * by_warmth]
+    if facts.angle:
+        turn = np.outer(frame.record.course.angle_rad, np.arange(1, 5))
+        groups["angle"] = [drive[:, None] * np.sin(turn), drive[:, None] * np.cos(turn)]
+    scorer = Scorer(fit)
+    found = []
+    for name, parts in groups.items():
+        columns = np.where(frame.record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
+        statistic, freedom = scorer.score_group(columns)
+        p = chi_square_tail(statistic / INFLATION, freedom) if freedom and statistic > 0.0 else 1.0
+        found.append(Dependence(name, statistic, freedom, p))
+    return sorted(found, key=lambda item: (item.p_value, -item.statistic))
+
+
+def residual_tests(normalised_innovation: Float64Array) -> dict[str, Any]:
+    """p-values for normalised innovations (n,), NaN where there is none; None where there are too few.
+
+    ljung_box_p: correlation over 20 lags; mean_p; nis_p: the mean square against chi-square, two-sided; periodogram_p:
+    the largest peak against all (Fisher's g); false_alarm: the level at which each is called significant.
+    """
+    z = normalised_innovation[np.isfinite(normalised_innovation)][:_MOST_TESTED]
+    simple = consistency_of(z, np.ones(z.size), np.ones(z.size, dtype=bool))
+    found: dict[str, Any] = {
+        "samples": int(z.size),
+        "ljung_box_p": simple.whiteness_p,
+        "mean_p": simple.mean_p,
+        "nis_p": None,
+        "periodogram_p": None,
+        "false_alarm": FALSE_ALARM,
+    }
+    if simple.whiteness_p is None:
+        return found
+    tail = chi_square_tail(float(z @ z), z.size)
+    found["nis_p"] = 2.0 * min(tail, 1.0 - tail)
+    power = np.abs(np.fft.rfft(z - z.mean())[1:]) ** 2
+    share = float(power.max() / power.sum())
+    found["periodogram_p"] = fisher_g_tail(share, power.size)
+    return found
+
+
+def fisher_g_tail(share: float, count: int) -> float:
+    """P(the largest of `count` periodogram ordinates holds more than this share of all), white noise [Fisher 1929]."""
+    first = math.log(count) + (count - 1) * math.log1p(-share) if share < 1.0 else -math.inf
+    return min(1.0, math.exp(min(first, 0.0)))
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A grid that the readings stand on, and what a rounded reading explains better than a noisy one."""
+
+    grid_rad_s: float
+    noise_rad_s: float  # of the reading before it is rounded
+    statistic: float  # 2 x gain in log-likelihood of less noise, then rounded, over all the noise found; fit part
+    heldout_statistic: float
+
+
+def grid_of(speed_rad_s: Float64Array) -> float | None:
+    """The coarsest grid [rad/s] that holds the readings: the common divisor of their differences; None if none does."""
+    values = np.unique(np.round(speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES], 9))
+    if values.size < _LEAST_VALUES:
+        return None
+    steps = np.diff(values)
+    steps = steps[steps > 1.0e-9 * np.max(np.abs(values))]
+    if steps.size == 0:
+        return None
+    grid = float(np.median(steps[steps < 1.5 * np.min(steps)]))
+    for divisor in (1.0, 2.0, 3.0, 4.0, 5.0):
+        tried = grid / divisor
+        turns = np.round(speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES] / tried)
+        refined = _refined(speed_rad_s, tried, turns)
+        off = np.abs(speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES] / refined - turns)
+        if np.mean(off < _TOLERANCE) >= _ON_LATTICE:
+            return refined
+    return None
+
+
+def _refined(speed_rad_s: Float64Array, grid: float, turns: Float64Array) -> float:
+    values = speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES]
+    power = float(turns @ turns)
+    return float(values @ turns) / power if power > 0.0 else grid
+
+
+def find_lattice(
+    speed_rad_s: Float64Array,
+    predicted_rad_s: Float64Array,
+    predicted_std_rad_s: Float64Array,
+    reading_variance: float,
+    heldout: BoolArray,
+    least_grid_rad_s: float,
+) -> Lattice | None:
+    """Compare, given predictions (n,) with standard deviations (n,), rounding of little noise with that of all of it.
+
+    None where there is no grid, one finer than 1.5 sigma of the noise or than least_grid_rad_s: that is a register's
+    resolution and does no harm.
+    """
+    from scipy.optimize import minimize_scalar
+
+    grid = grid_of(speed_rad_s)
+    if grid is None:
+        return None
+    inner = max(reading_variance - grid * grid / 12.0, (0.02 * grid) ** 2)
+    noise = math.sqrt(inner)
+    if grid < least_grid_rad_s or grid < _COARSER * noise:
+        return None
+    good = np.flatnonzero(np.isfinite(speed_rad_s) & np.isfinite(predicted_rad_s) & np.isfinite(predicted_std_rad_s))
+    good = good[:: max(1, good.size // _SAMPLES)]
+    held = heldout[good]
+    speed, predicted, std = speed_rad_s[good], predicted_rad_s[good], predicted_std_rad_s[good]
+
+    noisy = _log_cell(speed - predicted, np.sqrt(reading_variance + std**2), grid)
+
+    def gains(log_sigma: float) -> Float64Array:
+        return _log_cell(speed - predicted, np.hypot(std, math.exp(log_sigma)), grid) - noisy
+
+    best = minimize_scalar(
+        lambda v: -float(np.sum(gains(v)[~held])),
+        bounds=(math.log(0.05 * grid), math.log(max(1.5 * noise, 0.1 * grid))),
+        method="bounded",
+    )
+    found = gains(float(best.x))
+    return Lattice(grid, math.exp(float(best.x)), 2.0 * float(np.sum(found[~held])), 2.0 * float(np.sum(found[held])))
+
+
+def _log_cell(error: Float64Array, spread: Float64Array, grid: float) -> Float64Array:
+    """Log-probability that a Gaussian of this spread is rounded to the reading that was read, (n,)."""
+    from scipy.special import ndtr
+
+    near = np.abs(error)  # the tail that holds the cell is computed on its own side of zero, where it does not cancel
+    cell = ndtr((0.5 * grid - near) / spread) - ndtr((-0.5 * grid - near) / spread)
+    found: Float64Array = np.log(np.maximum(cell, _LEAST_PROBABILITY))
+    return found

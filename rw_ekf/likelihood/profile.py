@@ -1,0 +1,91 @@
+"""The likelihood of a model along a reference with the noises profiled out (docs/diagnosis.md).
+
+The noises are never known beforehand, and a model that lacks something pays in process noise. So every comparison of
+models is between likelihoods each at its own best ratio of noises, q dt / R; R itself drops out in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.filter.belief import Belief
+from rw_ekf.likelihood.frame import Frame, Noise
+from rw_ekf.likelihood.model import prior_rows
+
+# Of q dt to R: over a record of 10^5 samples the speed then wanders by a tenth of a reading's noise.
+LEAST_RATIO = 1.0e-7
+MOST_RATIO = 1.0e2
+Rows = tuple[Float64Array, Float64Array]  # of an a priori, as `prior_rows` gives them
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Of one model, at its best noises and corrections of its vector."""
+
+    value: float
+    restricted: float  # the same less half the log-determinant of the vector's information (REML): decides on noises
+    noise: Noise
+    correction: Float64Array
+    covariance: Float64Array
+    count: int
+
+
+def likelihood(frame: Frame, prior: Belief | None, noise: Noise) -> Likelihood:
+    """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`.
+
+    The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
+    vector can follow would otherwise pass for one that wanders less.
+    """
+    from scipy.optimize import minimize_scalar
+
+    found: dict[float, Likelihood] = {}
+    known = None if prior is None else prior_rows(prior, frame.model)
+
+    def negative(log_ratio: float) -> float:
+        ratio = math.exp(log_ratio)
+        found[log_ratio] = at_ratio(frame, known, noise.variance, ratio)
+        return -found[log_ratio].restricted
+
+    low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
+    minimize_scalar(negative, bounds=(low, high), method="bounded", options={"xatol": 0.2})
+    negative(low)
+    return max(found.values(), key=lambda item: item.restricted)
+
+
+def at_ratio(frame: Frame, known: Rows | None, scale: float, ratio: float) -> Likelihood:
+    """Maximise over corrections of the vector and R at one ratio of noises; scale: about what R is [rad^2/s^2]."""
+    r, A, logs = frame.whitened(ratio, scale, frame.columns, frame.memory_columns)
+    n = r.size
+    size = A.shape[1]
+    weights = np.linalg.norm(A, axis=0)
+    weights[weights == 0.0] = 1.0
+    if size == 0:
+        variance = max(float(r @ r), 1.0e-12) / max(r.size, 1)
+        value = -0.5 * (r.size * math.log(variance) + logs + r.size)
+        return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
+    normal = (A / weights).T @ (A / weights)
+    target = (A / weights).T @ r
+    pull, offset = np.zeros((size, size)), np.zeros(size)
+    if known is not None:
+        W, aim = known
+        pull, offset = W.T @ W, W.T @ (aim - W @ frame.model.vector)
+    # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
+    total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
+    step = np.linalg.solve(total, target + offset / weights)
+    rss = float(r @ r - 2.0 * step @ target + step @ normal @ step)
+    rss = max(rss, 1.0e-12)
+    variance = rss / max(n, 1)  # in units of scale
+    value = -0.5 * (n * math.log(variance) + logs + n)
+    covariance = variance * np.linalg.inv(total) / np.outer(weights, weights)
+    restricted = value - 0.5 * float(np.linalg.slogdet(total)[1]) - float(np.sum(np.log(weights)))
+    return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
+
+
+def value_of(frame: Frame, noise: Noise) -> Likelihood:
+    """Likelihood of the model as it stands, nothing corrected, at a given ratio of noises."""
+    bare = replace(frame, columns=frame.columns[:, :0], memory_columns=frame.memory_columns[:, :0])
+    return at_ratio(bare, None, noise.variance, noise.ratio)
