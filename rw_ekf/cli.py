@@ -21,6 +21,7 @@ VERBS = {
     "check-config": "check_config",
     "export": "export",
     "stop": "stop",
+    "status": "status",
 }
 
 

@@ -161,6 +161,25 @@ class LinkState(StrEnum):
     ANSWERED = "answered"
     MISSED = "missed"  # no valid reply: the sample has no speed
     SILENT = "silent"  # none for longer than limits.silence_s
+    DOWN = "down"  # the port has failed, and is tried again
+
+
+class RunState(StrEnum):
+    """What a run is doing. Which leads to which: rw_ekf.live.run_states."""
+
+    CONNECTING = "CONNECTING"  # the line is there, too few readings yet
+    TRACKING = "TRACKING"  # readings come, and the filter takes them
+    DEGRADED = "DEGRADED"  # readings are missing or not used, or something is wrong with the wheel
+    LOST = "LOST"  # the line is down or silent: zero is written and retried
+    SAFE = "SAFE"  # latched: zero only, until a person resumes or restarts the run
+
+
+class StateNow(NamedTuple):
+    """The state of a run, since when, and a sentence why."""
+
+    state: RunState
+    since_utc: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +207,9 @@ class ActiveAlarm:
 class Tick:
     """One turn of the loop. A controller gets it before a command is issued, a sink behind that.
 
-    alarms: those that are on; a controller sees them as they were after the turn before.
+    alarms: those that are on; a controller sees them as they were after the turn before. state: None in a replay, which
+    drives nothing. fresh: False where the line gave nothing that belongs into a log (it is down or silent): sample and
+    estimate are then the last there were.
     """
 
     sample: WheelSample
@@ -196,13 +217,16 @@ class Tick:
     command: IssuedCommand | None = None  # that follows the sample; None: none is known
     alarms: tuple[ActiveAlarm, ...] = ()
     link: LinkState = LinkState.ANSWERED
+    state: StateNow | None = None
+    fresh: bool = True
 
 
 class Reading(NamedTuple):
-    """What a tick brought before anything was made of it."""
+    """What a tick brought before anything was made of it; no sample where there is nothing to log."""
 
-    sample: WheelSample
+    sample: WheelSample | None
     link: LinkState = LinkState.ANSWERED
+    quiet_s: float = 0.0  # without telemetry before this tick, by the host's clock
 
 
 Controller = Callable[[Tick], float]  # the current [A] to ask for

@@ -59,7 +59,7 @@ def test_the_command_line_has_the_contract_s_verbs_and_options() -> None:
 
 def test_errors_end_with_the_contract_s_statuses() -> None:
     """Bad input is status 2, failed work 1; no error of the package has another."""
-    assert [row[0] for row in rows("Command line") if len(row) == 2] == ["0", "1", "2", "130"]
+    assert [row[0] for row in rows("Command line") if len(row) == 2] == ["0", "1", "2", "3", "4", "5", "130"]
     assert {error.exit_status for error in (BadInputError, ConfigError, LogError)} == {2}
     assert {error.exit_status for error in (RwEkfError, DriverError, FilterError)} == {1}
 

@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.console import shown_path
+from rw_ekf.records import RunState
 
 if TYPE_CHECKING:
     from rw_ekf.live.daemon import RunOutcome
@@ -15,11 +16,17 @@ if TYPE_CHECKING:
 HELP = "attach to a wheel: estimate, log and publish until a signal"
 EXAMPLE = """example:
   rw-ekf check-config my-wheel.yaml && rw-ekf run --config my-wheel.yaml --duration 600"""
+SAFE_STATUS = 5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_run_options(parser)
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="tell the daemon of this port to leave SAFE; where none is running, an ordinary start",
+    )
 
 
 def add_run_options(parser: argparse.ArgumentParser) -> None:
@@ -46,15 +53,27 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.settings.load import load_configuration
 
-    return run_and_report(load_configuration(args.config), args)
+    configuration = load_configuration(args.config)
+    if args.resume:
+        from rw_ekf.live.resume import resume_daemon
+
+        resumed = resume_daemon(configuration)
+        if resumed is not None:
+            if args.json:
+                from rw_ekf.json_output import print_json
+
+                print_json(resumed.document())
+            else:
+                sys.stdout.write(resumed.text + "\n")
+            return 0 if resumed.left_safe else 1
+    return run_and_report(configuration, args)
 
 
 def run_and_report(configuration: Configuration, args: argparse.Namespace) -> int:
     """Run the daemon and print what it came to.
 
     Exit status 1 if the link was lost, or the wheel silent, to the end, if the wheel did not confirm the last zero, or
-    if the run was halted because the wheel must not be driven on, or if a part of what it was to leave could not be
-    written.
+    if a part of what it was to leave could not be written; 5 if the run ended in SAFE, or because another wheel came.
     A signal ends the run in order from here on, and a second one does not disturb the report.
     """
     from rw_ekf.live.stop_signal import StopSignal
@@ -77,10 +96,17 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
         except OSError as error:  # the terminal, or who read us, has gone; the run is well, and its files are there
             abandon_output()
             log.warning("report_lost", reason=str(error))
-        stopped = outcome.stopped_by is not None
-        no_sample = outcome.statistics.samples == 0 and not stopped
-        failed = outcome.lost or no_sample or outcome.halted is not None or not outcome.zero_confirmed
-        return 1 if failed or outcome.unwritten else 0
+        return exit_status(outcome)
+
+
+def exit_status(outcome: RunOutcome) -> int:
+    """What a run's exit says: a lost line (1) comes before a safety stop (5), which a line that is lost brings on."""
+    no_sample = outcome.statistics.samples == 0 and outcome.stopped_by is None
+    if outcome.lost or no_sample or not outcome.zero_confirmed:
+        return 1
+    if outcome.halted is not None or outcome.state.state is RunState.SAFE:
+        return SAFE_STATUS
+    return 1 if outcome.unwritten else 0
 
 
 def _said_while_running(outcome: RunOutcome) -> list[str]:
@@ -103,6 +129,10 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         )
     if outcome.unwritten:
         found.append(outcome.unwritten.text())
+    if outcome.state.state is RunState.SAFE:
+        found.append(
+            f"the run ended in SAFE, only zero was written since {outcome.state.since_utc}: {outcome.state.reason}"
+        )
     found += outcome.findings
     if outcome.statistics.samples == 0:
         return [*found, "no sample came from the wheel"]
@@ -163,6 +193,7 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
             "late_ms_max": timing.late_ms_max,
         },
         "stopped_by": outcome.stopped_by,
+        "state": outcome.state._asdict(),
         "model": None if outcome.files.model.name in outcome.unwritten.other_files else str(outcome.files.model),
         "unwritten": {
             "log_rows": outcome.unwritten.log_rows,

@@ -20,7 +20,7 @@ from typing import Any, Self
 from rw_ekf.clock import Clock
 from rw_ekf.errors import DriverError
 from rw_ekf.live.port_name import aliases_of, device_of, names_of, own_name
-from rw_ekf.live.process import ProcessFacts, facts_of, holds_lock, user_name
+from rw_ekf.live.process import ProcessFacts, facts_of, holds_lock, own_process, user_name
 
 DIRECTORIES = ("/run/lock", "/tmp")  # fixed: an environment variable may differ between `run` and `stop`
 _SHARED = stat.S_ISVTX | stat.S_IWOTH  # all may write, each removes only what is its own
@@ -113,11 +113,10 @@ class PortClaim:
                 facts = other.holder() if other.path != self.path else None
                 if facts is not None:  # under another name, or another user's
                     raise self._taken(facts.pid, facts.uid)
-            me, name = facts_of(os.getpid()), own_name(self.port)
+            name = own_name(self.port)
             device = device_of(name)
             content = {
-                "pid": os.getpid(),
-                "start_ticks": None if me is None else me.start_ticks,
+                **own_process(),
                 "names": [name, *aliases_of(device)],
                 "device": device,
             }

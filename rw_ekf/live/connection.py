@@ -9,7 +9,7 @@ from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 
-_REOPEN_EVERY_S = 0.5
+_REOPEN_EVERY_S = 0.2  # cheap where the name of the device is not back yet
 _LAST_TRY_S = 2.0
 _LAST_TRY_EVERY_S = 0.1
 

@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf import __version__
@@ -22,6 +21,9 @@ from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.loop import run_loop
+from rw_ekf.live.process import own_process
+from rw_ekf.live.run_judge import RunJudge
+from rw_ekf.live.run_states import RunStates
 from rw_ekf.live.sign_check import SignCheck
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
@@ -29,7 +31,7 @@ from rw_ekf.live.timing import LoopTiming
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.numbers import plus_minus
-from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, Tick
+from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, StateNow, Tick
 from rw_ekf.sinks.guard import GuardedSink
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.registry import RunContext, sinks_of
@@ -61,6 +63,7 @@ class RunOutcome:
     stopped_by: str | None
     lost: bool  # the link was down, or the wheel silent, at the end
     zero_confirmed: bool
+    state: StateNow  # at the end
     alarms: tuple[str, ...] = ()  # what the watch said, in sentences, oldest first
     findings: tuple[str, ...] = ()  # what the wheel, its line or its wire map did, in sentences, oldest first
     halted: str | None = None  # why the run ended before its time, where the wheel must not be driven on
@@ -104,22 +107,32 @@ def run_daemon(
             lambda: ParameterBelief(estimator.parameters, estimator.parameter_covariance),
             writes=writes,
         )
+        limits, rate_hz = SafetyLimits.of(configuration.limits), configuration.loop.rate_hz
+        states = RunStates(clock, logger.warning, latches=writes)
+        stop.on_resume(states.resume)
+        judge = RunJudge(states, check, limits, 1.0 / rate_hz)
         live = LiveWheel(
             opener(configuration, protocol, clock),
-            SafetyLimits.of(configuration.limits),
-            configuration.loop.rate_hz,
+            limits,
+            rate_hz,
             stop,
             clock,
             writes=writes,
             note=logger.warning,
             check=check,
+            hold=lambda: judge.hold,
             speed_step_rad_s=max(resolution, noise),
         )
+
+        def forbid(why: str) -> None:
+            states.latch(why, for_good=True)
+            live.zero_now()
+
         sign = SignCheck(
             SignWatch(setup.prior.parameters, stribeck.omega_s, max(resolution, noise)),
             protocol.scale_places,
             expectation_of(configuration, model),
-            halt=live.halt if writes else None,
+            forbid=forbid if writes else None,
             found=check.found,
             note=logger.warning,
         )
@@ -128,14 +141,16 @@ def run_daemon(
 
         def watched(tick: Tick) -> tuple[ActiveAlarm, ...]:
             sign.step(tick)
+            judge.commanded(tick.command)
             return () if watch is None else watch.step(tick)
 
         try:
-            files = RunFiles.in_directory(Path(configuration.output.directory), configuration.wheel.name, began)
+            files = RunFiles.of_run(configuration, began)
             run = RunContext(
                 files=files,
                 wheel=configuration.wheel.name,
                 output=configuration.output,
+                port=configuration.wheel.port,
                 state_names=setup.state_names,
                 clock=clock,
                 logger=logger,
@@ -143,6 +158,9 @@ def run_daemon(
                 phase=phase,
                 watched=watch is not None,
                 recent=RecentSink(configuration.loop.rate_hz),
+                began=states.now,
+                link=lambda: live.link,
+                process=own_process(),
             )
             sinks = sinks_of(run)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
@@ -151,7 +169,7 @@ def run_daemon(
                 readings, issue = following(readings)
             else:
                 issue = partial(live.issue, controller)
-            run_loop(readings, estimator, issue, sinks, watched)
+            run_loop(readings, estimator, issue, sinks, watched, judge.judge)
         finally:
             confirmed = live.close()
             if not confirmed:
@@ -164,7 +182,7 @@ def run_daemon(
                 sink.close()
         belief = Belief(estimator.mean, estimator.covariance)
         gain, gain_std = belief.parameters.motor_gain, belief.parameter_std.motor_gain
-        if live.halted is None and gain + _SURE * gain_std < 0.0:
+        if live.halted is None and states.forbidden is None and gain + _SURE * gain_std < 0.0:
             check.found(
                 "negative_gain",
                 f"the motor gain is estimated as {plus_minus(gain, gain_std)} rad/s^2/A, and no "
@@ -178,7 +196,9 @@ def run_daemon(
             write_text(files.model, model_now.to_text(), follow=False)
         ended_by = "halt" if live.halted is not None else stop.requested or "duration"
         zero = ("confirmed" if confirmed else "NOT confirmed") if writes else "left to who commands the wheel"
-        logger.info("ended", by=ended_by, samples=run.statistics.samples, zero_current=zero)
+        logger.info(
+            "ended", by=ended_by, state=states.now.state.value, samples=run.statistics.samples, zero_current=zero
+        )
         return RunOutcome(
             files=files,
             setup=setup,
@@ -190,6 +210,7 @@ def run_daemon(
             stopped_by=stop.requested,
             lost=live.lost,
             zero_confirmed=confirmed,
+            state=states.now,
             alarms=() if watch is None else tuple(watch.warnings),
             findings=tuple(check.findings),
             halted=live.halted,

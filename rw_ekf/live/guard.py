@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _ZERO_RETRY_S = 0.05
 _BRAKE_STEPS = 6.0
+BRAKE_ACCELERATES = "brake_accelerates"
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class SafetyLimits:
     speed_rad_s: float
     temperature_degC: float
     silence_s: float
+    safe_after_s: float | None = 5.0  # None: no silence is too long to go on after it
 
     @classmethod
     def of(cls, section: LimitsSection) -> SafetyLimits:
@@ -43,6 +45,7 @@ class SafetyLimits:
             rad_s_from_rpm(section.speed_rpm),
             section.temperature_degC,
             section.silence_s,
+            section.safe_after_s,
         )
 
 
@@ -161,7 +164,7 @@ class CurrentGuard:
         if hold is not None and requested_A != 0.0:
             current, reason = 0.0, hold
         elif sample.speed_rad_s is not None and not self._brake.works(sample.speed_rad_s, current):
-            current, reason = 0.0, "brake_accelerates"
+            current, reason = 0.0, BRAKE_ACCELERATES
         self._brake.written(current)
         issued = self._send(current)
         if not issued.acknowledged:

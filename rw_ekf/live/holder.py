@@ -1,4 +1,4 @@
-"""Ending the daemon that drives a wheel, from outside: asked first, then killed; and never any other process."""
+"""The daemon that drives a wheel, found and signalled from outside: ended, or told to resume; never another process."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from rw_ekf.clock import Clock
+from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import Claim, held_claims, is_held
 from rw_ekf.live.port_name import device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, ProcessHandle, facts_of, has_open, processes_with, user_name
@@ -49,6 +50,36 @@ def stop_holder(port: str, clock: Clock, within_s: float = 5.0) -> HolderReport:
         if facts.drives:  # its claim is gone: temporary directories get tidied up
             _end(facts, lambda pid=pid: has_open(pid, device), device, clock, within_s, report)  # type: ignore[misc,arg-type]
     return report
+
+
+def holders_of(port: str, clock: Clock) -> list[ProcessFacts]:
+    """Every other daemon that drives the wheel at `port`, by its claim or by the port that it has open."""
+    found = {claim.pid: claim.holder() for claim in held_claims(names_of(port), clock)}
+    device = device_of(own_name(port))
+    for pid in processes_with(device) if device is not None else []:
+        facts = facts_of(pid)
+        if facts is not None and facts.drives:
+            found.setdefault(pid, facts)
+    return [facts for facts in found.values() if facts is not None and facts.pid != os.getpid()]
+
+
+def tell(facts: ProcessFacts, number: signal.Signals) -> bool:
+    """Signal a daemon that was found; False where it has ended meanwhile. Raises DriverError where we may not."""
+    with contextlib.ExitStack() as stack:
+        try:
+            handle = stack.enter_context(ProcessHandle(facts.pid))
+        except OSError:
+            return False
+        if not _same(facts):
+            return False
+        try:
+            handle.send(number)
+        except PermissionError:
+            raise DriverError(
+                f"{facts.described} may not be signalled by user {user_name(os.geteuid())}: "
+                f"do it as {user_name(facts.uid)} or as root"
+            ) from None
+    return True
 
 
 def others_with(port: str) -> list[str]:

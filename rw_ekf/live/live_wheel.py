@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from rw_ekf.clock import Clock
@@ -49,11 +49,13 @@ class LiveWheel:
         writes: bool = True,
         note: Note = lambda event, **context: None,
         check: TelemetryCheck | None = None,
+        hold: Callable[[], str | None] | None = None,
         speed_step_rad_s: float = 0.0,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
         check: judges every reading; the usual one has no model, and knows only what the wheel says of itself.
+        hold: why nothing but zero may be written now, or None; usually what `check` says.
         speed_step_rad_s: noise or resolution of a reading.
         """
         self._connection = Connection(open_wheel, limits, clock, note, writes=writes, speed_step_rad_s=speed_step_rad_s)
@@ -66,6 +68,7 @@ class LiveWheel:
         self.timing = LoopTiming()
         self.check = check if check is not None else TelemetryCheck(note, writes=writes)
         self.check.attached(self.driver.identity)
+        self._hold = hold if hold is not None else lambda: self.check.hold
         self.halted: str | None = None  # why the run must not go on
         self.silent = False  # no telemetry for longer than limits.silence_s
         self._time = SampleTime()
@@ -97,7 +100,8 @@ class LiveWheel:
     def readings(self, duration_s: float | None = None) -> Iterator[Reading]:
         """Readings, one per tick, until a stop is asked for or `duration_s` of samples have come.
 
-        Time counts as the samples tell it, and by the host's clock where none come.
+        Time counts as the samples tell it, and by the host's clock where none come. A turn that brought nothing for a
+        log has a reading without a sample.
         """
         clock = self._clock
         deadline = told_s = clock.monotonic()
@@ -109,14 +113,14 @@ class LiveWheel:
             reading = self._read(now)
             if self.halted is not None:
                 return
-            if reading is not None:
-                sample = reading.sample
+            sample = reading.sample
+            if sample is not None:
                 known = before is not None and sample.segment == before.segment
                 covered_s += max(sample.time_s - before.time_s, 0.0) if known and before else now - told_s
                 before, told_s = sample, now
-                yield reading
-                if self.halted is not None:
-                    return
+            yield reading
+            if self.halted is not None:
+                return
             deadline += self._period_s
             after = clock.monotonic()
             if after > deadline:
@@ -132,7 +136,7 @@ class LiveWheel:
         if tick.link is not LinkState.ANSWERED:
             return self._command_of_a_missed_tick()
         try:
-            command = self._connection.guard.write(controller(tick), tick.sample, self.check.hold)
+            command = self._connection.guard.write(controller(tick), tick.sample, self._hold())
         except DriverError as error:
             self._lose(error)
             return None
@@ -147,6 +151,10 @@ class LiveWheel:
     def halt(self, why: str) -> None:
         """End the run for a reason that forbids to drive the wheel on: zero now, and no sample any more."""
         self.halted = self.halted or why
+        self.zero_now()
+
+    def zero_now(self) -> None:
+        """Command zero at once, without waiting for the next turn; said nowhere if the line is down."""
         if not self._connection.lost:
             self._connection.zero(within_s=0.0)
 
@@ -154,14 +162,15 @@ class LiveWheel:
         """Command zero (unless this run never writes) and release the line; True if the wheel confirmed zero."""
         return self._connection.close()
 
-    def _read(self, tick_s: float) -> Reading | None:
+    def _read(self, tick_s: float) -> Reading:
+        quiet_s = self._clock.monotonic() - self._heard_s
         if not self._connection.is_up():
-            return None
+            return Reading(None, LinkState.DOWN, quiet_s)
         try:
             sample = self.driver.read(0.5 * self._period_s)
         except DriverError as error:
             self._lose(error)
-            return None
+            return Reading(None, LinkState.DOWN, quiet_s)
         self._repeating = sample is not None and not self._is_later(sample)
         if sample is None or self._repeating:
             return self._missed(tick_s)
@@ -171,6 +180,8 @@ class LiveWheel:
         unsure = (self._broken or self._connection.guard.doubtful) and not self._as_told(sample)
         if (unsure or self._unknown_since_zero) and self._time.last is not None:
             self._breaks += 1
+        if self._time.last is None:
+            quiet_s = 0.0  # what went before the first reading is no silence: nothing has been commanded yet
         self._heard_s = now
         self.silent = self._broken = self._unknown_since_zero = False
         self._zeroed_after_s = None
@@ -184,15 +195,15 @@ class LiveWheel:
         self._time.note(sample, tick_s)
         if self.check.other_wheel is not None:
             self.halt(self.check.other_wheel)
-            return None
-        return Reading(sample)
+            return Reading(None, LinkState.ANSWERED, quiet_s)
+        return Reading(sample, LinkState.ANSWERED, quiet_s)
 
     def _is_later(self, sample: WheelSample) -> bool:
         """Whether a reading was taken after the one before it."""
         last = self._time.last
         return last is None or sample.segment + self._breaks != last.segment or sample.time_s > last.time_s
 
-    def _missed(self, tick_s: float) -> Reading | None:
+    def _missed(self, tick_s: float) -> Reading:
         """Answer for a tick without a reply: a sample without a speed, at the time it would have had.
 
         In silence there is one only where the current changes: when the wheel confirms the zero.
@@ -206,18 +217,24 @@ class LiveWheel:
             if min(quiet_s - self._silence_s, now - self._reopened_s) > _REOPEN_SILENT_S:
                 self._reopened_s = now
                 self._lose(DriverError("the port is open but the wheel says nothing; opening it anew"))
-                return None
-            known = self._zeroed_after_s is not None
-            if not self._writes:
-                return None
-            if not self._connection.zero(within_s=0.0):
-                self._unknown_since_zero = self._unknown_since_zero or not known
-                return None
-            if known:
-                return None
-            self._zeroed_after_s = self._clock.monotonic() - tick_s
-        sample = self._time.missing(tick_s)
-        return None if sample is None else Reading(sample, LinkState.SILENT if self.silent else LinkState.MISSED)
+                return Reading(None, LinkState.SILENT, quiet_s)
+            if not self._zeroed_in_silence(tick_s):
+                return Reading(None, LinkState.SILENT, quiet_s)
+        link = LinkState.SILENT if self.silent else LinkState.MISSED
+        return Reading(self._time.missing(tick_s), link, quiet_s)
+
+    def _zeroed_in_silence(self, tick_s: float) -> bool:
+        """Write zero; whether it was confirmed for the first time in this silence, which belongs into the log."""
+        known = self._zeroed_after_s is not None
+        if not self._writes:
+            return False
+        if not self._connection.zero(within_s=0.0):
+            self._unknown_since_zero = self._unknown_since_zero or not known
+            return False
+        if known:
+            return False
+        self._zeroed_after_s = self._clock.monotonic() - tick_s
+        return True
 
     def _say_silent(self, quiet_s: float) -> None:
         doing = "writing zero, retrying" if self._writes else "waiting"

@@ -1,4 +1,4 @@
-"""The loop: sample, filter, command, alarms, sinks. The same for a wheel on a line, a record and a simulated wheel."""
+"""The loop: sample, filter, state, command, alarms, sinks. One for a wheel on a line, a record and a simulation."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import EndOfRecord
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.records import ActiveAlarm, IssuedCommand, Reading, Sink, Tick
+from rw_ekf.records import ActiveAlarm, Estimate, IssuedCommand, Reading, Sink, StateNow, Tick
 
 Issue = Callable[[Tick], IssuedCommand | None]  # decides and sends what follows a sample; None: no command is known
 Watch = Callable[[Tick], tuple[ActiveAlarm, ...]]  # the alarms that are on
+Judge = Callable[[Reading, Estimate | None], StateNow | None]  # the state of the run, before anything is commanded
 
 
 def run_loop(
@@ -19,18 +20,32 @@ def run_loop(
     issue: Issue,
     sinks: Sequence[Sink],
     watch: Watch = lambda tick: (),
+    judge: Judge = lambda reading, estimate: None,
 ) -> None:
-    """Run until the readings end. Time is each sample's own; no clock is read here."""
+    """Run until the readings end. Time is each sample's own; no clock is read here.
+
+    A turn without a sample is judged and shown to the sinks, with the sample and the estimate of before; there is none
+    to show before the first sample.
+    """
+    tick: Tick | None = None
     alarms: tuple[ActiveAlarm, ...] = ()
-    for sample, link in readings:
-        estimate = estimator.step(sample)
-        command = issue(Tick(sample, estimate, None, alarms, link))
-        if command is not None:
-            estimator.command_issued(command)
-        alarms = watch(Tick(sample, estimate, command, alarms, link))
-        tick = Tick(sample, estimate, command, alarms, link)
-        for sink in sinks:
-            sink.write(tick)
+    for reading in readings:
+        sample, link, _ = reading
+        if sample is None:
+            state = judge(reading, None)
+            if tick is not None:
+                tick = Tick(tick.sample, tick.estimate, None, alarms, link, state, fresh=False)
+        else:
+            estimate = estimator.step(sample)
+            state = judge(reading, estimate)
+            command = issue(Tick(sample, estimate, None, alarms, link, state))
+            if command is not None:
+                estimator.command_issued(command)
+            alarms = watch(Tick(sample, estimate, command, alarms, link, state))
+            tick = Tick(sample, estimate, command, alarms, link, state)
+        if tick is not None:
+            for sink in sinks:
+                sink.write(tick)
 
 
 def readings_of_record(driver: WheelDriver) -> Iterator[Reading]:

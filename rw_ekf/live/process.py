@@ -64,6 +64,12 @@ def facts_of(pid: int) -> ProcessFacts | None:
         return None
 
 
+def own_process() -> dict[str, int | None]:
+    """Number and start of this process, which name it for all time."""
+    me = facts_of(os.getpid())
+    return {"pid": os.getpid(), "start_ticks": None if me is None else me.start_ticks}
+
+
 def user_name(uid: int) -> str:
     """Name of a user, or the number where there is no name."""
     try:

@@ -1,4 +1,4 @@
-"""The watch over sign and size of the motor gain, in the loop: a wrong sign ends the run, an odd size is said."""
+"""The watch over sign and size of the motor gain, in the loop: a wrong sign is never driven on, an odd size is said."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ class SignCheck:
         places: Mapping[str, str],
         expectation: str,
         *,
-        halt: Callable[[str], None] | None,
+        forbid: Callable[[str], None] | None,
         found: Callable[[str, str], None],
         note: Callable[..., Any],
     ) -> None:
         """places: where the scales of "speed" and "current" stand in the wire map. expectation: whose the gain is.
 
-        halt: ends the run; None where this run does not drive the wheel. found: takes a finding for the document.
+        forbid: holds zero for the rest of the run; None where it does not drive the wheel. found: takes a finding for
+        the document.
         """
         self._watch = watch
         self._places = places
         self._expectation = expectation
-        self._halt = halt
+        self._forbid = forbid
         self._found = found
         self._note = note
         self._said: set[str] = set()
@@ -47,8 +48,8 @@ class SignCheck:
         if self._watch.is_wrong and WRONG_SIGN not in self._said:
             text = self._wrong_sign()
             self._tell(WRONG_SIGN, text)
-            if self._halt is not None:
-                self._halt(text)
+            if self._forbid is not None:
+                self._forbid(text)
         factor = self._watch.odd_factor
         if factor is not None and self._said.isdisjoint((ODD_GAIN, WRONG_SIGN)):
             self._tell(ODD_GAIN, self._odd_gain(factor))
@@ -60,12 +61,12 @@ class SignCheck:
 
     def _wrong_sign(self) -> str:
         gain, std = self._watch.gain
-        ended = " Zero was written and the run ended." if self._halt is not None else ""
+        held = " Only zero is written for the rest of the run." if self._forbid is not None else ""
         speed, current = self._scales()
         return (
             f"a positive current turns the wheel backward: its motor gain is {plus_minus(gain, std)} rad/s^2/A. One "
             f"sign in the wire map is wrong: turn the one at {current} or the one at {speed}, whichever is not as the "
-            f"wheel has it; readings cannot tell which.{ended}"
+            f"wheel has it; readings cannot tell which.{held}"
         )
 
     def _odd_gain(self, factor: float) -> str:

@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as a request to stop, and a wait that they cut short."""
+"""SIGINT, SIGTERM and SIGHUP as a request to stop, and a wait that they cut short; SIGUSR1 as a word to resume."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import contextlib
 import os
 import signal
 import threading
+from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Self
 
 from rw_ekf.clock import Clock
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+RESUME = signal.SIGUSR1
 
 
 class StopSignal:
-    """While open, the three signals only set `requested`; leaving restores what was there before.
+    """While open, the three signals only set `requested`, RESUME calls what `on_resume` gave; leaving restores all.
 
     A handler that raised could cut a write to the wheel in half; one that set a threading.Event could deadlock with the
     wait it interrupts. So the handler assigns, and writes one byte to a pipe that the wait watches.
@@ -27,6 +29,11 @@ class StopSignal:
         os.set_blocking(self._reader, False)
         os.set_blocking(self._writer, False)
         self._before: dict[int, object] = {}
+        self._resume: Callable[[], None] = lambda: None
+
+    def on_resume(self, action: Callable[[], None]) -> None:
+        """Take what a word to resume calls: from a signal handler, so it may do no more than assign."""
+        self._resume = action
 
     def request(self, why: str) -> None:
         """Ask for the stop from within the program."""
@@ -44,6 +51,7 @@ class StopSignal:
         if threading.current_thread() is threading.main_thread():
             for number in _SIGNALS:
                 self._before[number] = signal.signal(number, self._note)
+            self._before[RESUME] = signal.signal(RESUME, lambda number, frame: self._resume())
         return self
 
     def __exit__(

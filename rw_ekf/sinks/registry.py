@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,14 +12,15 @@ from rw_ekf.control.commanders import Phase
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.parts import part_path
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.records import Sink
+from rw_ekf.records import LinkCounters, Sink, StateNow
 from rw_ekf.settings.schema import OutputSection
+from rw_ekf.sinks.events import EventsSink
 from rw_ekf.sinks.guard import GuardedSink, Queue
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.run_files import RunFiles, Unwritten
-from rw_ekf.sinks.state_file import StateFileSink
+from rw_ekf.sinks.state_file import Publisher, StateFileSink
 from rw_ekf.sinks.statistics_sink import StatisticsSink
 from rw_ekf.sinks.status_line import StatusLine
 from rw_ekf.statistics import RunStatistics
@@ -35,9 +36,13 @@ class RunContext:
     files: RunFiles
     wheel: str
     output: OutputSection
+    port: str
     state_names: tuple[str, ...]
     clock: Clock
     logger: Any
+    began: StateNow
+    link: Callable[[], LinkCounters]
+    process: Mapping[str, int | None]  # pid and start_ticks: for all time the name of one process
     total_s: float | None = None
     phase: Phase | None = None
     watched: bool = True  # whether there can be alarms
@@ -63,9 +68,19 @@ def _log(run: RunContext) -> tuple[Sink, Queue]:
 
 
 def _state(run: RunContext) -> tuple[Sink, Queue]:
-    about = {"schema": "rw_ekf.state/1", "wheel": run.wheel, "log": run.files.log.name}
-    sink = StateFileSink(run.files.state, about, run.unwritten, watched=run.watched)
-    return sink, Queue(1, every_s=_STATE_EVERY_S)
+    about = {
+        "schema": "rw_ekf.state/1",
+        "wheel": run.wheel,
+        "port": run.port,
+        "log": run.files.log.name,
+        **run.process,
+    }
+    publisher = Publisher(about, run.clock, run.link, run.watched)
+    return StateFileSink(run.files.state, publisher, run.began, run.unwritten), Queue(1, every_s=_STATE_EVERY_S)
+
+
+def _events(run: RunContext) -> tuple[Sink, Queue]:
+    return EventsSink(run.files.events, run.clock, run.began), Queue(_LOG_TICKS)
 
 
 SINKS: dict[str, Callable[[RunContext], tuple[Sink, Queue | None]]] = {
@@ -73,6 +88,7 @@ SINKS: dict[str, Callable[[RunContext], tuple[Sink, Queue | None]]] = {
     "statistics": lambda run: (StatisticsSink(run.statistics), None),
     "recent": lambda run: (run.recent, None),
     "state": _state,
+    "events": _events,
     "status": lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
 }
 

@@ -3,37 +3,47 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.logs.parts import FORMS
+
+if TYPE_CHECKING:
+    from rw_ekf.settings.schema import Configuration
 
 Note = Callable[..., None]  # takes named events for the log
 
 
 @dataclass(frozen=True)
 class RunFiles:
-    """Where one run leaves its files; all beside each other under one stem."""
+    """Where one run leaves its files; all beside each other under one stem.
+
+    Only the state file is the same in the next run of the same wheel on the same port.
+    """
 
     log: Path
     estimates: Path
+    events: Path
     model: Path
     state: Path
 
     @classmethod
-    def in_directory(cls, directory: Path, wheel: str, began: datetime) -> RunFiles:
+    def of_run(cls, configuration: Configuration, began: datetime) -> RunFiles:
         """Name the files of a run; the directory is made if it is not there. Raises BadInputError if it cannot be."""
+        directory, wheel = Path(configuration.output.directory), configuration.wheel.name
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise BadInputError(
                 f"output.directory {directory} cannot be made ({error.strerror}): give another one"
             ) from None
-        safe = "".join(c if c.isalnum() or c in "-_" else "-" for c in wheel)[:60]
+        safe = _safe(wheel)
         stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
         number = 1
         while any(os.path.lexists(directory / f"{stem}{ending}") for ending in (*FORMS, ".meta.yaml")):
@@ -42,9 +52,27 @@ class RunFiles:
         return cls(
             directory / f"{stem}.csv",
             directory / f"{stem}.estimates.csv",
+            directory / f"{stem}.events.jsonl",
             directory / f"{stem}.model.yaml",
-            directory / f"{safe}.state.json",
+            state_path(configuration),
         )
+
+
+def state_path(configuration: Configuration) -> Path:
+    """Path of the state file of a configuration: two wheels of one name on two ports have two."""
+    return Path(configuration.output.directory) / f"{lasting_stem(configuration)}.state.json"
+
+
+def lasting_stem(configuration: Configuration) -> str:
+    """What files are called that outlive a run: the wheel's name, and the port it is on."""
+    port = configuration.wheel.port
+    tag = f"{_safe(port.rstrip('/').rsplit('/', 1)[-1])}-{hashlib.sha256(port.encode()).hexdigest()[:6]}"
+    return f"{_safe(configuration.wheel.name)}.{tag}"
+
+
+def _safe(name: str) -> str:
+    """As much of a name as may stand in that of a file."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)[:60]
 
 
 @dataclass

@@ -1,45 +1,83 @@
-"""The latest estimate as one small JSON file, replaced whole each time."""
+"""What a run is doing at this moment as one small JSON file, replaced whole each time; `rw-ekf status` reads it."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.clock import Clock
 from rw_ekf.errors import RwEkfError
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.records import Tick
+from rw_ekf.logs.metadata import utc_text
+from rw_ekf.records import LinkCounters, StateNow, Tick
 from rw_ekf.sinks.run_files import Unwritten
 
 
-class StateFileSink:
-    """Publishes every tick that it is given."""
+@dataclass(frozen=True)
+class Publisher:
+    """Who publishes: what stays the same over a run, and what is asked for each time."""
 
-    def __init__(self, path: Path, about: dict[str, Any], unwritten: Unwritten, *, watched: bool) -> None:
-        """watched: whether the document has alarms. unwritten: where what could not be published is counted."""
+    about: dict[str, Any]
+    clock: Clock
+    link: Callable[[], LinkCounters]
+    watched: bool  # whether there can be alarms
+
+
+class StateFileSink:
+    """Publishes the beginning of a run, every tick that it is given, and the end."""
+
+    def __init__(self, path: Path, publisher: Publisher, began: StateNow, unwritten: Unwritten) -> None:
+        """unwritten: where what could not be published is counted."""
         self._path = path
-        self._about = about
+        self._publisher = publisher
         self._unwritten = unwritten
-        self._watched = watched
+        self._last: Tick | None = None
+        self._began = began
+        self._publish(None)
 
     def write(self, tick: Tick) -> None:
         """Replace the file."""
-        estimate = tick.estimate
+        self._last = tick
+        self._publish(None)
+
+    def close(self) -> None:
+        """Say that the run has ended, and how it stood then."""
+        self._publish(utc_text(self._publisher.clock.utc()))
+
+    def _publish(self, ended_utc: str | None) -> None:
+        publisher, tick = self._publisher, self._last
+        now = self._began if tick is None or tick.state is None else tick.state
         document = {
-            **self._about,
-            "time_s": estimate.time_s,
-            "outcome": estimate.outcome.value,
-            "state": {**estimate.state._asdict(), **{name: c.value for name, c in estimate.effects.items()}},
-            "std": {**estimate.std._asdict(), **{name: c.std for name, c in estimate.effects.items()}},
-            "current_command_A": None if tick.command is None else tick.command.current_A,
-            "temperature_degC": tick.sample.temperature_degC,
+            **publisher.about,
+            "utc": utc_text(publisher.clock.utc()),
+            "ended_utc": ended_utc,
+            "run_state": now.state.value,
+            "since_utc": now.since_utc,
+            "reason": now.reason,
+            "link": {"state": None if tick is None else tick.link.value, **asdict(publisher.link())},
+            **_of_tick(tick),
         }
-        if self._watched:
-            document["alarms"] = [alarm.document() for alarm in tick.alarms]
+        if publisher.watched:
+            document["alarms"] = [] if tick is None else [alarm.document() for alarm in tick.alarms]
         try:
             write_text(self._path, json.dumps(document, indent=2, allow_nan=False) + "\n", follow=False)
         except (OSError, ValueError, RwEkfError):
             self._unwritten.state_files += 1  # it tells of the moment: the next one is tried, the log says why
 
-    def close(self) -> None:
-        """Nothing to finish."""
+
+def _of_tick(tick: Tick | None) -> dict[str, Any]:
+    if tick is None:
+        empty = dict.fromkeys(("time_s", "outcome", "state", "std", "current_command_A", "temperature_degC"))
+        return dict(empty)
+    estimate = tick.estimate
+    return {
+        "time_s": estimate.time_s,
+        "outcome": estimate.outcome.value,
+        "state": {**estimate.state._asdict(), **{name: c.value for name, c in estimate.effects.items()}},
+        "std": {**estimate.std._asdict(), **{name: c.std for name, c in estimate.effects.items()}},
+        "current_command_A": None if tick.command is None else tick.command.current_A,
+        "temperature_degC": tick.sample.temperature_degC,
+    }

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.clock import Clock
 from rw_ekf.console import STATUS
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
-from rw_ekf.records import Outcome, Tick, WheelSample
+from rw_ekf.records import Outcome, RunState, Tick, WheelSample
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class StatusLine:
         current = "" if tick.command is None else f"{1e3 * tick.command.current_A:+.1f} mA"
         return [
             elapsed_text(self._elapsed_s, self._total_s),
-            _STATES[estimate.outcome],
+            _state_word(tick),
             f"{rpm_from_rad_s(state.speed_rad_s):+.1f} rpm",
             current,
             f"{count} alarm{'s' if count > 1 else ''}" if count else "",
@@ -105,13 +105,20 @@ class StatusLine:
         told: dict[str, Any] = {"elapsed_s": round(self._elapsed_s, 1), "of_s": self._total_s}
         if self._phase is not None:
             told["phase"] = self._phase(self._elapsed_s)
-        told |= {"state": _STATES[tick.estimate.outcome], "speed_rpm": round(rpm_from_rad_s(state.speed_rad_s), 2)}
+        told |= {"state": _state_word(tick), "speed_rpm": round(rpm_from_rad_s(state.speed_rad_s), 2)}
         if tick.command is not None:
             told["current_mA"] = round(1e3 * tick.command.current_A, 1)
         for name in PARAMETER_NAMES:
             told[name] = f"{concise(getattr(state, name), getattr(std, name))} {STATE_UNITS[name]}"
         told["alarms"] = len(tick.alarms)
         self._logger.info("running", **{key: value for key, value in told.items() if value is not None})
+
+
+def _state_word(tick: Tick) -> str:
+    """State of the run where it is not TRACKING, in capitals; else what became of the sample."""
+    if tick.state is None or tick.state.state is RunState.TRACKING:
+        return _STATES[tick.estimate.outcome]
+    return tick.state.state.value
 
 
 def status_text(fields: Sequence[str], width: int) -> str:

@@ -13,7 +13,7 @@ from rw_ekf.control.commanders import ProfileController, controller_of, logged_p
 from rw_ekf.control.profiles.profile import make_profile
 from rw_ekf.errors import ConfigError
 from rw_ekf.live.follow import with_following_command
-from rw_ekf.records import Reading, WheelSample
+from rw_ekf.records import LinkState, Reading, WheelSample
 from rw_ekf.settings.schema import CommandSection
 from tests.live.bench import CURRENT_COMMAND, Bench, served_wheel, wait_for
 from tests.live.daemon import run
@@ -54,10 +54,18 @@ def test_a_logged_current_is_repeated_over_its_own_time(tmp_path: Path) -> None:
     assert controller_of(CommandSection(profile="log", log=str(log)))[1] == profile.duration_s == 3.0
 
 
+def pairs(readings: list[Reading]) -> list[tuple[float | None, float | None]]:
+    """Time of each reading and the current that was found to follow it; None where it has none."""
+    return [
+        (None if reading.sample is None else reading.sample.time_s, None if command is None else command.current_A)
+        for reading, command in with_following_command(iter(readings))
+    ]
+
+
 def test_beside_another_controller_an_interval_has_the_command_reported_at_its_end() -> None:
     """What a reading reports as in force was set after the reading before it; the last reading is dropped."""
     readings = [Reading(WheelSample(float(i), 1.0, current_command_A=0.1 * i)) for i in range(4)]
-    paired = [(reading.sample.time_s, command.current_A) for reading, command in with_following_command(iter(readings))]
+    paired = pairs(readings)
     assert paired == [(0.0, 0.1), (1.0, 0.2), (2.0, pytest.approx(0.3))]
 
 
@@ -69,7 +77,7 @@ def test_beside_another_controller_a_missed_tick_waits_for_the_next_report() -> 
         Reading(WheelSample(2.0, 1.0, current_command_A=0.3)),
         Reading(WheelSample(3.0, 1.0, current_A=0.4)),
     ]
-    paired = [(reading.sample.time_s, command.current_A) for reading, command in with_following_command(iter(readings))]
+    paired = pairs(readings)
     assert paired == [(0.0, 0.3), (1.0, 0.3), (2.0, 0.4)]
 
 
@@ -125,3 +133,9 @@ def test_profile_none_needs_a_current_in_telemetry(bench: Bench) -> None:
     with pytest.raises(ConfigError, match="no current_command or current in its telemetry"):
         run(bench, 1.0, wheel={"protocol": str(bench.directory / "map.yaml")}, command={"profile": "none"})
     assert bench.recorder.requests == []  # before the port is opened
+
+
+def test_beside_another_controller_a_turn_without_a_sample_is_told_at_once() -> None:
+    """A line that is down is not kept waiting for a report that may never come."""
+    readings = [Reading(WheelSample(0.0, 1.0, current_command_A=0.1)), Reading(None, LinkState.DOWN)]
+    assert pairs(readings) == [(None, None)]

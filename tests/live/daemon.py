@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import SystemClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.live.daemon import RunOutcome, run_daemon
-from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.settings.load import load_configuration
@@ -33,6 +34,11 @@ class Notes:
     warning = error = info
 
     @property
+    def states(self) -> list[str]:
+        """States that the run went to, in order."""
+        return [str(context["state"]) for name, context in self.said if name == "state"]
+
+    @property
     def events(self) -> list[str]:
         """Names of the events, in order."""
         return [name for name, _ in self.said]
@@ -49,6 +55,11 @@ class Ran:
     def log(self) -> WheelLog:
         """The log that the run wrote."""
         return read_log(self.outcome.files.log)
+
+
+def resume() -> None:
+    """A person's word to a daemon in this process that holds zero."""
+    os.kill(os.getpid(), RESUME)
 
 
 def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = None, **changes: dict[str, Any]) -> Ran:

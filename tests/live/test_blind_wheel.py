@@ -11,7 +11,7 @@ import yaml
 
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, document_of, rw_ekf, served_wheel
-from tests.live.daemon import Ran, run
+from tests.live.daemon import Ran, resume, run
 from tests.live.test_line_faults import fault
 
 STEADY = {"profile": "steps", "amplitude_A": 0.25, "period_s": 60.0, "bias_A": 0.0}
@@ -45,11 +45,12 @@ def test_one_reply_repeated_is_silence(bench: Bench) -> None:
 
 
 def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
-    """The clock runs on: STUCK is said, zero is written, and the profile goes on once the speed moves again."""
+    """The clock runs on: STUCK is said, zero is written, and stays until the speed moves and a person says resume."""
     ran = run(
         bench,
-        5.5,
+        7.0,
         *fault(bench, 1.2, 3.0, "freeze/cycle:speed"),
+        (5.0, resume),
         command={"profile": "sine", "amplitude_A": 0.3, "period_s": 8.0},
     )
     assert times_of(ran, "telemetry_stuck") == 1
@@ -61,7 +62,9 @@ def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
     after = np.flatnonzero(blind)[-1] + 1
     held = log.current_A[np.flatnonzero(blind)[6] : after]
     assert np.all(held == 0.0)
+    assert np.all(log.current_A[after : after + 5] == 0.0)
     assert np.any(log.current_A[after:] != 0.0)
+    assert ran.notes.states == ["TRACKING", "DEGRADED", "SAFE", "CONNECTING", "TRACKING"]
     assert ran.outcome.statistics.rejected <= 4  # repeats that the gate refused before they were several steps off
     assert bench.registers.command_A == 0.0
 
@@ -79,25 +82,27 @@ def wrong_map(directory: Path, field: str, scale: float) -> str:
 
 
 @pytest.mark.parametrize("field", ["speed", "current_command"])
-def test_a_wrong_sign_in_the_wire_map_ends_the_run(bench: Bench, field: str) -> None:
-    """Either sign: exit status 1, the sentence names both lines of the map, and the limit was never far."""
+def test_a_wrong_sign_in_the_wire_map_is_not_driven_on(bench: Bench, field: str) -> None:
+    """Either sign: SAFE to the end, exit status 5, both lines of the map are named, and the limit was never far."""
     path = wrong_map(bench.directory, field, -1.0)
     config = bench.config(
         wheel={"port": bench.port, "protocol": path},
         limits={"current_A": 0.3, "speed_rpm": 60.0},
         command={"profile": "sine", "amplitude_A": 0.2, "period_s": 6.0, "bias_A": 0.0},
     )
-    done = rw_ekf("run", "--config", str(config), "--duration", "25", "--json")
-    assert done.returncode == 1
-    (entry,) = document_of(done.stdout)["logs"]
-    (said,) = [text for text in entry["warnings"] if "sign" in text]
+    done = rw_ekf("run", "--config", str(config), "--duration", "15", "--json")
+    assert done.returncode == 5
+    document = document_of(done.stdout)
+    (entry,) = document["logs"]
+    assert document["state"]["state"] == "SAFE"
+    (said,) = [text for text in entry["warnings"] if "sign" in text and "ended in SAFE" not in text]
     lines = Path(path).read_text(encoding="utf-8").splitlines()
     named = [lines[int(part.split(" ")[0]) - 1] for part in said.split(f"{path}:")[1:]]
     assert len(named) == 2
     assert all("scale: " in line for line in named)
     assert abs(bench.registers.plant.speed_rad_s) < 100.0 * RAD_S_PER_RPM
     assert bench.registers.command_A == 0.0
-    assert entry["duration_s"] < 15.0
+    assert all(value == 0.0 for value in bench.recorder.writes_A()[-20:])
 
 
 @pytest.mark.slow
@@ -146,8 +151,8 @@ def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(bench: Ben
 
 @pytest.mark.parametrize(("bit", "event"), [(1, "wheel_fault"), (4, "wheel_over_temperature")])
 def test_a_flag_of_the_status_register_is_said_and_holds_zero(bench: Bench, bit: int, event: str) -> None:
-    """Fault or over-temperature: zero as long as the flag is up, an event and a finding, then the profile goes on."""
-    ran = run(bench, 3.6, *fault(bench, 0.8, 2.2, f"flag:{bit}"))
+    """Zero while the flag is up, an event and a finding; then the profile goes on, after heat when a person says so."""
+    ran = run(bench, 4.4, *fault(bench, 0.8, 2.2, f"flag:{bit}"), (3.2, resume))
     assert times_of(ran, event) == 1
     assert times_of(ran, f"{event}_over") == 1
     assert told(ran, "status register")
@@ -155,6 +160,8 @@ def test_a_flag_of_the_status_register_is_said_and_holds_zero(bench: Bench, bit:
     assert up.any()
     assert np.all(ran.log.current_A[up] == 0.0)
     assert np.any(ran.log.current_A[np.flatnonzero(up)[-1] + 1 :] != 0.0)
+    latched = ["SAFE", "CONNECTING"] if bit == 4 else ["DEGRADED"]
+    assert ran.notes.states == ["TRACKING", *latched, "TRACKING"]
 
 
 def test_a_wheel_that_restarts_is_set_up_anew(bench: Bench) -> None:

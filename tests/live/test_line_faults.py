@@ -10,7 +10,7 @@ import pytest
 
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.bench import Bench, served_wheel
-from tests.live.daemon import Event, Ran, run
+from tests.live.daemon import Event, Ran, resume, run
 
 
 @pytest.fixture
@@ -123,14 +123,17 @@ def test_a_wheel_that_restarts_begins_a_new_segment_with_the_parameters_kept(ben
 
 
 def test_a_hot_wheel_is_given_no_current_until_it_has_cooled(bench: Bench) -> None:
-    """Above limits.temperature_degC only zero is written; below it again, the profile goes on."""
-    ran = run(bench, 2.2, *fault(bench, 0.7, 1.4, "heat:80"))
+    """Above limits.temperature_degC only zero is written; and below it again, until a person says resume."""
+    ran = run(bench, 3.4, *fault(bench, 0.7, 1.4, "heat:80"), (2.2, resume))
     assert longest_run_of_zeros(bench.recorder.writes_A()) >= 5
     log = ran.log
     hot = log.channels["temperature_degC"] > 60.0
     assert hot.sum() >= 5
     assert np.all(log.current_A[hot] == 0.0)
-    assert np.any(log.current_A[np.flatnonzero(hot)[-1] + 1 :] != 0.0)
+    after = np.flatnonzero(hot)[-1] + 1
+    assert np.all(log.current_A[after : after + 4] == 0.0)
+    assert np.any(log.current_A[after:] != 0.0)
+    assert ran.notes.states[1:] == ["SAFE", "CONNECTING", "TRACKING"]
     assert ("command_changed", "over_temperature") in [(e, c.get("reason")) for e, c in ran.notes.said]
 
 

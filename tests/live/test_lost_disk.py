@@ -18,9 +18,10 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.records import IssuedCommand, WheelSample
+from rw_ekf.settings.load import load_configuration
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer
-from rw_ekf.sinks.run_files import Unwritten
+from rw_ekf.sinks.run_files import Unwritten, state_path
 from tests.commands.documents import run_document
 from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for
 from tests.live.daemon import Notes, run
@@ -156,7 +157,7 @@ def test_a_planted_link_at_the_state_file_is_not_followed(bench: Bench) -> None:
     victim = bench.directory / "victim"
     victim.write_text("precious")
     bench.runs.mkdir()
-    state = bench.runs / "wheel.state.json"
+    state = state_path(load_configuration(bench.config()))
     state.symlink_to(victim)
     ran = run(bench, 0.6)
     assert victim.read_text() == "precious"

@@ -20,7 +20,7 @@ from rw_ekf.sinks.run_files import RunFiles
 from rw_ekf.wheel.model_file import read_model
 from tests.commands.documents import replay_document
 from tests.contract import check_document
-from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for
+from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for, write_config
 from tests.live.daemon import Ran, run
 from tests.live.test_line_faults import fault
 
@@ -145,7 +145,8 @@ def test_a_wheel_s_name_may_be_anything(tmp_path: Path) -> None:
     from datetime import UTC, datetime
 
     for name in ("../../etc/passwd", "x" * 300, "Rad Nr. 1 / süd"):
-        files = RunFiles.in_directory(tmp_path, name, datetime.now(UTC))
+        path = write_config(tmp_path, "/dev/nowhere", wheel={"name": name}, output={"directory": str(tmp_path)})
+        files = RunFiles.of_run(load_configuration(path), datetime.now(UTC))
         assert files.log.parent == tmp_path
         files.log.write_text("", encoding="utf-8")
 

@@ -25,7 +25,9 @@ def test_two_hours_with_a_silence_a_lost_line_and_a_stop(tmp_path: Path) -> None
         (1.0 * HOUR_S, setting(unplugged=True)),
         (1.0 * HOUR_S + 60.25, setting(unplugged=False)),
         (2.0 * HOUR_S, lambda wheel, stop: stop.request("enough")),
+        limits={"silence_s": 1.5, "safe_after_s": None},
     )
+    assert ran.notes.states.count("LOST") == 2
     outcome, events = ran.outcome, ran.notes.events
     assert outcome.stopped_by == "enough"
     assert outcome.zero_confirmed

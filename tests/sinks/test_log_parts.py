@@ -11,7 +11,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.logs.parts import parts_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.records import IssuedCommand, WheelSample
+from rw_ekf.records import IssuedCommand, LinkCounters, RunState, StateNow, WheelSample
 from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.registry import SINKS, RunContext
 from rw_ekf.sinks.run_files import RunFiles
@@ -22,9 +22,19 @@ from tests.ticks import STATE, tick_of
 
 def context(directory: Path, **output: float) -> RunContext:
     """What the log's sink needs of a run."""
-    files = RunFiles(*(directory / name for name in ("run.csv", "run.estimates.csv", "run.model.yaml", "state.json")))
-    names = STATE._fields
-    return RunContext(files, "wheel", OutputSection.model_validate(output), names, VirtualClock(), Notes())
+    kept = ("run.csv", "run.estimates.csv", "run.events.jsonl", "run.model.yaml", "state.json")
+    return RunContext(
+        files=RunFiles(*(directory / name for name in kept)),
+        wheel="wheel",
+        port="/dev/nowhere",
+        output=OutputSection.model_validate(output),
+        state_names=STATE._fields,
+        clock=VirtualClock(),
+        logger=Notes(),
+        began=StateNow(RunState.CONNECTING, "2000-01-01T00:00:00Z", "the line has been opened"),
+        link=LinkCounters,
+        process={},
+    )
 
 
 def feed(made: RunContext, rows: range, meanwhile: dict[int, object] | None = None) -> WheelLog:

@@ -1,0 +1,140 @@
+"""`rw-ekf status`: what the daemon of a configuration is doing, also when it is dead."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rw_ekf.live.published import Published
+
+HELP = "say what the daemon of a configuration is doing, also when it is dead"
+EXAMPLE = """example:
+  rw-ekf status --config my-wheel.yaml --json
+
+exit status: 0 alive and TRACKING, 3 alive but not, 4 not alive"""
+
+TRACKING_STATUS, OTHER_STATUS, DEAD_STATUS = 0, 3, 4
+_STALE_S = 5.0  # the state file is replaced once a second
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("--config", metavar="F", required=True, help="configuration file")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises RwEkfError."""
+    from rw_ekf.clock import SystemClock
+    from rw_ekf.live.holder import holders_of
+    from rw_ekf.live.published import read_published
+    from rw_ekf.settings.load import load_configuration
+    from rw_ekf.sinks.run_files import state_path
+
+    configuration = load_configuration(args.config)
+    clock = SystemClock()
+    path = state_path(configuration)
+    found = read_published(path)
+    if found is None or not found.alive:
+        for facts in holders_of(configuration.wheel.port, clock):  # of another configuration, or without a state file
+            return _show(args, _elsewhere(facts.pid, facts.described, configuration.wheel.port), OTHER_STATUS)
+    if found is None:
+        return _show(args, _nothing(str(path)), DEAD_STATUS)
+    document = _document(found)
+    age_s = _age_s(document["utc"], clock.utc())
+    if found.alive and age_s > _STALE_S:
+        document["reason"] += f" (published {age_s:.0f} s ago: the daemon hangs, or its disk does)"
+        return _show(args, document, OTHER_STATUS)
+    if not found.alive:
+        return _show(args, document, DEAD_STATUS)
+    return _show(args, document, TRACKING_STATUS if found.run_state == "TRACKING" else OTHER_STATUS)
+
+
+def _document(found: Published) -> dict[str, Any]:
+    told = found.document
+    return {
+        "schema": "rw_ekf.status/1",
+        "alive": found.alive,
+        "pid": told["pid"],
+        "utc": told.get("utc"),
+        "dead_since_utc": None if found.alive else told.get("ended_utc") or told.get("utc"),
+        "state": found.run_state,
+        "since_utc": told.get("since_utc"),
+        "reason": str(told.get("reason")),
+        "link": told.get("link"),
+        "alarms": told.get("alarms", []),
+        "estimate": {key: told.get(key) for key in ("time_s", "outcome", "state", "std")},
+        "current_command_A": told.get("current_command_A"),
+        "temperature_degC": told.get("temperature_degC"),
+        "log": told.get("log"),
+    }
+
+
+def _unknown(*, alive: bool, pid: int | None, reason: str) -> dict[str, Any]:
+    keys = ("utc", "dead_since_utc", "state", "since_utc", "link")
+    rest = ("estimate", "current_command_A", "temperature_degC", "log")
+    return {
+        "schema": "rw_ekf.status/1",
+        "alive": alive,
+        "pid": pid,
+        **dict.fromkeys(keys),
+        "reason": reason,
+        "alarms": [],
+        **dict.fromkeys(rest),
+    }
+
+
+def _nothing(path: str) -> dict[str, Any]:
+    return _unknown(alive=False, pid=None, reason=f"no run of this configuration has left {path}")
+
+
+def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
+    reason = (
+        f"{described} drives the wheel at {port}, but publishes elsewhere or not at all: "
+        "was it started with another configuration?"
+    )
+    return _unknown(alive=True, pid=pid, reason=reason)
+
+
+def _age_s(utc: Any, now: Any) -> float:
+    from datetime import datetime
+
+    try:
+        return float((now - datetime.fromisoformat(str(utc))).total_seconds())
+    except ValueError:
+        return float("inf")
+
+
+def _show(args: argparse.Namespace, document: dict[str, Any], status: int) -> int:
+    if args.json:
+        from rw_ekf.json_output import print_json
+
+        print_json(document)
+    else:
+        sys.stdout.write("\n".join(_lines(document)) + "\n")
+    return status
+
+
+def _lines(document: dict[str, Any]) -> list[str]:
+    """For a person: one line of state, then what is known."""
+    from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
+    from rw_ekf.sinks.status_line import concise
+    from rw_ekf.units import rpm_from_rad_s
+
+    shown, since = document["state"] or "unknown", document["since_utc"]
+    who = f"process {document['pid']}" if document["alive"] else f"dead since {document['dead_since_utc'] or 'ever'}"
+    lines = [f"{shown}{f' since {since}' if since else ''} ({who}): {document['reason']}"]
+    estimate = document["estimate"]
+    if estimate is not None and estimate["state"] is not None:
+        current = document["current_command_A"]
+        commanded = "not known" if current is None else f"{1e3 * current:+.1f} mA"
+        lines.append(f"  speed {rpm_from_rad_s(estimate['state']['speed_rad_s']):+.1f} rpm, current {commanded}")
+        state, std = estimate["state"], estimate["std"]
+        lines.append("  " + ", ".join(f"{n} {concise(state[n], std[n])} {STATE_UNITS[n]}" for n in PARAMETER_NAMES))
+    link = document["link"]
+    if link is not None:
+        counts = ", ".join(f"{value} {name}" for name, value in link.items() if name != "state")
+        lines.append(f"  line {link['state'] or 'opened'}: {counts}")
+    lines += [f"  alarm: {alarm['text']}" for alarm in document["alarms"]]
+    return [*lines, f"  log {document['log']}"] if document["log"] else lines

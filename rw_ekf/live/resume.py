@@ -1,0 +1,76 @@
+"""A person's word to a daemon that holds zero: resume. Told by a signal, confirmed by what the daemon publishes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf.clock import Clock, SystemClock
+from rw_ekf.live.holder import holders_of, tell
+from rw_ekf.live.published import Published, read_published
+from rw_ekf.live.stop_signal import RESUME
+from rw_ekf.sinks.run_files import state_path
+
+if TYPE_CHECKING:
+    from rw_ekf.settings.schema import Configuration
+
+_WITHIN_S = 5.0  # the state file is replaced once a second
+_LOOK_EVERY_S = 0.05
+_SAFE = "SAFE"
+
+
+@dataclass(frozen=True)
+class Resumed:
+    """What came of the word."""
+
+    pid: int
+    left_safe: bool
+    state: str | None  # None: it publishes nothing that we can read
+    text: str
+
+    def document(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "schema": "rw_ekf.resume/1",
+            "pid": self.pid,
+            "left_safe": self.left_safe,
+            "state": self.state,
+            "text": self.text,
+        }
+
+
+def resume_daemon(configuration: Configuration, clock: Clock | None = None) -> Resumed | None:
+    """Tell the daemon of a configuration's port to leave SAFE, and wait for what it does; None where none is running.
+
+    Raises DriverError where the daemon is another user's.
+    """
+    clock = clock if clock is not None else SystemClock()
+    path = state_path(configuration)
+    holders = holders_of(configuration.wheel.port, clock)
+    if not holders:
+        return None
+    facts = holders[0]
+    before = read_published(path)
+    if not _is_of(before, facts.pid):
+        told = tell(facts, RESUME)
+        text = f"process {facts.pid} was told to resume, but publishes nothing here: see its own log"
+        return Resumed(facts.pid, False, None, text) if told else None
+    assert before is not None
+    if before.run_state != _SAFE:
+        state = before.run_state
+        return Resumed(facts.pid, True, state, f"process {facts.pid} is {state}, not SAFE: nothing to resume")
+    if not tell(facts, RESUME):
+        return None
+    end_s = clock.monotonic() + _WITHIN_S
+    now = before
+    while clock.monotonic() < end_s and now.run_state == _SAFE:
+        clock.sleep(_LOOK_EVERY_S)
+        now = read_published(path) or now
+    if now.run_state == _SAFE:
+        text = f"process {facts.pid} stays in SAFE: {now.document.get('reason')}"
+        return Resumed(facts.pid, False, _SAFE, text)
+    return Resumed(facts.pid, True, now.run_state, f"process {facts.pid} has left SAFE and is {now.run_state}")
+
+
+def _is_of(published: Published | None, pid: int) -> bool:
+    return published is not None and published.alive and published.pid == pid

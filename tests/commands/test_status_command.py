@@ -1,0 +1,120 @@
+"""`rw-ekf status` and `run --resume` on a daemon that is a process of its own: alive, safe, killed, never there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.live.bench import Bench, document_of, driven, program, rw_ekf, served_wheel, wait_for
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """A wheel on a pty."""
+    with served_wheel(tmp_path) as made:
+        yield made
+
+
+def set_heat(bench: Bench, degC: float) -> None:
+    """The wheel and what is around it have that temperature from now on."""
+    plant = bench.registers.plant
+    plant.parameters = plant.parameters._replace(ambient_degC=degC)
+    plant.state = plant.state._replace(temperature_degC=degC)
+
+
+def published(bench: Bench) -> dict[str, Any]:
+    """The state file as it is now."""
+    (path,) = bench.runs.glob("*.state.json")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def status(config: str) -> tuple[int, dict[str, Any]]:
+    done = rw_ekf("status", "--config", config, "--json")
+    return done.returncode, document_of(done.stdout)
+
+
+def test_a_run_from_its_start_to_its_death(bench: Bench) -> None:
+    """Never there: 4. TRACKING: 0, with estimate and current. Killed: 4, and since when. As text too."""
+    config = str(bench.config())
+    code, document = status(config)
+    assert (code, document["alive"], document["state"]) == (4, False, None)
+    assert "no run of this configuration" in document["reason"]
+    with program("run", "--config", config) as daemon:
+        wait_for(lambda: bench.runs.is_dir() and any(bench.runs.glob("*.state.json")))
+        wait_for(lambda: published(bench)["run_state"] == "TRACKING")
+        code, document = status(config)
+        assert (code, document["alive"], document["pid"]) == (0, True, daemon.pid)
+        assert document["state"] == "TRACKING"
+        assert set(document["estimate"]["state"]) == set(document["estimate"]["std"])
+        assert document["link"]["requests"] > 0
+        said = rw_ekf("status", "--config", config)
+        assert said.stdout.startswith("TRACKING since ")
+        daemon.kill()
+        daemon.wait()
+    code, document = status(config)
+    assert (code, document["alive"], document["state"]) == (4, False, "TRACKING")
+    assert document["dead_since_utc"] is not None
+    assert "dead since" in rw_ekf("status", "--config", config).stdout
+    assert rw_ekf("stop", "--config", config).returncode == 0
+
+
+def test_heat_latches_until_a_person_says_resume(bench: Bench) -> None:
+    """SAFE: 3, still zero when cool again, `run --resume` refused while hot and heeded afterwards; the run exits 0."""
+    config = str(bench.config())
+    with program("run", "--config", config) as daemon:
+        wait_for(driven(bench))
+        set_heat(bench, 80.0)
+        wait_for(lambda: published(bench)["run_state"] == "SAFE")
+        code, document = status(config)
+        assert (code, document["state"]) == (3, "SAFE")
+        assert "limits.temperature_degC" in document["reason"]
+        refused = rw_ekf("run", "--resume", "--config", config)
+        assert refused.returncode == 1
+        assert "stays in SAFE" in refused.stdout
+        set_heat(bench, 20.0)
+        seen = len(bench.recorder.requests)
+        wait_for(lambda: len(bench.recorder.requests) > seen + 30)
+        assert all(value == 0.0 for value in bench.recorder.writes_A()[-8:])
+        heeded = rw_ekf("run", "--resume", "--config", config, "--json")
+        assert (heeded.returncode, document_of(heeded.stdout)["left_safe"]) == (0, True)
+        wait_for(driven(bench))
+        assert rw_ekf("stop", "--config", config).returncode == 0
+        daemon.communicate(timeout=240)
+    assert daemon.returncode == 0
+
+
+def test_a_run_that_ends_in_safe_says_so_in_its_status(bench: Bench) -> None:
+    """Stopped while it held zero: exit status 5, and the last word of the dead run is SAFE."""
+    config = str(bench.config())
+    with program("run", "--config", config, "--json") as daemon:
+        wait_for(driven(bench))
+        set_heat(bench, 80.0)
+        wait_for(lambda: published(bench)["run_state"] == "SAFE")
+        assert rw_ekf("stop", "--config", config).returncode == 0
+        out, _ = daemon.communicate(timeout=240)
+    assert daemon.returncode == 5
+    document = document_of(out)
+    assert document["state"]["state"] == "SAFE"
+    assert any("ended in SAFE" in text for text in document["logs"][0]["warnings"])
+    code, told = status(config)
+    assert (code, told["state"]) == (4, "SAFE")
+
+
+def test_a_state_file_that_is_none_is_not_believed(bench: Bench) -> None:
+    """Torn, of another schema, or a directory in its place: nothing is known, and there is no traceback."""
+    config = str(bench.config())
+    rw_ekf("run", "--config", config, "--duration", "0.3")
+    (path,) = bench.runs.glob("*.state.json")
+    for content in ("", "{", "[]", '{"schema": "rw_ekf.state/9"}', '{"schema": "rw_ekf.state/1", "pid": "me"}'):
+        path.write_text(content, encoding="utf-8")
+        done = rw_ekf("status", "--config", config)
+        assert done.returncode == 4
+        assert "Traceback" not in done.stderr
+    path.unlink()
+    path.mkdir()
+    assert rw_ekf("status", "--config", config).returncode == 4
