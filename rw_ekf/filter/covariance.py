@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from rw_ekf.model.state import SPEED
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 
+# The widest that drift makes a parameter: the sigmas of the default prior, relative to the size of each, and a margin,
+# so that a filter that has just begun is not at the ceiling.
+_MARGIN = 1.25  # of the variance
+_WIDEST_GAIN, _WIDEST_VISCOUS, _WIDEST_COULOMB, _WIDEST_STATIC = 0.3, 1.0, 0.5, 0.7
 _SETTLED_VARIANCE = 1.0e-14  # of a hidden state [A^2 or rad^2/s^4]: a tenth of a microampere
 
 
@@ -77,3 +82,38 @@ def drop_settled(P: Any, hidden: int) -> None:
             for m in range(n):
                 P[j, m] = 0.0
                 P[m, j] = 0.0
+
+
+def set_ceiling(ceiling: Any, P: Any, constants: Any, effect_drift: Any) -> None:
+    """Variances (n,) above which drift does not raise any: 1.25 times a wide prior's, or those of P (n, n) if larger.
+
+    The sizes stand in the drifts, which are relative to them; effects' coefficients may wander by their own size.
+    Speed and hidden states have none.
+    """
+    n = P.shape[0]
+    for j in range(n):
+        ceiling[j] = math.inf
+    rate = constants.relative_drift
+    if rate <= 0.0:
+        return
+    ceiling[MOTOR_GAIN] = _WIDEST_GAIN**2 * constants.motor_gain_drift / rate
+    ceiling[VISCOUS] = _WIDEST_VISCOUS**2 * constants.viscous_drift / rate
+    ceiling[COULOMB] = _WIDEST_COULOMB**2 * constants.coulomb_drift / rate
+    ceiling[STATIC] = _WIDEST_STATIC**2 * constants.static_drift / rate
+    known = STATE_SIZE + effect_drift.size
+    for j in range(STATE_SIZE, known):
+        ceiling[j] = effect_drift[j - STATE_SIZE] / rate
+    for j in range(MOTOR_GAIN, known):
+        ceiling[j] = _MARGIN * max(ceiling[j], P[j, j])
+
+
+def cap_variance(P: Any, ceiling: Any) -> None:
+    """P <- D P D with the D = diag(d) <= 1 that brings each variance down to its ceiling; mostly it is below."""
+    n = P.shape[0]
+    for j in range(1, n):
+        if P[j, j] > ceiling[j]:
+            share = math.sqrt(ceiling[j] / P[j, j])
+            for m in range(n):
+                P[j, m] *= share
+                P[m, j] = P[j, m]
+            P[j, j] = ceiling[j]

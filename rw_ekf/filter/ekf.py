@@ -15,7 +15,22 @@ from filterpy.kalman import ExtendedKalmanFilter
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.covariance import drop_settled, predict_covariance_full, seed_speed, update_joseph
+from rw_ekf.filter.covariance import (
+    cap_variance,
+    drop_settled,
+    predict_covariance_full,
+    seed_speed,
+    set_ceiling,
+    update_joseph,
+)
+from rw_ekf.filter.stillness import (
+    STILLNESS_SIZE,
+    away_from_reference,
+    dead_band,
+    follow,
+    start_following,
+    unlearn_shift,
+)
 from rw_ekf.filter.surroundings import Surroundings
 from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
@@ -55,6 +70,11 @@ class WheelEkf(ExtendedKalmanFilter):
         self._work = np.zeros((n, n))
         self._curvature = 0.0
         self.check()
+        self._band = float(dead_band(self.P, constants.speed_variance, constants.acceleration_density))
+        self._stillness = [0.0] * STILLNESS_SIZE
+        start_following(self._stillness, self._band)
+        self._ceiling = np.zeros(n)
+        set_ceiling(self._ceiling, self.P, constants, self.table.drift)
 
     def check(self) -> None:
         """Raise FilterError where the belief is not a Gaussian any more."""
@@ -71,16 +91,20 @@ class WheelEkf(ExtendedKalmanFilter):
     def predict_x(self, u: Surroundings) -> None:
         """Propagate x and set the rows of F that are not identity (filterpy calls this from `predict`)."""
         (interval, pieces), stribeck = u, self.constants.stribeck
+        away = away_from_reference(self._stillness, self.x[SPEED], self._band, stribeck.omega_s)
+        self.x[SPEED] -= away
         if self.table.size > STATE_SIZE:
             self._curvature = effect_transition(
                 self.x, self.P, self.table, stribeck, pieces, interval, self.F, self._factor
             )
+            if away != 0.0:
+                self.x += self.F[:, SPEED] * away
             return
         row = np.zeros(STATE_SIZE)
         speed, self._curvature = transition(
             self.x, self.P, stribeck, pieces, interval.start, interval.stop, row, self._factor
         )
-        self.x[SPEED] = speed
+        self.x[SPEED] = speed if away == 0.0 else speed + row[SPEED] * away
         self.F[SPEED] = row
 
     def predict_over(self, dt: float, surroundings: Surroundings) -> None:
@@ -90,11 +114,17 @@ class WheelEkf(ExtendedKalmanFilter):
             noise = np.array((self._speed_noise(dt), *self._parameter_noise(dt)))
             predict_covariance_full(self.P, self.F, noise, self._work)
             drop_settled(self.P, self.table.hidden)
+            self._keep_below_ceiling()
             return
         # The speed's share depends on the predicted speed itself, so that it is added after filterpy's F P F' + Q.
         np.fill_diagonal(self.Q, (0.0, *self._parameter_noise(dt)))
         self.predict(u=surroundings)
         self.P[SPEED, SPEED] += self._speed_noise(dt)
+        self._keep_below_ceiling()
+
+    def _keep_below_ceiling(self) -> None:
+        if (self.P.diagonal() > self._ceiling).any():
+            cap_variance(self.P, self._ceiling)
 
     def _speed_noise(self, dt: float) -> float:
         """Variance that the predicted speed gains in dt [s], by noise and by neglected curvature."""
@@ -112,10 +142,18 @@ class WheelEkf(ExtendedKalmanFilter):
         """Let the parameters wander for dt [s] without touching the speed."""
         for i, variance in enumerate(self._parameter_noise(dt), start=1):
             self.P[i, i] += variance
+        self._keep_below_ceiling()
+
+    def follow(self, dt: float) -> None:
+        """Note the speed that is believed dt [s] later, for where it stands still (stillness.py)."""
+        shift = follow(self._stillness, float(self.x[SPEED]), self._band, dt)
+        if shift != 0.0:
+            unlearn_shift(self.P, shift)
 
     def seed_speed(self, speed_rad_s: float, current_A: float = 0.0) -> None:
         """Start the speed, and hidden states, afresh from a reading; the parameters and their covariance stay."""
         seed_speed(self.x, self.P, speed_rad_s, self.constants.speed_variance)
+        follow(self._stillness, speed_rad_s, self._band, 0.0)
         if self.table.hidden:
             seed_hidden(self.x, self.P, self.table, current_A, self.constants.stribeck.omega_s)
 

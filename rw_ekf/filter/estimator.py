@@ -120,6 +120,8 @@ class Estimator:
         innovation = None
         if what == decisions.UPDATED:
             what, innovation = self._weigh(sample)
+        if continuous:
+            self.ekf.follow(dt)
         return self._estimate(sample, what, innovation, predicted)
 
     def _predict(self, sample: WheelSample, dt: float, *, new_segment: bool) -> bool:

@@ -20,12 +20,15 @@ from rw_ekf.filter import constants as _constants
 from rw_ekf.filter import covariance as _covariance
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
+from rw_ekf.filter import stillness as _stillness
 from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.covariance import (
+    cap_variance,
     drop_settled,
     predict_covariance,
     predict_covariance_full,
     seed_speed,
+    set_ceiling,
     update_joseph,
 )
 from rw_ekf.filter.decisions import (
@@ -43,6 +46,14 @@ from rw_ekf.filter.decisions import (
     within_reach,
 )
 from rw_ekf.filter.filter_run import FilterRun, History
+from rw_ekf.filter.stillness import (
+    STILLNESS_SIZE,
+    away_from_reference,
+    dead_band,
+    follow,
+    start_following,
+    unlearn_shift,
+)
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
@@ -54,12 +65,13 @@ from rw_ekf.wheel.transition import transition
 make_jitable(
     [
         timing, forget, elapse, most_acceleration, within_reach, gating,
-        drop_settled, predict_covariance, predict_covariance_full, seed_speed, update_joseph,
+        cap_variance, drop_settled, predict_covariance, predict_covariance_full, seed_speed, set_ceiling, update_joseph,
+        away_from_reference, dead_band, follow, start_following, unlearn_shift,
     ]
 )  # fmt: skip
 
 # Everything that is compiled into the pass: its cache is stale when one of them changes.
-_MODULES = [*EQUATIONS, _course, _constants, _covariance, _decisions, _filter_run, sys.modules[__name__]]
+_MODULES = [*EQUATIONS, _course, _constants, _covariance, _decisions, _filter_run, _stillness, sys.modules[__name__]]
 
 
 def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Float64Array, noise: Float64Array) -> None:
@@ -103,6 +115,11 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
     before = 0.0
     seeded = ever_seeded = False
     gate_memory = np.zeros(MEMORY_SIZE)
+    stillness = np.zeros(STILLNESS_SIZE)
+    band = dead_band(P, R, constants.acceleration_density)
+    start_following(stillness, band)
+    ceiling = np.zeros(n)
+    set_ceiling(ceiling, P, constants, np.zeros(0) if table is None else table.drift)
     last = 0  # the sample the state belongs to
     for i in range(n_samples):
         speed = speed_rad_s[i]
@@ -122,14 +139,21 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
             if table is not None:
                 for j in range(table.drift.size):
                     noise[STATE_SIZE + j] = table.drift[j] * elapsed
-            if continuous and table is not None:
+            away = 0.0
+            if continuous:
                 before = x[SPEED]
+                away = away_from_reference(stillness, before, band, constants.stribeck.omega_s)
+                x[SPEED] -= away
+            if continuous and table is not None:
                 interval = Interval(
                     time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i]
                 )
                 curvature = effect_transition(x, P, table, constants.stribeck, pieces, interval, F, scratch)
                 for j in range(n):
                     row[j] = F[SPEED, j]
+                if away != 0.0:
+                    for j in range(n):
+                        x[j] += F[j, SPEED] * away
                 angle += 0.5 * (before + x[SPEED]) * dt
                 noise[SPEED] = constants.acceleration_density * dt + curvature
                 if x[SPEED] == 0.0:
@@ -138,6 +162,8 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 x[SPEED], curvature = transition(
                     x, P, constants.stribeck, pieces, piece_start[last], piece_start[i], row, L
                 )
+                if away != 0.0:
+                    x[SPEED] += row[SPEED] * away
                 noise[SPEED] = constants.acceleration_density * dt + curvature
                 if x[SPEED] == 0.0:
                     noise[SPEED] += constants.stuck_variance
@@ -156,6 +182,7 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 drop_settled(P, hidden)
             else:
                 predict_covariance(P, row, noise, work)
+            cap_variance(P, ceiling)
             if not continuous and has_speed:
                 what = RESEEDED if ever_seeded else FIRST
                 seed_speed(x, P, speed, R)
@@ -166,6 +193,7 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                         seed_hidden(x, P, table, current_A[held], constants.stribeck.omega_s)
                 seeded = ever_seeded = True
                 forget(gate_memory)
+                follow(stillness, speed, band, 0.0)
             if keep_all:
                 _record(history, i, x, P, row, noise)
             if what == UPDATED:
@@ -183,9 +211,14 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                         if hidden > 0:
                             seed_hidden(x, P, table, current_A[held], constants.stribeck.omega_s)
                     forget(gate_memory)
+                    follow(stillness, speed, band, 0.0)
                     if keep_all:
                         row[:] = 0.0
                         _record(history, i, x, P, row, noise)
+            if continuous:
+                shift = follow(stillness, x[SPEED], band, dt)
+                if shift != 0.0:
+                    unlearn_shift(P, shift)
             last = i
             if table is not None:
                 if not math.isnan(temperature_degC[i]):
