@@ -20,6 +20,8 @@ STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle .
 ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
 QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
 
+_PLACES = 6  # of a host's time [s]: a microsecond is far below what a line tells
+
 
 class SerialWheel:
     """A WheelDriver on a line. Made by open_serial_wheel."""
@@ -99,7 +101,7 @@ class SerialWheel:
         exchange = self._line.request(register.id, data, reply_bytes=1)
         # Sent in host time, acts in wheel time.
         after_s = exchange.received_by_wheel_s - self._sample_at_s if self._sample_at_s is not None else 0.0
-        delay_s = after_s * self.clock.rate
+        delay_s = round(after_s * self.clock.rate, _PLACES)
         sent_A = rounded_si(register.fields[0], current_A)
         if exchange.data is None:
             return IssuedCommand(sent_A, delay_s, acknowledged=False, reason="timeout")
@@ -152,7 +154,7 @@ class SerialWheel:
         host_s = exchange.received_by_wheel_s
         field = self._uptime_field
         if field is None:
-            return host_s - self._opened_s
+            return round(host_s - self._opened_s, _PLACES)
         if "uptime" not in values:  # its register was lost: where the clock would be
             return self.clock.between_s(host_s)
         counts = field.type != "f32"

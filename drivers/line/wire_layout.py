@@ -106,8 +106,8 @@ class Field:
         return (high - low + 1.0) * self.si_per_count
 
     def to_si(self, number: float) -> float:
-        """SI value of a number on the wire."""
-        return (number * self.scale + self.offset) * UNITS[self.unit][1]
+        """SI value of a number on the wire, to the digits that a count has: 0.1013 A, not 0.10130000000000002."""
+        return float(f"{(number * self.scale + self.offset) * UNITS[self.unit][1]:.15g}")
 
     def to_wire(self, value_si: float) -> float:
         """Number on the wire, not yet rounded, of an SI value."""

@@ -22,6 +22,7 @@ from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
 STATE_KEYS = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+_SHORT = 0.99
 INNOVATION_COLUMNS = ("innovation_rad_s", "innovation_std_rad_s", "nis", "accepted", "reason")
 
 
@@ -32,7 +33,7 @@ def cell(value: float | str | None) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return repr(float(value)) if math.isfinite(value) else ""
+        return repr(float(value)).removesuffix(".0") if math.isfinite(value) else ""
     text = str(value)
     return '"' + text.replace('"', '""') + '"' if any(mark in text for mark in ',"\r\n') else text
 
@@ -133,25 +134,47 @@ class SampleWriter(RowWriter):
 
 
 class EstimateWriter(RowWriter):
-    """What the filter said after each sample: state, standard deviations, and the test of the sample."""
+    """What the filter said after each sample: the test of the sample, and now and then state and standard deviations.
 
-    def __init__(self, path: str | Path, state_keys: tuple[str, ...] = STATE_KEYS) -> None:
+    Between them the state's fields are empty: a replay gives it at every sample. The newest row waits for the next one,
+    so that the last row of a file is a full one, as the first is.
+    """
+
+    def __init__(self, path: str | Path, state_keys: tuple[str, ...] = STATE_KEYS, state_every_s: float = 0.0) -> None:
         super().__init__(path, estimate_columns(state_keys))
         self.state_keys = state_keys
+        self._every_s = state_every_s * _SHORT  # rows never come quite on time
+        self._full_at_s = -math.inf
+        self._newest: Estimate | None = None
+        self._no_state = (None,) * (2 * len(state_keys))
 
     def write(self, estimate: Estimate) -> None:
-        """Write one estimate. Raises ValueError if it has another number of states than the writer has columns."""
-        values, stds = estimate.values, estimate.stds
-        if len(values) != len(self.state_keys) or len(stds) != len(self.state_keys):
-            raise ValueError(f"{len(values)} states for {len(self.state_keys)} columns")
+        """Write the row before this one. Raises ValueError if the number of states is not that of the columns."""
+        if len(estimate.values) != len(self.state_keys) or len(estimate.stds) != len(self.state_keys):
+            raise ValueError(f"{len(estimate.values)} states for {len(self.state_keys)} columns")
+        before, self._newest = self._newest, estimate
+        if before is not None:
+            began_anew = estimate.outcome in (Outcome.FIRST, Outcome.RESEEDED)
+            self._write(before, full=began_anew or not 0.0 <= before.time_s - self._full_at_s < self._every_s)
+
+    def finish(self) -> None:
+        """Write the row that waits, as a full one. Raises OSError."""
+        before, self._newest = self._newest, None
+        if before is not None:
+            self._write(before, full=True)
+
+    def _write(self, estimate: Estimate, *, full: bool) -> None:
         test = estimate.innovation
+        full = full or estimate.outcome in (Outcome.FIRST, Outcome.RESEEDED)
+        if full:
+            self._full_at_s = estimate.time_s
+        states = (*estimate.values, *estimate.stds) if full else self._no_state
         self.write_row(
             (
                 estimate.time_s,
-                *values,
-                *stds,
+                *states,
                 None if test is None else test.innovation_rad_s,
-                None if test is None else test.std_rad_s,
+                None if test is None or not full else test.std_rad_s,
                 None if test is None else test.nis,
                 estimate.outcome in (Outcome.UPDATED, Outcome.FIRST),
                 estimate.outcome.value if test is None else test.reason,

@@ -136,6 +136,12 @@ class OutputSection(Section):
     """Where the runs go."""
 
     directory: str = Field("runs", min_length=1, description="directory that gets one log and metadata per run")
+    estimates_every_s: float = Field(
+        2.0,
+        ge=0,
+        le=86_400,
+        description="how often the estimates have the state and its sigmas; 0: at every sample [s]",
+    )
     part_hours: float = Field(24.0, gt=0, le=87_600, description="a log goes on in a new part after so long [h]")
     part_megabytes: float = Field(
         256.0, gt=0, le=1e6, description="and where one of the part's files has got so long [MB]"

@@ -86,11 +86,7 @@ class LogSink:
             self._broken = True
             self._unwritten.log_rows += 1
             self._say(self._part.samples.path, error.strerror or str(error))
-        try:
-            self._part.estimates.write(estimate)
-        except OSError as error:
-            self._unwritten.estimate_rows += 1
-            self._say(self._part.estimates.path, error.strerror or str(error))
+        self._estimated(lambda: self._part.estimates.write(estimate))
         if self._clock.monotonic() >= self._sync_due_s:
             self._sync_due_s = self._clock.monotonic() + _SYNC_EVERY_S
             self._sync()
@@ -138,7 +134,15 @@ class LogSink:
         self._part, self._number = part, self._number + 1
         self._part_s = self._try_at_s = 0.0
 
+    def _estimated(self, write: Callable[[], None]) -> None:
+        try:
+            write()
+        except OSError as error:
+            self._unwritten.estimate_rows += 1
+            self._say(self._part.estimates.path, error.strerror or str(error))
+
     def _close_part(self) -> None:
+        self._estimated(self._part.estimates.finish)
         self._sync()
         for writer in self._part:
             with contextlib.suppress(OSError):

@@ -55,7 +55,8 @@ def _log(run: RunContext) -> tuple[Sink, Queue]:
     def open_part(number: int) -> PartFiles:
         samples = SampleWriter(part_path(run.files.log, number))
         try:
-            return PartFiles(samples, EstimateWriter(part_path(run.files.estimates, number), run.state_names))
+            path, every_s = part_path(run.files.estimates, number), run.output.estimates_every_s
+            return PartFiles(samples, EstimateWriter(path, run.state_names, every_s))
         except BadInputError:
             samples.close()
             samples.path.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, read_metadata, utc_text, write_metadata
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import LOG_COLUMNS
-from rw_ekf.logs.writer import EstimateWriter, SampleWriter
+from rw_ekf.logs.writer import EstimateWriter, SampleWriter, cell
 from rw_ekf.records import (
     Believed,
     Estimate,
@@ -68,6 +68,7 @@ def test_estimates_have_the_columns_of_the_contract(tmp_path: Path) -> None:
         writer.write(Estimate(0.2, Outcome.MISSING, MEAN, MEAN))
         with pytest.raises(ValueError, match="6 states for 5 columns"):
             writer.write(Estimate(0.3, Outcome.MISSING, MEAN, MEAN, effects={"drag": Believed(1.0, 2.0)}))
+        writer.finish()
     header, first, second = path.read_text().splitlines()
     assert header == (
         "time_s,speed_rad_s,motor_gain,viscous,coulomb,static,std_speed_rad_s,std_motor_gain,std_viscous,std_coulomb,"
@@ -75,6 +76,35 @@ def test_estimates_have_the_columns_of_the_contract(tmp_path: Path) -> None:
     )
     assert first.endswith(",0.41,0.14,8.4,true,")
     assert second.endswith(",,,,false,missing")
+
+
+def test_the_state_is_written_now_and_then_and_where_something_begins_or_ends(tmp_path: Path) -> None:
+    """Of 50 rows at 10 Hz those every two seconds, the first, the last, a new seed and the row before it are full."""
+    path = tmp_path / "estimates.csv"
+    with EstimateWriter(path, state_every_s=2.0) as writer:
+        for i in range(50):
+            outcome = Outcome.RESEEDED if i == 33 else Outcome.FIRST if i == 0 else Outcome.UPDATED
+            test = Innovation(0.1 * i, 1 / 3, 1 / 7, 1 / 9, 15.1, accepted=True)
+            writer.write(Estimate(0.1 * i, outcome, MEAN, MEAN, test))
+            assert len(path.read_text().splitlines()) == 1 + i  # the newest row waits
+        writer.finish()
+        writer.finish()
+    table = [row.split(",") for row in path.read_text().splitlines()[1:]]
+    full = [i for i, row in enumerate(table) if row[1]]
+    assert full == [0, 20, 32, 33, 49]
+    for i, row in enumerate(table):
+        assert row[0] == f"{0.1 * i!r}".removesuffix(".0")
+        assert all(row[1:11]) == (i in full) == bool(row[12])
+        assert (float(row[11]), float(row[13]), row[14]) == (1 / 3, 1 / 9, "false" if i == 33 else "true")
+
+
+def test_whole_numbers_are_written_short_and_read_back_exactly() -> None:
+    """No `.0`; every float, tiny, huge or negative zero, comes back bit for bit."""
+    assert (cell(28.0), cell(-0.0), cell(1e16), cell(0.1), cell(True), cell(None)) == (
+        "28", "-0", "1e+16", "0.1", "true", ""
+    )  # fmt: skip
+    for value in (28.0, -0.0, 1e300, 5e-324, 0.1 + 0.2, -123456789.0):
+        assert float(cell(value)).hex() == value.hex()
 
 
 def test_metadata_stand_beside_the_log_and_read_back(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def test_a_log_is_rotated_by_time_and_its_closed_parts_are_compressed(tmp_path: 
 
 def test_a_log_is_rotated_by_size(tmp_path: Path) -> None:
     """No part's files are longer than asked for but by a line, and none is nearly empty."""
-    made = context(tmp_path, part_megabytes=0.01)
+    made = context(tmp_path, part_megabytes=0.005)
     log = feed(made, range(1000))
     assert len(log) == 1000
     assert len(parts_of(made.files.log).files) > 5
