@@ -76,13 +76,27 @@ class Kernel:
         key = cache._index_key(signature, self.dispatcher.targetctx.codegen())
         try:
             name = cache._cache_file._load_index().get(key)
-        except (OSError, EOFError, ValueError, AttributeError, ImportError, pickle.PickleError):
-            return False  # an index that cannot be read is written anew when it is compiled
+        except OSError:
+            return False
         return name is not None and os.path.exists(cache._cache_file._data_path(name))
 
     def compile(self) -> None:
         """Compile for the example's types, or load that from the cache."""
         self.dispatcher.compile(self.signature)
+
+
+class _Index(caching.IndexDataCacheFile):
+    """numba's index of compiled code; one that cannot be read is empty, and so written anew.
+
+    An older version's index names types that are no more, and a torn one names nothing: neither may end a run.
+    """
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            found: dict[Any, str] = super()._load_index()
+        except (EOFError, ValueError, AttributeError, ImportError, pickle.PickleError):
+            return {}
+        return found
 
 
 @contextlib.contextmanager
@@ -152,6 +166,10 @@ def compile_cached(
 
     class Cache(caching.FunctionCache):
         _impl_class = Implementation
+
+        def __init__(self, py_func: Any) -> None:
+            super().__init__(py_func)
+            self._cache_file.__class__ = _Index
 
         def save_overload(self, sig: Any, data: Any) -> None:
             with contextlib.suppress(OSError):  # a full disk costs the cache, not the run

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import pickle
 import sys
 from pathlib import Path
 from types import ModuleType
 
+import numba
 import pytest
 
 from rw_ekf.wheel.compiled import compile_cached, make_jitable, source_digest
@@ -61,6 +63,19 @@ def test_a_kernel_is_never_older_than_the_equations_in_it(workplace: Path) -> No
     assert compiled_law(workplace, triple) == (6.0, 0)
     assert compiled_law(workplace, triple) == (6.0, 1)
     assert compiled_law(workplace, triple.replace("3.0", "5.0")) == (10.0, 0)
+
+
+def test_an_index_that_cannot_be_read_is_written_anew(workplace: Path) -> None:
+    """After an upgrade the index on disk names types that are no more, after a power cut nothing: compiled again."""
+    triple = "def gain(x):\n    return 3.0 * x\n"
+    compiled_law(workplace, triple)
+    (index,) = workplace.rglob("*.nbi")
+    whole = index.read_bytes()
+    head = pickle.dumps(numba.__version__, protocol=-1)
+    for damaged in (head + b"cno_such_module\nNoSuchType\n.", whole[: len(whole) // 2]):
+        index.write_bytes(damaged)
+        assert compiled_law(workplace, triple) == (6.0, 0)
+        assert compiled_law(workplace, triple) == (6.0, 1)
 
 
 def test_a_disk_without_room_costs_the_cache_and_not_the_run(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
