@@ -47,7 +47,7 @@ def diagnose_log(
         return _unjudged(source, split)
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
-    work = prepared.whole.work
+    work = prepared.record.work
     work.start_clock()
     found = investigate(prepared, advance)
     if split == "blocks" and not found.new_ids and found.left and not work.has(OTHER_PART):
@@ -79,7 +79,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     if source.unfit is not None:
         return None
     prepared = richer_part(prepare(source, None, None, split))
-    search = Search(prepared.whole, prepared.seen, prepared.facts, lambda text: None)
+    search = Search(prepared.record, prepared.seen, prepared.facts, lambda text: None)
     fit = prepared.base
     for name in effect_ids:
         fit = search.told(fit, name)

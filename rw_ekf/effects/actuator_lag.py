@@ -8,6 +8,7 @@ from typing import ClassVar
 from rw_ekf.effects.measures import LONGEST_LAG_S, lacks_current
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import CurrentEffect
+from rw_ekf.numbers import plus_minus
 
 
 class ActuatorLag(CurrentEffect):
@@ -56,4 +57,4 @@ class ActuatorLag(CurrentEffect):
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """In milliseconds."""
-        return f"The current follows its command {1e3 * value:.3g} +- {1e3 * std:.1g} ms late (first-order lag)"
+        return f"The current follows its command {plus_minus(1e3 * value, 1e3 * std)} ms late (first-order lag)"

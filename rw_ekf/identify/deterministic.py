@@ -60,12 +60,12 @@ def deterministic(
             f"Stribeck speed ({omega_s:.3g} rad/s). `rw-ekf excite identification` has some; "
             "`--method least-squares` needs none."
         )
-    decay = _regress(course, current_A, coast, speed_noise_rad_s, columns=(1, 2), known=np.zeros(3))
+    decay = _regress(course, current_A, coast, speed_noise_rad_s, unknown=(1, 2), known=np.zeros(3))
     b, c = (float(v) for v in decay.solution)
     driven = _stretches(course, fast & ~coasting, 1.0)
     k, k_std = prior.parameters.motor_gain, prior.parameter_std.motor_gain
     if driven:
-        drive = _regress(course, current_A, driven, speed_noise_rad_s, columns=(0,), known=np.array([0.0, b, c]))
+        drive = _regress(course, current_A, driven, speed_noise_rad_s, unknown=(0,), known=np.array([0.0, b, c]))
         k = float(drive.solution[0])
         # What b and c may be wrong by moves k: the mean drag over the driven stretch against the mean current.
         k_std = math.hypot(math.sqrt(float(drive.covariance[0, 0])), math.sqrt(float(decay.covariance[1, 1])) / largest)
@@ -103,7 +103,7 @@ def _regress(
     runs: list[tuple[int, int]],
     speed_noise: float,
     *,
-    columns: tuple[int, ...],
+    unknown: tuple[int, ...],
     known: Float64Array,
 ) -> _Regression:
     """Fit speed(t) - speed(0) = k Q - b X - c S within each run; Q, X, S integrals of current, speed, direction.
@@ -121,13 +121,13 @@ def _regress(
         full = np.column_stack((charge, -turned, -direction))
         start = np.zeros((t.size, len(runs)))
         start[:, j] = 1.0
-        blocks.append(np.column_stack((full[:, list(columns)], start)))
+        blocks.append(np.column_stack((full[:, list(unknown)], start)))
         targets.append(y - full @ known)
     A, z = np.vstack(blocks), np.concatenate(targets)
     solution, *_ = np.linalg.lstsq(A, z, rcond=None)
     residual = z - A @ solution
     variance = max(float(residual @ residual) / max(z.size - A.shape[1], 1), speed_noise**2)
-    n = len(columns)
+    n = len(unknown)
     return _Regression(solution[:n], (variance * np.linalg.pinv(A.T @ A))[:n, :n])
 
 

@@ -1,1 +1,1 @@
-"""The likelihood of a model along a smoothed reference: what `fit`, `replay` and `diagnose` stand on."""
+"""The likelihood of a model along a smoothed trajectory: what `fit`, `replay` and `diagnose` stand on."""

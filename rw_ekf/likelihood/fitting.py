@@ -10,10 +10,10 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.belief import Belief
-from rw_ekf.likelihood.frame import Frame, Noise, linearise
-from rw_ekf.likelihood.frozen_filter import filtered_reference
+from rw_ekf.likelihood.frozen_filter import filtered_trajectory
+from rw_ekf.likelihood.linearisation import Linearisation, Noise, linearise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
@@ -22,8 +22,8 @@ from rw_ekf.wheel.table import ABSENT
 
 _FIT_TURNS = 8
 _SETTLING_TURNS = 4
-_LEAST_SPREAD = 0.02  # of the speed noise: no reference is known better
-_NOT_WORSE = 0.5  # log-likelihood that a step may lose to the reference that moved meanwhile
+_LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
+_NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that moved meanwhile
 _LEAST_DAMPING = 0.02
 _SMALL_STEP = 0.05  # standard deviations
 
@@ -38,12 +38,12 @@ class FittedTerm(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to a part of a record: its likelihood, and the reference it was linearised along."""
+    """A model fitted to a part of a record: its likelihood, and the trajectory it was linearised along."""
 
     model: Model
     prior: Belief | None
     likelihood: Likelihood
-    frame: Frame
+    linearised: Linearisation
     omit: BoolArray  # (n,) readings left out
 
     @property
@@ -52,9 +52,9 @@ class Fit:
         return self.likelihood.noise
 
     @property
-    def reference(self) -> Reference:
+    def trajectory(self) -> Trajectory:
         """What it was linearised along."""
-        return self.frame.reference
+        return self.linearised.trajectory
 
     @property
     def std(self) -> Float64Array:
@@ -63,19 +63,19 @@ class Fit:
 
     def refitted(self, model: Model) -> Fit:
         """Another model fitted to the same part of the record, from where this one stands."""
-        return fit_model(self.frame.record, model, self.prior, self.reference, self.noise, self.omit)
+        return fit_model(self.linearised.record, model, self.prior, self.trajectory, self.noise, self.omit)
 
     def without(self, effect_id: str) -> Fit:
         """The same part fitted without one effect."""
         return self.refitted(self.model.without(effect_id))
 
-    def widened(self, record: Record, seen: Reference) -> Fit:
+    def widened(self, record: Record, seen: Trajectory) -> Fit:
         """The same model fitted to a record of which this is a part; elsewhere it starts along `seen`."""
-        follows = self.frame.record.follows
-        reference = Reference.of_speed(
-            np.where(follows, self.reference.speed, seen.speed), np.where(follows, self.reference.spread, seen.spread)
+        follows = self.linearised.record.follows
+        trajectory = Trajectory.of_speed(
+            np.where(follows, self.trajectory.speed, seen.speed), np.where(follows, self.trajectory.spread, seen.spread)
         )
-        return fit_model(record, self.model, self.prior, reference, self.noise, self.omit)
+        return fit_model(record, self.model, self.prior, trajectory, self.noise, self.omit)
 
     def terms_of(self, effect_id: str) -> list[FittedTerm]:
         """The terms of one effect, in the order of use."""
@@ -97,69 +97,69 @@ class Fit:
         return bool(variances) and size > sigmas * math.sqrt(math.fsum(variances) / len(variances))
 
 
-def smoothed_reference(frame: Frame, correction: Float64Array, noise: Noise) -> Reference:
-    """The reference smoothed under the corrected model."""
-    n = frame.chain.reading.size
+def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noise: Noise) -> Trajectory:
+    """The trajectory smoothed under the corrected model."""
+    n = linearised.chain.reading.size
     means, variances = np.zeros((n, 2)), np.zeros((n, 2))
-    chain = frame.chain._replace(defect=frame.chain.defect + frame.columns @ correction)
-    with_memory = frame.memory_columns.shape[0] > 0
+    chain = linearised.chain._replace(defect=linearised.chain.defect + linearised.jacobian @ correction)
+    with_memory = linearised.memory_jacobian.shape[0] > 0
     if with_memory:
-        chain = chain._replace(memory_defect=chain.memory_defect + frame.memory_columns @ correction)
-    smooth(chain, noise.ratio * noise.variance / frame.record.course.period_s, noise.variance, means, variances)
+        chain = chain._replace(memory_defect=chain.memory_defect + linearised.memory_jacobian @ correction)
+    smooth(chain, noise.ratio * noise.variance / linearised.record.course.period_s, noise.variance, means, variances)
     spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), _LEAST_SPREAD * math.sqrt(noise.variance))
-    speed = frame.reference.speed + means[:, 0]
+    speed = linearised.trajectory.speed + means[:, 0]
     if not with_memory:
-        return Reference.of_speed(speed, spread)
-    coulomb = frame.model.parameters.coulomb
+        return Trajectory.of_speed(speed, spread)
+    coulomb = linearised.model.parameters.coulomb
     memory_spread = np.clip(np.sqrt(np.maximum(variances[:, 1], 0.0)), 0.005 * coulomb, 0.3 * coulomb)
-    return Reference(speed, spread, frame.reference.memory + means[:, 1], memory_spread)
+    return Trajectory(speed, spread, linearised.trajectory.memory + means[:, 1], memory_spread)
 
 
 def fit_model(
     record: Record,
     model: Model,
     prior: Belief | None,
-    reference: Reference,
+    trajectory: Trajectory,
     noise: Noise,
     omit: BoolArray,
     *,
     turns: int = _FIT_TURNS,
 ) -> Fit:
-    """Gauss-Newton on the model's vector to the highest likelihood seen, from a reference that need not be its own.
+    """Gauss-Newton on the model's vector to the highest likelihood seen, from a trajectory that need not be its own.
 
-    A model with a memory is fitted along the reference given and then along the one that its own filter follows: each
+    A model with a memory is fitted along the trajectory given and then along the one that its own filter follows: each
     alone may end where the other would not.
     """
-    if model.effects.table().memory_state_at == ABSENT or not np.isnan(reference.memory).any():
-        return _gauss_newton(record, model, prior, reference, noise, omit, turns)
-    first = _gauss_newton(record, model, prior, *_settle(record, model, reference, noise, omit), omit, turns)
-    own = filtered_reference(record, first.model, first.noise, omit)
+    if model.effects.table().memory_state_at == ABSENT or not np.isnan(trajectory.memory).any():
+        return _gauss_newton(record, model, prior, trajectory, noise, omit, turns)
+    first = _gauss_newton(record, model, prior, *_settle(record, model, trajectory, noise, omit), omit, turns)
+    own = filtered_trajectory(record, first.model, first.noise, omit)
     own, level = _settle(record, first.model, own, first.noise, omit)
     second = _gauss_newton(record, first.model, prior, own, level, omit, turns)
     return max(first, second, key=lambda fit: fit.likelihood.value)
 
 
 def _settle(
-    record: Record, model: Model, reference: Reference, noise: Noise, omit: BoolArray
-) -> tuple[Reference, Noise]:
-    """A reference smoothed a few times under a model with a memory, as it stands."""
+    record: Record, model: Model, trajectory: Trajectory, noise: Noise, omit: BoolArray
+) -> tuple[Trajectory, Noise]:
+    """A trajectory smoothed a few times under a model with a memory, as it stands."""
     for _ in range(_SETTLING_TURNS):
-        frame = linearise(record, model, reference, noise, omit, with_columns=False)
-        noise = likelihood(frame, None, noise).noise
-        reference = smoothed_reference(frame, np.zeros(0), noise)
-    return reference, noise
+        linearised = linearise(record, model, trajectory, noise, omit, with_jacobian=False)
+        noise = likelihood(linearised, None, noise).noise
+        trajectory = smoothed_trajectory(linearised, np.zeros(0), noise)
+    return trajectory, noise
 
 
 def _gauss_newton(
     record: Record,
     model: Model,
     prior: Belief | None,
-    reference: Reference,
+    trajectory: Trajectory,
     noise: Noise,
     omit: BoolArray,
     turns: int,
 ) -> Fit:
-    """The reference is smoothed anew in every turn; a step that loses likelihood is shortened."""
+    """The trajectory is smoothed anew in every turn; a step that loses likelihood is shortened."""
     best: Fit | None = None
     damping = 1.0
     start = model
@@ -168,21 +168,21 @@ def _gauss_newton(
         if turn > 1 and not record.work.has(FITS):
             record.work.leave_out("the last turns of fits")
             break
-        frame = linearise(record, model, reference, noise, omit)
-        found = likelihood(frame, prior, noise)
-        here = value_of(frame, found.noise)
+        linearised = linearise(record, model, trajectory, noise, omit)
+        found = likelihood(linearised, prior, noise)
+        here = value_of(linearised, found.noise)
         if best is not None and here.value < best.likelihood.value - _NOT_WORSE:
             damping *= 0.3
             if damping < _LEAST_DAMPING:
                 break
         else:
             here = replace(here, covariance=found.covariance, correction=found.correction)
-            best = Fit(model, prior, here, frame, omit)
+            best = Fit(model, prior, here, linearised, omit)
             start, step, noise = model, found.correction, found.noise
             std = np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300))
             if turn > 0 and bool(np.all(np.abs(step) < _SMALL_STEP * std)):
                 break
-            reference = smoothed_reference(frame, step, noise)
+            trajectory = smoothed_trajectory(linearised, step, noise)
             damping = min(1.0, 2.0 * damping)
         model = start.with_vector(start.vector + damping * start.limited(step))
     assert best is not None

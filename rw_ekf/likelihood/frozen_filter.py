@@ -1,4 +1,4 @@
-"""The filter itself, its parameters frozen, over a record: states to judge by, and references to linearise along."""
+"""The filter itself, its parameters frozen, over a record: states to judge by, and trajectories to linearise along."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.likelihood.frame import Noise
+from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference, state_vector
+from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector
 from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.table import ABSENT
 
@@ -39,10 +39,10 @@ def run_frozen(
     return filter_log(course, steered, mean, covariance, model.effects, keep_states=True, keep_history=keep_history)
 
 
-def filtered_reference(record: Record, model: Model, noise: Noise, omit: BoolArray) -> Reference:
+def filtered_trajectory(record: Record, model: Model, noise: Noise, omit: BoolArray) -> Trajectory:
     """Speed and friction of a model with a memory as its own filter follows them through the part that is looked at.
 
-    A reference smoothed under a model without the memory takes the wheel to rest where it was not, and a fit that
+    A trajectory smoothed under a model without the memory takes the wheel to rest where it was not, and a fit that
     starts from it may never leave there.
     """
     part = record.follows | np.append(record.follows[1:], False)
@@ -50,7 +50,7 @@ def filtered_reference(record: Record, model: Model, noise: Noise, omit: BoolArr
     at = model.effects.table().memory_state_at
     assert at != ABSENT
     n = record.course.samples
-    return Reference(
+    return Trajectory(
         run.states[:, SPEED].copy(),
         np.full(n, _SPREAD * math.sqrt(noise.variance)),
         run.states[:, at].copy(),

@@ -27,7 +27,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
 from rw_ekf.likelihood.one_step import Record, state_vector
-from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.structure import structure
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
@@ -96,7 +96,7 @@ def fit_log(
         known = known.with_coefficient(free.id, omega_s, stribeck_speed_std)
     advance()
     seen = bare.base if effects.table().hidden else bare
-    starts = [read_reference(course, noise), smoothed_by_filter(course, everything, seen, constants, noise)]
+    starts = [read_trajectory(course, noise), smoothed_by_filter(course, everything, seen, constants, noise)]
     fit = robust_fit(record, model, known, noise, starts)
     advance()
     noises = noise_posterior(fit)
@@ -120,10 +120,10 @@ def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     The first three ask whether the model is right whatever the noises are; the last whether the noises that a filter
     was told (constants) are the record's. Kept apart because torque noise large enough explains any model.
     """
-    frame, noises = fit.fit.frame, fit.noises
-    course = frame.record.course
+    linearised, noises = fit.fit.linearised, fit.noises
+    course = linearised.record.course
     ratio = noises.acceleration_noise**2 * course.period_s / noises.speed_noise_rad_s**2
-    r, A, _ = frame.whitened(ratio, noises.speed_noise_rad_s**2, frame.columns, frame.memory_columns)
+    r, A, _ = linearised.whitened(ratio, noises.speed_noise_rad_s**2, linearised.jacobian, linearised.memory_jacobian)
     left = r - A @ noises.correction
     found = consistency_of(left, np.ones(left.size), np.ones(left.size, dtype=bool))
     if found.whiteness_p is None:
@@ -132,6 +132,6 @@ def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     mean, covariance = frozen(fit.parameters, state_vector(coefficients, fit.effects))
     run = filter_log(course, without_drift(constants), mean, covariance, fit.effects)
     told = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
-    with_memory = frame.memory_columns.size > 0  # what would be added has no slope by the memory
+    with_memory = linearised.memory_jacobian.size > 0  # what would be added has no slope by the memory
     p_value = None if with_memory else structure(fit.fit).p_value
     return replace(found, noise_ratio=told.noise_ratio, structure_p=p_value)

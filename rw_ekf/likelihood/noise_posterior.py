@@ -18,7 +18,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.frame import Frame, Noise
+from rw_ekf.likelihood.linearisation import Linearisation, Noise
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, Likelihood, Rows, at_ratio
 
@@ -39,21 +39,21 @@ class NoisePosterior:
     acceleration_noise_std: float
     acceleration_noise_limit: float  # 95 % of the distribution lies below
     acceleration_noise_seen: bool  # zero is outside 95 % of the distribution: the data ask for some
-    log_evidence: float  # of the model on this frame: log of the sum of L over the grid
+    log_evidence: float  # of the model on this linearised: log of the sum of L over the grid
 
 
 def noise_posterior(fit: Fit) -> NoisePosterior:
-    """Integrate over the ratio of noises, on a grid around the top of its distribution, along a fit's reference."""
-    frame, noise = fit.frame, fit.noise
+    """Integrate over the ratio of noises, on a grid around the top of its distribution, along a fit's trajectory."""
+    linearised, noise = fit.linearised, fit.noise
     known = None if fit.prior is None else prior_rows(fit.prior, fit.model)
-    points = _grid(frame, known, noise)
+    points = _grid(linearised, known, noise)
     logs = np.array([_density(item) for item in points])
     weights = np.exp(logs - logs.max())
     total = float(weights.sum())
     weights /= total
     ratios = np.array([item.noise.ratio for item in points])
     variances = np.array([item.noise.variance for item in points])
-    densities = ratios * variances / frame.record.course.period_s  # q
+    densities = ratios * variances / linearised.record.course.period_s  # q
     mean = np.einsum("i,ij->j", weights, np.array([item.correction for item in points]))
     covariance = np.zeros((mean.size, mean.size))
     for weight, item in zip(weights, points, strict=True):
@@ -65,7 +65,7 @@ def noise_posterior(fit: Fit) -> NoisePosterior:
     within = float(weights @ (variances - sigma**2) ** 2)  # of R between the ratios; within each, R's own chi-square
     own = 2.0 * sigma**4 / max(points[0].count, 1)
     limit = float(np.interp(0.95, np.cumsum(weights), deviation))
-    without = _marginal(at_ratio(frame, known, noise.variance, LEAST_RATIO))
+    without = _marginal(at_ratio(linearised, known, noise.variance, LEAST_RATIO))
     return NoisePosterior(
         correction=mean,
         covariance=covariance,
@@ -89,14 +89,14 @@ def _density(item: Likelihood) -> float:
     return _marginal(item) + 0.5 * math.log(item.noise.ratio)
 
 
-def _grid(frame: Frame, known: Rows | None, noise: Noise) -> list[Likelihood]:
+def _grid(linearised: Linearisation, known: Rows | None, noise: Noise) -> list[Likelihood]:
     """Likelihoods at ratios a step apart, as far to both sides as they matter, in rising order."""
     low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
     found: dict[int, Likelihood] = {}
 
     def at(place: int) -> float:
         if place not in found:
-            found[place] = at_ratio(frame, known, noise.variance, math.exp(low + _STEP * place))
+            found[place] = at_ratio(linearised, known, noise.variance, math.exp(low + _STEP * place))
         return _density(found[place])
 
     last = int((high - low) / _STEP)

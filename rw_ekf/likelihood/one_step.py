@@ -1,6 +1,6 @@
-"""One-step predictions along a reference trajectory: what a model says of every interval, and how it depends on things.
+"""One-step predictions along a trajectory: what a model says of every interval, and how it depends on things.
 
-The reference is the smoothed speed, close to the truth whatever the model lacks: each interval is predicted from it on
+The trajectory is the smoothed speed, close to the truth whatever the model lacks: each interval is predicted from it on
 its own, so that a wrong model shows as a defect where it is wrong and nowhere else (docs/diagnosis.md eq. 1-2).
 """
 
@@ -29,7 +29,7 @@ from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 _SPREAD = math.sqrt(3.0)
 
 
-class Reference(NamedTuple):
+class Trajectory(NamedTuple):
     """The trajectory that everything is linearised along: smoothed speed and, with a memory, friction; arrays (n,)."""
 
     speed: Float64Array
@@ -38,7 +38,7 @@ class Reference(NamedTuple):
     memory_spread: Float64Array
 
     @classmethod
-    def of_speed(cls, speed: Float64Array, spread: Float64Array) -> Reference:
+    def of_speed(cls, speed: Float64Array, spread: Float64Array) -> Trajectory:
         """Of a speed alone."""
         return cls(speed, spread, np.full(speed.size, np.nan), np.full(speed.size, np.nan))
 
@@ -59,16 +59,16 @@ def _one_step_pass(
     stribeck: Stribeck,
     course: Course,
     follows: BoolArray,
-    reference: Reference,
+    trajectory: Trajectory,
     out: Prediction,
 ) -> None:
-    """Predict sample i + 1 from the reference at i wherever follows[i + 1]; fill `out`, which holds zeros.
+    """Predict sample i + 1 from the trajectory at i wherever follows[i + 1]; fill `out`, which holds zeros.
 
-    A memory is carried on from the interval before where its reference is NaN. Slopes are statistical near zero, over
-    the spreads of the reference; `out` has no rows of slopes, or of rows, where they are not wanted.
+    A memory is carried on from the interval before where its trajectory is NaN. Slopes are statistical near zero, over
+    the spreads of the trajectory; `out` has no rows of slopes, or of rows, where they are not wanted.
     """
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
-    speed, spread, memory, memory_spread = reference
+    speed, spread, memory, memory_spread = trajectory
     end, memory_end, slopes, bend, rows = out
     n = table.size
     state = x.copy()
@@ -130,7 +130,7 @@ def _example() -> tuple[Any, ...]:
     series, whole = np.zeros(0), np.zeros((0, STATE_SIZE))
     return (
         series, NO_EFFECTS.table(), Stribeck(1.0, 0), Course.of(series, series, series), np.zeros(0, np.bool_),
-        Reference(*[series] * 4), Prediction(series, series, whole, series, whole),
+        Trajectory(*[series] * 4), Prediction(series, series, whole, series, whole),
     )  # fmt: skip
 
 
@@ -178,14 +178,14 @@ def predict(
     parameters: Float64Array,
     effects: EffectSet,
     stribeck: Stribeck,
-    reference: Reference,
+    trajectory: Trajectory,
     *,
     with_rows: bool = False,
     with_slopes: bool = True,
 ) -> Prediction:
-    """One-step predictions for parameters (4 + coefficients,) along a reference."""
+    """One-step predictions for parameters (4 + coefficients,) along a trajectory."""
     table = effects.table()
-    n = reference.speed.size
+    n = trajectory.speed.size
     out = Prediction(
         np.zeros(n),
         np.zeros(n),
@@ -195,11 +195,11 @@ def predict(
     )
     record.work.charge(pass_units(int(np.count_nonzero(record.follows)), table, slopes=with_slopes, rows=with_rows))
     x = state_vector(parameters, effects)
-    memory_spread = np.where(np.isnan(reference.memory_spread), 0.1 * abs(x[COULOMB]), reference.memory_spread)
+    memory_spread = np.where(np.isnan(trajectory.memory_spread), 0.1 * abs(x[COULOMB]), trajectory.memory_spread)
     # A column of a table has another layout, for which numba would compile the pass anew.
-    speed, spread, memory = map(np.ascontiguousarray, reference[:3])
+    speed, spread, memory = map(np.ascontiguousarray, trajectory[:3])
     one_step_pass(
         x, table, stribeck, record.course, record.follows,
-        Reference(speed, spread, memory, memory_spread), out,
+        Trajectory(speed, spread, memory, memory_spread), out,
     )  # fmt: skip
     return out

@@ -1,4 +1,4 @@
-"""The likelihood of a model along a reference with the noises profiled out (docs/diagnosis.md).
+"""The likelihood of a model along a trajectory with the noises profiled out (docs/diagnosis.md).
 
 The noises are never known beforehand, and a model that lacks something pays in process noise. So every comparison of
 models is between likelihoods each at its own best ratio of noises, q dt / R; R itself drops out in closed form.
@@ -13,7 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import Belief
-from rw_ekf.likelihood.frame import Frame, Noise
+from rw_ekf.likelihood.linearisation import Linearisation, Noise
 from rw_ekf.likelihood.model import prior_rows
 
 # Of q dt to R: over a record of 10^5 samples the speed then wanders by a tenth of a reading's noise.
@@ -34,7 +34,7 @@ class Likelihood:
     count: int
 
 
-def likelihood(frame: Frame, prior: Belief | None, noise: Noise) -> Likelihood:
+def likelihood(linearised: Linearisation, prior: Belief | None, noise: Noise) -> Likelihood:
     """Maximise over corrections of the vector, R and the ratio of noises; start from `noise`.
 
     The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
@@ -43,11 +43,11 @@ def likelihood(frame: Frame, prior: Belief | None, noise: Noise) -> Likelihood:
     from scipy.optimize import minimize_scalar
 
     found: dict[float, Likelihood] = {}
-    known = None if prior is None else prior_rows(prior, frame.model)
+    known = None if prior is None else prior_rows(prior, linearised.model)
 
     def negative(log_ratio: float) -> float:
         ratio = math.exp(log_ratio)
-        found[log_ratio] = at_ratio(frame, known, noise.variance, ratio)
+        found[log_ratio] = at_ratio(linearised, known, noise.variance, ratio)
         return -found[log_ratio].restricted
 
     low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
@@ -56,9 +56,9 @@ def likelihood(frame: Frame, prior: Belief | None, noise: Noise) -> Likelihood:
     return max(found.values(), key=lambda item: item.restricted)
 
 
-def at_ratio(frame: Frame, known: Rows | None, scale: float, ratio: float) -> Likelihood:
+def at_ratio(linearised: Linearisation, known: Rows | None, scale: float, ratio: float) -> Likelihood:
     """Maximise over corrections of the vector and R at one ratio of noises; scale: about what R is [rad^2/s^2]."""
-    r, A, logs = frame.whitened(ratio, scale, frame.columns, frame.memory_columns)
+    r, A, logs = linearised.whitened(ratio, scale, linearised.jacobian, linearised.memory_jacobian)
     n = r.size
     size = A.shape[1]
     weights = np.linalg.norm(A, axis=0)
@@ -72,7 +72,7 @@ def at_ratio(frame: Frame, known: Rows | None, scale: float, ratio: float) -> Li
     pull, offset = np.zeros((size, size)), np.zeros(size)
     if known is not None:
         W, aim = known
-        pull, offset = W.T @ W, W.T @ (aim - W @ frame.model.vector)
+        pull, offset = W.T @ W, W.T @ (aim - W @ linearised.model.vector)
     # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
     total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
     step = np.linalg.solve(total, target + offset / weights)
@@ -85,7 +85,7 @@ def at_ratio(frame: Frame, known: Rows | None, scale: float, ratio: float) -> Li
     return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
 
 
-def value_of(frame: Frame, noise: Noise) -> Likelihood:
+def value_of(linearised: Linearisation, noise: Noise) -> Likelihood:
     """Likelihood of the model as it stands, nothing corrected, at a given ratio of noises."""
-    bare = replace(frame, columns=frame.columns[:, :0], memory_columns=frame.memory_columns[:, :0])
+    bare = replace(linearised, jacobian=linearised.jacobian[:, :0], memory_jacobian=linearised.memory_jacobian[:, :0])
     return at_ratio(bare, None, noise.variance, noise.ratio)

@@ -1,4 +1,4 @@
-"""A model fitted along several references, the likeliest kept, and readings that no noise explains left out."""
+"""A model fitted along several trajectories, the likeliest kept, and readings that no noise explains left out."""
 
 from __future__ import annotations
 
@@ -12,42 +12,42 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import OUTLIER_SHARE, OUTLIER_STDS
 from rw_ekf.likelihood.fitting import Fit, fit_model
-from rw_ekf.likelihood.frame import Noise
 from rw_ekf.likelihood.frozen_filter import run_frozen
+from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.model.state import SPEED
 
 _FILTER_RATIO = 1.0e-3  # q dt / R
 
 
-def read_reference(course: Course, noise_rad_s: float) -> Reference:
+def read_trajectory(course: Course, noise_rad_s: float) -> Trajectory:
     """The readings themselves, gaps bridged: no model has had a say in them."""
-    return Reference.of_speed(bridged(course.speed_rad_s), np.full(course.samples, noise_rad_s))
+    return Trajectory.of_speed(bridged(course.speed_rad_s), np.full(course.samples, noise_rad_s))
 
 
 def smoothed_by_filter(
     course: Course, part: BoolArray, model: Model, constants: FilterConstants, noise_rad_s: float
-) -> Reference:
+) -> Trajectory:
     """The speed smoothed by the filter itself, its parameters frozen: near rest only a model tells stick from slip.
 
     model: without hidden states. Readings outside `part` (n,) are not looked at.
     """
     run = run_frozen(course.only(part), model, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
     means, stds = smooth_log(run)
-    return Reference.of_speed(means[:, SPEED], np.maximum(stds[:, SPEED], 0.02 * noise_rad_s))
+    return Trajectory.of_speed(means[:, SPEED], np.maximum(stds[:, SPEED], 0.02 * noise_rad_s))
 
 
-def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, starts: list[Reference]) -> Fit:
-    """Fit from each reference, keep the likeliest, leave out the readings that no noise explains, and fit again."""
+def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, starts: list[Trajectory]) -> Fit:
+    """Fit from each trajectory, keep the likeliest, leave out the readings that no noise explains, and fit again."""
     n = record.course.time_s.size
     noise = Noise(noise_rad_s**2, 1.0e-2)
     none = np.zeros(n, dtype=bool)
-    fits = [fit_model(record, model, prior, reference, noise, none) for reference in starts]
+    fits = [fit_model(record, model, prior, trajectory, noise, none) for trajectory in starts]
     fit = max(fits, key=lambda item: item.likelihood.value)
     spikes = outliers(fit)
     if spikes.any() and spikes.sum() <= OUTLIER_SHARE * n:
-        return fit_model(record, fit.model, prior, fit.reference, fit.noise, spikes)
+        return fit_model(record, fit.model, prior, fit.trajectory, fit.noise, spikes)
     return fit
 
 
@@ -58,7 +58,7 @@ def likelier_along_filter(fit: Fit, start: Fit, model: Model) -> Fit:
     """
     if model.effects.table().hidden:
         return fit
-    record = start.frame.record
+    record = start.linearised.record
     part = record.follows | np.append(record.follows[1:], False)
     noise = float(np.sqrt(start.noise.variance))
     path = smoothed_by_filter(record.course, part & ~start.omit, model, record.constants, noise)
@@ -68,8 +68,8 @@ def likelier_along_filter(fit: Fit, start: Fit, model: Model) -> Fit:
 
 def outliers(fit: Fit) -> BoolArray:
     """Readings beyond six standard deviations of what the model predicts, (n,)."""
-    none = np.zeros((fit.frame.chain.reading.size, 0))
-    r, _, _ = fit.frame.whitened(fit.noise.ratio, fit.noise.variance, none)
-    found = np.zeros(fit.frame.chain.reading.size, dtype=bool)
-    found[fit.frame.innovation_at] = np.abs(r) > OUTLIER_STDS
+    none = np.zeros((fit.linearised.chain.reading.size, 0))
+    r, _, _ = fit.linearised.whitened(fit.noise.ratio, fit.noise.variance, none)
+    found = np.zeros(fit.linearised.chain.reading.size, dtype=bool)
+    found[fit.linearised.innovation_at] = np.abs(r) > OUTLIER_STDS
     return found

@@ -1,8 +1,8 @@
 """Is there structure beside what is fitted? One joint test of what wheels usually lack.
 
 A wrong model pays in process noise, and once a filter is told of that noise its innovations look like innovations
-should. So the question is not whether they are white, but whether a few more columns would make the readings clearly
-likelier, each side at its own best ratio of noises (docs/diagnosis.md eq. 6a). The columns are those of the commonest
+should. So the question is not whether they are white, but whether a few more regressors would make the readings
+clearly likelier, each side at its own best ratio of noises (docs/diagnosis.md eq. 6a). They are those of the commonest
 effects; which of them it is, `rw-ekf diagnose` has to say.
 """
 
@@ -25,15 +25,15 @@ from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
 from rw_ekf.wheel.table import EffectSet
 
 _INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
-_RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a column explains is no process noise any more
+_RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a regressor explains is no process noise any more
 _STEP = 1.2
 _TURNING = 2.0  # Stribeck speeds: below, what torque noise does to a wheel that may stop at any moment is not linear
-_OWN_SHARE = 0.05  # of a column's length that the parameters cannot follow: less says nothing
+_OWN_SHARE = 0.05  # of a regressor's length that the parameters cannot follow: less says nothing
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Outcome of the joint test; p None where no column says anything of its own."""
+    """Outcome of the joint test; p None where no regressor says anything of its own."""
 
     statistic: float
     freedom: int
@@ -45,7 +45,7 @@ def slopes_by_torque(fit: Fit) -> tuple[Float64Array, Float64Array]:
     model = fit.model
     probe = EffectSet((Term.of(TORQUE),))
     rows = predict(
-        fit.frame.record, np.array([*model.parameters, 0.0]), probe, model.stribeck, fit.reference,
+        fit.linearised.record, np.array([*model.parameters, 0.0]), probe, model.stribeck, fit.trajectory,
         with_rows=True, with_slopes=False,
     ).rows  # fmt: skip
     return -rows[:, STATE_SIZE], rows[:, COULOMB] + rows[:, STATIC]
@@ -60,8 +60,8 @@ def hats(values: Float64Array, count: int, low: float, high: float) -> Float64Ar
 
 def structure(fit: Fit) -> Structure:
     """Test the fit of a model without friction that has a memory for what the commonest effects would add."""
-    frame = fit.frame
-    extra = _columns(fit)
+    linearised = fit.linearised
+    extra = _regressors(fit)
     best_with, best_without = -math.inf, -math.inf
     with_value, without_value = 0.0, 0.0
     freedom = 0
@@ -70,8 +70,8 @@ def structure(fit: Fit) -> Structure:
     keep = np.zeros(extra.shape[1], dtype=bool)
     for number in range(_RATIOS_BELOW + 1):
         ratio = max(fit.noise.ratio * math.exp(-_STEP * number), LEAST_RATIO)
-        r, A, logs = frame.whitened(ratio, scale, np.column_stack((frame.columns, extra)))
-        own, more = A[:, : frame.columns.shape[1]], A[:, frame.columns.shape[1] :]
+        r, A, logs = linearised.whitened(ratio, scale, np.column_stack((linearised.jacobian, extra)))
+        own, more = A[:, : linearised.jacobian.shape[1]], A[:, linearised.jacobian.shape[1] :]
         Q, sizes = _basis(own, pull)
         left, beside = r - Q @ (Q.T @ r), more - Q @ (Q.T @ more)
         if number == 0:
@@ -104,7 +104,7 @@ def _value(rss: float, count: int, logs: float) -> float:
 
 
 def _basis(own: Float64Array, pull: Float64Array) -> tuple[Float64Array, float]:
-    """Orthonormal basis (n, p) of the model's own columns, and half the log-determinant of their information."""
+    """Orthonormal basis (n, p) of the model's own regressors, and half the log-determinant of their information."""
     triangle = np.asarray(np.linalg.qr(np.vstack((own, pull)), mode="r"))
     diagonal = np.abs(np.diag(triangle))
     seen = np.linalg.norm(own, axis=0) > 0.0
@@ -112,12 +112,12 @@ def _basis(own: Float64Array, pull: Float64Array) -> tuple[Float64Array, float]:
     return Q, float(np.sum(np.log(np.maximum(diagonal, 1.0e-300))))
 
 
-def _columns(fit: Fit) -> Float64Array:
+def _regressors(fit: Fit) -> Float64Array:
     """One-step slopes by what is tried, (n, m): torques and dry frictions that depend on speed, current and time."""
     drive, dry = slopes_by_torque(fit)
-    record, model = fit.frame.record, fit.model
+    record, model = fit.linearised.record, fit.model
     n = drive.size
-    speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
+    speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
     size = np.abs(speed)
     top = max(float(np.quantile(size, 0.99)), 1.0e-9)
     current = record.course.mean_current_A
@@ -138,6 +138,6 @@ def _columns(fit: Fit) -> Float64Array:
         warmer = np.where(np.isfinite(warmth), warmth - np.nanmean(warmth), 0.0)
         if np.ptp(warmer) > 0.5:
             found += [dry * warmer, drive * speed * warmer, drive * current * warmer]
-    columns = np.column_stack(found)
-    columns[~record.follows | (size < _TURNING * model.stribeck.omega_s)] = 0.0
-    return np.ascontiguousarray(columns[:, np.any(columns != 0.0, axis=0)])
+    regressors = np.column_stack(found)
+    regressors[~record.follows | (size < _TURNING * model.stribeck.omega_s)] = 0.0
+    return np.ascontiguousarray(regressors[:, np.any(regressors != 0.0, axis=0)])

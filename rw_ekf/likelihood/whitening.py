@@ -1,11 +1,11 @@
-"""The innovations of a linear filter along the reference, and of every column at once: a likelihood by least squares.
+"""Innovations of a linear filter along the trajectory, and of every regressor at once: a likelihood by least squares.
 
-With delta the true speed (and friction with a memory) less the reference, p the parameters' corrections,
+With delta the true speed (and friction with a memory) less the trajectory, p the parameters' corrections,
 
-    delta[i+1] = F delta[i] + (end - reference[i+1]) + C p + w,   w ~ N(0, q dt + extra),
-    reading - reference = delta + v
+    delta[i+1] = F delta[i] + (end - trajectory[i+1]) + C p + w,   w ~ N(0, q dt + extra),
+    reading - trajectory = delta + v
 
-(docs/diagnosis.md eq. 3-5) a Kalman filter with known q and R turns readings and columns C alike into independent
+(docs/diagnosis.md eq. 3-5) a Kalman filter with known q and R turns readings and regressors C alike into independent
 numbers of unit variance: r - A p is white where the model holds. Everything after that is linear regression.
 
 The state is (speed, memory); for a model without a memory the slopes by it, and from it, are zero.
@@ -24,23 +24,23 @@ from rw_ekf.wheel.compiled import compile_cached
 
 
 class Chain(NamedTuple):
-    """The linear model along the reference, but for its columns and noises; arrays over samples."""
+    """The linear model along the trajectory, but for its regressors and noises; arrays over samples."""
 
     follows: BoolArray  # (n,)
     step_s: Float64Array  # (n,)
     noisy_s: Float64Array  # (n,) of the step, in which process noise moves the speed: none at rest
     slopes: Float64Array  # (n, 4) of (speed, memory) by (speed, memory), row by row
-    defect: Float64Array  # (n,) predicted less reference speed
+    defect: Float64Array  # (n,) predicted less trajectory speed
     memory_defect: Float64Array  # (n,)
     extra: Float64Array  # (n,) variance of a transition beyond process noise
     memory_variance: float  # of the memory where a stretch begins, 0 without one
-    reading: Float64Array  # (n,) measured less reference, NaN where missing
+    reading: Float64Array  # (n,) measured less trajectory, NaN where missing
 
 
 def _whiten(
     chain: Chain,
-    columns: Float64Array,
-    memory_columns: Float64Array,
+    regressors: Float64Array,
+    memory_regressors: Float64Array,
     q: float,
     R: float,
     r: Float64Array,
@@ -48,11 +48,11 @@ def _whiten(
 ) -> float:
     """Fill r (n,) and A (n, m), untouched where there is no innovation; returns the sum of log S over those there are.
 
-    columns (n, m); memory_columns (n, m), or (0, m) where they are zero. A stretch starts from its first reading, as
-    nothing is known before it.
+    regressors (n, m); memory_regressors (n, m), or (0, m) where they are zero. A stretch starts from its first reading,
+    as nothing is known before it.
     """
-    n, m = columns.shape
-    with_memory = memory_columns.shape[0] > 0
+    n, m = regressors.shape
+    with_memory = memory_regressors.shape[0] > 0
     carried = np.zeros(m)
     held = np.zeros(m)
     known = False
@@ -81,15 +81,15 @@ def _whiten(
         if with_memory:
             for j in range(m):
                 first = carried[j]
-                carried[j] = a * first + b * held[j] + columns[i, j]
-                held[j] = c * first + d * held[j] + memory_columns[i, j]
+                carried[j] = a * first + b * held[j] + regressors[i, j]
+                held[j] = c * first + d * held[j] + memory_regressors[i, j]
         elif b == 0.0 and c == 0.0:
             for j in range(m):
-                carried[j] = a * carried[j] + columns[i, j]
+                carried[j] = a * carried[j] + regressors[i, j]
         else:
             for j in range(m):
                 first = carried[j]
-                carried[j] = a * first + b * held[j] + columns[i, j]
+                carried[j] = a * first + b * held[j] + regressors[i, j]
                 held[j] = c * first + d * held[j]
         if not has:
             continue
@@ -112,8 +112,9 @@ def _whiten(
 
 
 def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Float64Array) -> None:
-    """Transpose of `whiten` for columns of the speed: column' adjoint = A' white; white (n,) zero without innovation.
+    """Transpose of `whiten` for regressors of the speed: regressor' adjoint = A' white.
 
+    white (n,) is zero where there is no innovation.
     The memory's part is left out: this only screens frequencies.
     """
     n = chain.reading.size
@@ -146,7 +147,7 @@ def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Flo
 
 
 def _smooth(chain: Chain, q: float, R: float, means: Float64Array, variances: Float64Array) -> None:
-    """(speed, memory) less reference given all readings of the stretch: means (n, 2), variances (n, 2).
+    """(speed, memory) less trajectory given all readings of the stretch: means (n, 2), variances (n, 2).
 
     Bryson and Frazier's form: nothing is inverted, and a memory that fades leaves nearly singular covariances. Before
     a stretch's first reading: zero, with variance R and memory_variance.

@@ -32,11 +32,11 @@ _STATIC = 70.0  # a static effect's contribution, or its slope
 _MEMORY = 550.0  # a flow of friction with a memory
 _LAG_STEPS = 3.0  # pieces that a lagging current is followed in
 _PHASOR = 10.0  # a sample's phasor turned on by one frequency
-_WHITE = 12.0  # a sample of one column whitened and projected
+_WHITE = 12.0  # a sample of one regressor whitened and projected
 
 
 def pass_units(intervals: int, table: EffectTable, *, slopes: bool, rows: bool) -> float:
-    """Units of one pass of one-step predictions; slopes by the reference double it or more, rows come on top."""
+    """Units of one pass of one-step predictions; slopes by the trajectory double it or more, rows come on top."""
     flow = _MEMORY if table.memory_at != ABSENT else _PASS
     one = flow + _STATIC * table.static_at.size
     runs = 1.0 + (4.0 if table.hidden > 0 else 0.5) * slopes
@@ -44,9 +44,9 @@ def pass_units(intervals: int, table: EffectTable, *, slopes: bool, rows: bool) 
     return intervals * (runs * one + more) * (_LAG_STEPS if table.lag_at != ABSENT else 1.0)
 
 
-def whitening_units(samples: int, columns: int) -> float:
-    """Units of whitening columns and a residual, and of the products that follow."""
-    return samples * (_WHITE * (columns + 2.0) + 0.5 * columns * columns)
+def whitening_units(samples: int, regressors: int) -> float:
+    """Units of whitening regressors and a residual, and of the products that follow."""
+    return samples * (_WHITE * (regressors + 2.0) + 0.5 * regressors * regressors)
 
 
 def screening_units(samples: int, frequencies: int) -> float:

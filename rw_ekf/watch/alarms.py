@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rw_ekf.numbers import number_of, plus_minus
+
 DRAG_SPIKE = "drag_spike"
 RESIDUAL = "residual_not_noise"
 OVER = {DRAG_SPIKE: "drag_spike_over", RESIDUAL: "residual_noise_again"}
@@ -44,8 +46,9 @@ def _residual_sentence(alarm: Alarm, since: str, ended: str) -> str:
 
 
 def _spike_sentence(alarm: Alarm, since: str, ended: str) -> str:
-    amplitude, std = alarm.details["amplitude_rad_s2"], alarm.details["std_rad_s2"]
-    size = f"{amplitude:.3g} rad/s^2 at least" if std is None else f"{amplitude:.3g} +- {std:.1g} rad/s^2"
+    amplitude, std = (number_of(alarm.details[key]) for key in ("amplitude_rad_s2", "std_rad_s2"))
+    assert amplitude is not None
+    size = f"{amplitude:.3g} rad/s^2 at least" if std is None else f"{plus_minus(amplitude, std)} rad/s^2"
     torque = alarm.details.get("amplitude_mNm")
     if torque is not None:
         inertia = alarm.details.get("inertia_kg_m2")

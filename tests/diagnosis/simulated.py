@@ -16,10 +16,10 @@ from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import filter_constants
-from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_reference
-from rw_ekf.likelihood.frame import Noise, linearise
+from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_trajectory
+from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
@@ -59,13 +59,13 @@ def record_of(run: PlantRun) -> Record:
     )
 
 
-def first_reference(record: Record, model: Model) -> Reference:
+def first_trajectory(record: Record, model: Model) -> Trajectory:
     """The readings smoothed once under a model: along the readings themselves no likelihood means anything."""
     speed = record.course.speed_rad_s
     noise = Noise(RAD_S_PER_RPM**2, 1.0e-2)
-    raw = Reference.of_speed(speed.copy(), np.full(speed.size, RAD_S_PER_RPM))
-    frame = linearise(record, model, raw, noise, np.zeros(speed.size, dtype=bool), with_columns=False)
-    return smoothed_reference(frame, np.zeros(0), noise)
+    raw = Trajectory.of_speed(speed.copy(), np.full(speed.size, RAD_S_PER_RPM))
+    linearised = linearise(record, model, raw, noise, np.zeros(speed.size, dtype=bool), with_jacobian=False)
+    return smoothed_trajectory(linearised, np.zeros(0), noise)
 
 
 def fitted(record: Record, model: Model = TRUTH, start: Fit | None = None) -> Fit:
@@ -73,9 +73,9 @@ def fitted(record: Record, model: Model = TRUTH, start: Fit | None = None) -> Fi
     omit = np.zeros(record.follows.size, dtype=bool)
     if start is None:
         return fit_model(
-            record, model, DEFAULT_PRIOR, first_reference(record, model), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit
+            record, model, DEFAULT_PRIOR, first_trajectory(record, model), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit
         )
-    return fit_model(record, model, DEFAULT_PRIOR, start.reference, start.noise, omit)
+    return fit_model(record, model, DEFAULT_PRIOR, start.trajectory, start.noise, omit)
 
 
 def log_of(run: PlantRun, *, angle: bool = False) -> WheelLog:

@@ -13,10 +13,10 @@ from rw_ekf.diagnosis.prepare.preparation import facts_of
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.likelihood.fitting import fit_model, smoothed_reference
-from rw_ekf.likelihood.frame import Noise, linearise
+from rw_ekf.likelihood.fitting import fit_model, smoothed_trajectory
+from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference, predict
+from rw_ekf.likelihood.one_step import Record, Trajectory, predict
 from rw_ekf.likelihood.profile import likelihood
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.units import RAD_S_PER_RPM
@@ -44,13 +44,13 @@ STATIC = [
 ]
 
 
-def along_truth(samples: int, seed: int) -> tuple[Record, Reference]:
-    """A record, and the plant's own speed as the reference."""
+def along_truth(samples: int, seed: int) -> tuple[Record, Trajectory]:
+    """A record, and the plant's own speed as the trajectory."""
     run = simulated(seed=seed, samples=samples)
-    return record_of(run), Reference.of_speed(run.speed_rad_s.copy(), np.full(samples, 0.1 * RAD_S_PER_RPM))
+    return record_of(run), Trajectory.of_speed(run.speed_rad_s.copy(), np.full(samples, 0.1 * RAD_S_PER_RPM))
 
 
-def differences(record: Record, model: Model, reference: Reference, sizes: Float64Array) -> Float64Array:
+def differences(record: Record, model: Model, trajectory: Trajectory, sizes: Float64Array) -> Float64Array:
     """Slopes of every prediction by the model's coefficients, from two predictions each, (n, p)."""
     found = []
     for j, size in enumerate(sizes):
@@ -58,7 +58,7 @@ def differences(record: Record, model: Model, reference: Reference, sizes: Float
         up[j] += size
         down[j] -= size
         ends = [
-            predict(record, point, model.effects, model.stribeck, reference, with_slopes=False).end
+            predict(record, point, model.effects, model.stribeck, trajectory, with_slopes=False).end
             for point in (up, down)
         ]
         found.append((ends[0] - ends[1]) / (2.0 * size))
@@ -70,14 +70,14 @@ def test_written_slopes_are_the_derivative() -> None:
 
     Close to zero speed both are as exact as the integration; one in a thousand may break loose at one of the two only.
     """
-    record, reference = along_truth(1500, 1)
+    record, trajectory = along_truth(1500, 1)
     model = TRUTH.with_terms(*STATIC)
-    frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
-    checked = differences(record, model, reference, 1.0e-5 * np.abs(model.coefficients))
+    linearised = linearise(record, model, trajectory, QUIET, np.zeros(1500, dtype=bool))
+    checked = differences(record, model, trajectory, 1.0e-5 * np.abs(model.coefficients))
     scale = np.max(np.abs(checked), axis=0)
     assert np.all(scale > 0.0)
-    assert np.mean(np.abs(frame.columns - checked) < 1.0e-4 * scale) > 0.999
-    assert np.all(frame.columns[~record.follows] == 0.0)
+    assert np.mean(np.abs(linearised.jacobian - checked) < 1.0e-4 * scale) > 0.999
+    assert np.all(linearised.jacobian[~record.follows] == 0.0)
 
 
 @pytest.mark.parametrize(
@@ -88,20 +88,20 @@ def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Term) -> N
 
     One interval in fifty may break loose, or come to rest, in one of them only.
     """
-    record, reference = along_truth(1500, 3)
+    record, trajectory = along_truth(1500, 3)
     model = TRUTH.with_terms(*STATIC, added)
-    memory = np.clip(0.3 * reference.speed, -TRUTH.parameters.coulomb, TRUTH.parameters.coulomb)
-    reference = reference._replace(memory=memory, memory_spread=np.full(1500, 0.05))
-    frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
+    memory = np.clip(0.3 * trajectory.speed, -TRUTH.parameters.coulomb, TRUTH.parameters.coulomb)
+    trajectory = trajectory._replace(memory=memory, memory_spread=np.full(1500, 0.05))
+    linearised = linearise(record, model, trajectory, QUIET, np.zeros(1500, dtype=bool))
     for j, size in enumerate(1.0e-4 * np.abs(model.coefficients)):
         ends = []
         for way in (size, -size):
             point = model.coefficients
             point[j] += way
-            ends.append(predict(record, point, model.effects, model.stribeck, reference, with_slopes=False))
+            ends.append(predict(record, point, model.effects, model.stribeck, trajectory, with_slopes=False))
         for found, up, down in (
-            (frame.columns[:, j], ends[0].end, ends[1].end),
-            (frame.memory_columns[:, j], ends[0].memory_end, ends[1].memory_end),
+            (linearised.jacobian[:, j], ends[0].end, ends[1].end),
+            (linearised.memory_jacobian[:, j], ends[0].memory_end, ends[1].memory_end),
         ):
             checked = (up - down) / (2.0 * size)
             scale = np.quantile(np.abs(checked), 0.99)
@@ -113,11 +113,11 @@ def test_slopes_of_a_friction_with_a_memory_are_the_derivative(added: Term) -> N
 )
 def test_slopes_by_differences_hardly_depend_on_the_step(added: Term) -> None:
     """Beside what has no written slope, written or by difference: differences of another width say the same."""
-    record, reference = along_truth(1500, 2)
+    record, trajectory = along_truth(1500, 2)
     model = TRUTH.with_terms(added)
-    frame = linearise(record, model, reference, QUIET, np.zeros(1500, dtype=bool))
-    checked = differences(record, model, reference, 1.0e-4 * np.abs(model.coefficients))
-    away = np.linalg.norm(frame.columns - checked, axis=0) / np.linalg.norm(checked, axis=0)
+    linearised = linearise(record, model, trajectory, QUIET, np.zeros(1500, dtype=bool))
+    checked = differences(record, model, trajectory, 1.0e-4 * np.abs(model.coefficients))
+    away = np.linalg.norm(linearised.jacobian - checked, axis=0) / np.linalg.norm(checked, axis=0)
     assert np.all(away < 0.05), away
 
 
@@ -127,14 +127,14 @@ def test_the_truth_is_beaten_by_chance_alone() -> None:
     for seed in range(12):
         record = record_of(simulated(seed=seed, profile="P2", samples=1500))
         fit = fitted(record)
-        reference = fit.reference
-        for _ in range(2):  # the truth is judged along its own reference, as the fit is
-            frame = linearise(record, TRUTH, reference, fit.noise, fit.omit, with_columns=False)
-            own = likelihood(frame, None, fit.noise)
-            reference = smoothed_reference(frame, np.zeros(0), own.noise)
+        trajectory = fit.trajectory
+        for _ in range(2):  # the truth is judged along its own trajectory, as the fit is
+            linearised = linearise(record, TRUTH, trajectory, fit.noise, fit.omit, with_jacobian=False)
+            own = likelihood(linearised, None, fit.noise)
+            trajectory = smoothed_trajectory(linearised, np.zeros(0), own.noise)
         gains.append(2.0 * (fit.likelihood.value - own.value))
     assert max(gains) < chi2(4).ppf(1.0 - 1.0e-4)
-    assert min(gains) > -2.0  # the two are not judged along quite the same reference
+    assert min(gains) > -2.0  # the two are not judged along quite the same trajectory
     assert 2.0 < np.mean(gains) < 7.0
 
 
@@ -176,7 +176,7 @@ def test_readings_left_out_do_not_count() -> None:
     record = record_of(run)
     clean = fitted(record)
     speed[spikes] += 100.0 * RAD_S_PER_RPM
-    left_out = fit_model(record, TRUTH, DEFAULT_PRIOR, clean.reference, clean.noise, spikes)
+    left_out = fit_model(record, TRUTH, DEFAULT_PRIOR, clean.trajectory, clean.noise, spikes)
     assert left_out.likelihood.count == clean.likelihood.count - 3
     assert math.sqrt(left_out.noise.variance / clean.noise.variance) == pytest.approx(1.0, abs=0.01)
     assert np.all(np.abs(left_out.model.vector - clean.model.vector) < clean.std)

@@ -52,11 +52,13 @@ def stretches(chain: Chain) -> list[tuple[int, int]]:
 class Dense:
     """One stretch written out: mean and covariance of (speed, memory) at all its samples, given its first reading.
 
-    Column j of `columns` is what parameter j adds to the mean, for p = 1.
+    Column j of `regressors` is what parameter j adds to the mean, for p = 1.
     """
 
-    def __init__(self, chain: Chain, first: int, end: int, columns: Float64Array, memory_columns: Float64Array) -> None:
-        m = columns.shape[1]
+    def __init__(
+        self, chain: Chain, first: int, end: int, regressors: Float64Array, memory_regressors: Float64Array
+    ) -> None:
+        m = regressors.shape[1]
         count = end - first
         self.mean = np.zeros((count, 2))
         self.moved = np.zeros((count, 2, m))
@@ -69,7 +71,7 @@ class Dense:
             at = first + i
             F = chain.slopes[at].reshape(2, 2)
             self.mean[i] = F @ self.mean[i - 1] + (chain.defect[at], chain.memory_defect[at])
-            self.moved[i] = F @ self.moved[i - 1] + np.stack((columns[at], memory_columns[at]))
+            self.moved[i] = F @ self.moved[i - 1] + np.stack((regressors[at], memory_regressors[at]))
             sources[i] = F @ sources[i - 1]
             sources[i, 0, 2 + i] = 1.0
             variances[2 + i] = Q * chain.noisy_s[at] + chain.extra[at]
@@ -94,15 +96,15 @@ def test_whitening_is_generalised_least_squares(seed: int, memory: bool) -> None
     chain = random_chain(seed, memory=memory)
     n = chain.reading.size
     rng = np.random.default_rng([seed, 9])
-    columns, memory_columns = rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
+    regressors, memory_regressors = rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
     if not memory:
-        memory_columns[:] = 0.0
+        memory_regressors[:] = 0.0
     r, A = np.full(n, np.nan), np.zeros((n, 3))
-    logs = whiten(chain, columns, memory_columns if memory else memory_columns[:0], Q, R, r, A)
+    logs = whiten(chain, regressors, memory_regressors if memory else memory_regressors[:0], Q, R, r, A)
     squares, determinant, normal, target = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3)
     read = []
     for first, end in stretches(chain):
-        dense = Dense(chain, first, end, columns, memory_columns)
+        dense = Dense(chain, first, end, regressors, memory_regressors)
         slopes = dense.moved[dense.read, 0]
         squares += dense.error @ np.linalg.solve(dense.of_readings, dense.error)
         determinant += np.linalg.slogdet(dense.of_readings)[1]
@@ -117,33 +119,33 @@ def test_whitening_is_generalised_least_squares(seed: int, memory: bool) -> None
     assert np.allclose(A[used].T @ r[used], target, rtol=1e-10)
 
 
-def test_columns_without_memory_columns_still_pass_through_the_memory() -> None:
-    """No memory columns means zeros: a push on the speed reaches the memory and comes back."""
+def test_columns_without_memory_regressors_still_pass_through_the_memory() -> None:
+    """No memory regressors means zeros: a push on the speed reaches the memory and comes back."""
     chain = random_chain(7, memory=True)
     n = chain.reading.size
-    columns = np.random.default_rng(7).normal(size=(n, 2))
+    regressors = np.random.default_rng(7).normal(size=(n, 2))
     results: list[Float64Array] = []
     for held in (np.zeros((0, 2)), np.zeros((n, 2))):
         r, A = np.full(n, np.nan), np.zeros((n, 2))
-        whiten(chain, columns, held, Q, R, r, A)
+        whiten(chain, regressors, held, Q, R, r, A)
         results.append(A)
     assert np.array_equal(results[0], results[1])
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_adjoint_is_the_transpose(seed: int) -> None:
-    """column' (A' white) = (A column)' white for any column and white: screening sums what scoring would."""
+    """regressor' (A' white) = (A regressor)' white for any regressor and white: screening sums what scoring would."""
     chain = random_chain(seed, memory=False)
     n = chain.reading.size
     rng = np.random.default_rng([seed, 5])
-    columns = rng.normal(size=(n, 4))
+    regressors = rng.normal(size=(n, 4))
     r, A = np.full(n, np.nan), np.zeros((n, 4))
-    whiten(chain, columns, columns[:0], Q, R, r, A)
+    whiten(chain, regressors, regressors[:0], Q, R, r, A)
     white = np.where(np.isfinite(r), rng.normal(size=n), 0.0)
     back = np.full(n, np.nan)
     adjoint(chain, Q, R, white, back)
-    # A column enters with an interval alone: what stands where none leads to is never read.
-    moving = np.where(chain.follows[:, None], columns, 0.0)
+    # A regressor enters with an interval alone: what stands where none leads to is never read.
+    moving = np.where(chain.follows[:, None], regressors, 0.0)
     assert np.allclose(moving.T @ back, A.T @ white, rtol=1e-12, atol=1e-12)
 
 

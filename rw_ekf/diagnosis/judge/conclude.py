@@ -47,7 +47,7 @@ _REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rp
 
 def _lattice(found: Found) -> Lattice | None:
     """The grid of the readings, if it is coarser than their noise."""
-    prepared, fit = found.prepared, found.whole
+    prepared, fit = found.prepared, found.fit
     if GRID.id in prepared.base.model.effects.ids:
         return None
     performed = performance(prepared, fit)
@@ -66,7 +66,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     """Judge, decide, and write the document and the model."""
     lattice = _lattice(found)
     prepared, selection = found.prepared, found.selection
-    work, kept, course = prepared.whole.work, prepared.kept, prepared.whole.course
+    work, kept, course = prepared.record.work, prepared.kept, prepared.record.course
     inertia = prepared.setup.inertia_kg_m2 if configuration is None else configuration.wheel.inertia_kg_m2
     before = performance(prepared, selection.base, inertia)
     names, unexplained = found.new_ids, found.is_unexplained
@@ -209,7 +209,7 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     Of one effect that was added alone it is what the figures before and after say.
     """
     if CATALOGUE[name].local_in_time:
-        gain = event_gain(found.whole, name, found.prepared.seen)
+        gain = event_gain(found.fit, name, found.prepared.seen)
         return None if gain is None else gain.percent
     errors = [performed.figures.get("free_run_rms_rpm") for performed in (before, after)]
     if found.new_ids == [name] and errors[0] and errors[1] is not None:

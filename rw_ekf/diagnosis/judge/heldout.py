@@ -20,11 +20,11 @@ from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood.fitting import Fit, smoothed_reference
-from rw_ekf.likelihood.frame import Noise, linearise
-from rw_ekf.likelihood.frozen_filter import filtered_reference, run_frozen
+from rw_ekf.likelihood.fitting import Fit, smoothed_trajectory
+from rw_ekf.likelihood.frozen_filter import filtered_trajectory, run_frozen
+from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.profile import likelihood
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import ABSENT
@@ -32,7 +32,7 @@ from rw_ekf.wheel.table import ABSENT
 _STARTS = 400  # of a horizon: more would add nothing but time
 _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
 _STEPS_AT_MOST = 4_000_000
-_TURNS, _MEMORY_TURNS = 2, 5  # of smoothing a reference under another model
+_TURNS, _MEMORY_TURNS = 2, 5  # of smoothing a trajectory under another model
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ class Performance:
 
 def performance(prepared: Prepared, fit: Fit, inertia_kg_m2: float | None = None) -> Performance:
     """Run a fit's model, frozen, over the record; figures from the held-out samples, cut where blocks change."""
-    whole, split, model, noise = prepared.whole, prepared.split, fit.model, fit.noise
-    course = whole.course.only(~prepared.base.omit)
-    run = run_frozen(course, model, noise, whole.constants)
-    free = _free_run(whole, model, run.states, split.block)
-    observed = _observed_acceleration(whole, model, noise, prepared.base.omit, prepared.seen)
-    errors = {seconds: _horizon(whole, model, run.states, split.heldout, seconds) for seconds in (1.0, 20.0)}
+    record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
+    course = record.course.only(~prepared.base.omit)
+    run = run_frozen(course, model, noise, record.constants)
+    free = _free_run(record, model, run.states, split.block)
+    observed = _observed_acceleration(record, model, noise, prepared.base.omit, prepared.seen)
+    errors = {seconds: _horizon(record, model, run.states, split.heldout, seconds) for seconds in (1.0, 20.0)}
     heldout = split.heldout
     figures = {
         "one_step_rms_rpm": _rms_rpm(run.innovation_rad_s[heldout]),
@@ -66,20 +66,20 @@ def performance(prepared: Prepared, fit: Fit, inertia_kg_m2: float | None = None
     return Performance(figures, trace, predicted)
 
 
-def _free_run(whole: Record, model: Model, states: Float64Array, block: Int64Array) -> Float64Array:
+def _free_run(record: Record, model: Model, states: Float64Array, block: Int64Array) -> Float64Array:
     """Each stretch of the split simulated from its first filtered speed, (n,)."""
     n = block.size
-    continues = whole.follows & (np.diff(block, prepend=block[:1]) == 0)
+    continues = record.follows & (np.diff(block, prepend=block[:1]) == 0)
     first = np.flatnonzero(~continues)
     # The filter itself begins with one reading: where a stretch opens the record, let it settle for some samples.
-    settle = _settling(states, whole, first)
+    settle = _settling(states, record, first)
     last = np.append(first[1:], n) - 1
-    run = free_run(whole.course, model.effects, model.stribeck, states[settle], settle, last, keep_path=True)
+    run = free_run(record.course, model.effects, model.stribeck, states[settle], settle, last, keep_path=True)
     return run.path_rad_s
 
 
-def _settling(states: Float64Array, whole: Record, first: NDArray[np.intp]) -> NDArray[np.intp]:
-    opens = ~whole.follows[first]
+def _settling(states: Float64Array, record: Record, first: NDArray[np.intp]) -> NDArray[np.intp]:
+    opens = ~record.follows[first]
     n = states.shape[0]
     wanted = np.where(opens, np.minimum(first + _SETTLE_SAMPLES, n - 1), first)
     limit = np.append(first[1:], n) - 1
@@ -90,59 +90,59 @@ def _settling(states: Float64Array, whole: Record, first: NDArray[np.intp]) -> N
 _SETTLE_SAMPLES = 20
 
 
-def _horizon(whole: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float) -> Float64Array:
+def _horizon(record: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float) -> Float64Array:
     """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
-    period = whole.course.period_s
+    period = record.course.period_s
     steps = max(1, round(seconds / period))
     run = np.zeros(heldout.size, dtype=np.int64)  # how many intervals in a row lead here within the held-out part
-    inside = whole.follows & heldout & np.roll(heldout, 1)
+    inside = record.follows & heldout & np.roll(heldout, 1)
     broken = np.flatnonzero(~inside)
     index = np.arange(heldout.size)
     run = index - np.maximum.accumulate(np.where(np.isin(index, broken), index, 0))
-    ends = np.flatnonzero((run >= steps) & np.isfinite(whole.course.speed_rad_s))
+    ends = np.flatnonzero((run >= steps) & np.isfinite(record.course.speed_rad_s))
     most = max(10, min(_STARTS, _STEPS_AT_MOST // steps))
     if ends.size > most:
         ends = ends[np.linspace(0, ends.size - 1, most).astype(int)]
     if ends.size == 0:
         return np.zeros(0)
     first = ends - steps
-    predicted = free_run(whole.course, model.effects, model.stribeck, states[first], first, ends).ends_rad_s
-    return whole.course.speed_rad_s[ends] - predicted
+    predicted = free_run(record.course, model.effects, model.stribeck, states[first], first, ends).ends_rad_s
+    return record.course.speed_rad_s[ends] - predicted
 
 
 def _observed_acceleration(
-    whole: Record, model: Model, noise: Noise, omit: BoolArray, reference: Reference
+    record: Record, model: Model, noise: Noise, omit: BoolArray, trajectory: Trajectory
 ) -> Float64Array:
     """What the smoothed speed asks for beyond the model [rad/s^2], (n,), by an observer the same for every model."""
     observer = Noise(noise.variance, max(noise.ratio, _OBSERVER_RATIO))
     for _ in range(2):
-        frame = linearise(whole, model, reference, observer, omit, with_columns=False)
-        smoothed = smoothed_reference(frame, np.zeros(0), observer)
-        delta = smoothed.speed - reference.speed
-        kept = frame.chain.slopes[:, 0] * np.concatenate(([0.0], delta[:-1]))
-        asked = delta - kept - frame.chain.defect
-        reference = smoothed
-    step = np.where(whole.follows, frame.chain.step_s, np.nan)
-    return np.where(whole.follows, asked / step, np.nan)
+        linearised = linearise(record, model, trajectory, observer, omit, with_jacobian=False)
+        smoothed = smoothed_trajectory(linearised, np.zeros(0), observer)
+        delta = smoothed.speed - trajectory.speed
+        kept = linearised.chain.slopes[:, 0] * np.concatenate(([0.0], delta[:-1]))
+        asked = delta - kept - linearised.chain.defect
+        trajectory = smoothed
+    step = np.where(record.follows, linearised.chain.step_s, np.nan)
+    return np.where(record.follows, asked / step, np.nan)
 
 
-def heldout_likelihood(record: Record, fit: Fit, reference: Reference) -> float:
+def heldout_likelihood(record: Record, fit: Fit, trajectory: Trajectory) -> float:
     """Log-likelihood of a part (record) under a fit's model, nothing adjusted to the part but the noises.
 
     A model that fits well claims little process noise, which the sigmas of its own parameters then outgrow.
 
-    reference: of the whole record, by whatever model; it is smoothed anew under this one.
+    trajectory: of the whole record, by whatever model; it is smoothed anew under this one.
     """
-    omit = np.zeros(reference.speed.size, dtype=bool)
+    omit = np.zeros(trajectory.speed.size, dtype=bool)
     with_memory = fit.model.effects.table().memory_state_at != ABSENT
-    here = Reference.of_speed(reference.speed, reference.spread)
+    here = Trajectory.of_speed(trajectory.speed, trajectory.spread)
     if with_memory:
-        here = filtered_reference(record, fit.model, fit.noise, omit)
+        here = filtered_trajectory(record, fit.model, fit.noise, omit)
     for _ in range(_MEMORY_TURNS if with_memory else _TURNS):
-        frame = linearise(record, fit.model, here, fit.noise, omit, with_columns=False)
-        here = smoothed_reference(frame, np.zeros(0), likelihood(frame, None, fit.noise).noise)
-    frame = linearise(record, fit.model, here, fit.noise, omit, with_columns=False)
-    return likelihood(frame, None, fit.noise).value
+        linearised = linearise(record, fit.model, here, fit.noise, omit, with_jacobian=False)
+        here = smoothed_trajectory(linearised, np.zeros(0), likelihood(linearised, None, fit.noise).noise)
+    linearised = linearise(record, fit.model, here, fit.noise, omit, with_jacobian=False)
+    return likelihood(linearised, None, fit.noise).value
 
 
 def _rms(values: Float64Array) -> float:
@@ -203,7 +203,7 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
         gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
         worse = worsened(before, after, *(_WORST if gained else _WORSE))
         if worse is None and CATALOGUE[name].local_in_time:
-            gain = event_gain(selection.final.widened(prepared.whole, prepared.seen), name, prepared.seen)
+            gain = event_gain(selection.final.widened(prepared.record, prepared.seen), name, prepared.seen)
             if gain is not None and gain.statistic < _LEAST_EVENT:
                 worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
         if worse is not None:

@@ -39,7 +39,7 @@ class Found:
 
     prepared: Prepared
     selection: Selection
-    whole: Fit  # the final model on the whole record
+    fit: Fit  # the final model on the whole record
     dependences: list[Dependence]  # of what it leaves
     left: list[Dependence]  # those that noise does not explain
     new_ids: list[str]  # effects that the record asks for beyond the model it was given
@@ -54,10 +54,10 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
     search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
     because there a curve of time would take the place of whatever law of speed is missing.
     """
-    search = Search(prepared.whole, prepared.seen, prepared.facts, advance)
+    search = Search(prepared.record, prepared.seen, prepared.facts, advance)
     found = _investigated(prepared, search, advance)
-    again = found.is_unexplained and search.set_aside and prepared.whole.work.has(work.RIVALS)
-    if again and not one_and_the_same(found.whole, "time", "speed"):
+    again = found.is_unexplained and search.set_aside and prepared.record.work.has(work.RIVALS)
+    if again and not one_and_the_same(found.fit, "time", "speed"):
         search.stationary_first = False
         other = _investigated(prepared, search, advance)
         if other.new_ids and not other.is_unexplained:
@@ -70,18 +70,18 @@ def _investigated(prepared: Prepared, search: Search, advance: Advance) -> Found
     if selection.new_ids:
         weigh_rivals(search, selection)
         confirm(prepared, selection, selection.new_ids)
-    if prepared.whole.work.has(work.WIDEN):
+    if prepared.record.work.has(work.WIDEN):
         _widen(prepared, search, selection, advance)
     else:
-        prepared.whole.work.leave_out("the search of the whole record for what a part shows too little of")
+        prepared.record.work.leave_out("the search of the whole record for what a part shows too little of")
     _drop_trifles(prepared, selection)
     veto(prepared, selection, selection.new_ids)
     advance("mapping the residual")
     found = _mapped(prepared, selection)
     if not found.left and found.new_ids:
         return found
-    if not prepared.whole.work.has(work.WANDER):
-        prepared.whole.work.leave_out("a dry friction that wanders with time")
+    if not prepared.record.work.has(work.WANDER):
+        prepared.record.work.leave_out("a dry friction that wanders with time")
         return found
     advance(f"fitting {WANDERING.id}, wandering")
     return _with_wandering_friction(found, search)
@@ -100,7 +100,7 @@ def _drop_trifles(prepared: Prepared, selection: Selection) -> None:
 
 def _mapped(prepared: Prepared, selection: Selection) -> Found:
     """The selection on the whole record; structure that its effects leave by nature is no reason to doubt them."""
-    whole, terms = selection.final.widened(prepared.whole, prepared.seen), selection.final.model.terms
+    whole, terms = selection.final.widened(prepared.record, prepared.seen), selection.final.model.terms
     dependences = residual_map(whole, prepared.facts)
     left = [item for item in dependences if item.p_value < MAP_P]
     excused = {name for term in terms for name in term.effect.may_leave(term.shape, prepared.facts)}
@@ -108,7 +108,7 @@ def _mapped(prepared: Prepared, selection: Selection) -> Found:
     return Found(
         prepared=prepared,
         selection=selection,
-        whole=whole,
+        fit=whole,
         dependences=dependences,
         left=left,
         new_ids=selection.new_ids,
@@ -119,7 +119,7 @@ def _mapped(prepared: Prepared, selection: Selection) -> Found:
 
 def _share(prepared: Prepared, selection: Selection, whole: Fit, left: list[Dependence]) -> float:
     """Of all the structure there was, what the effects explain; of what is left only what exceeds chance counts."""
-    base = selection.base.widened(prepared.whole, prepared.seen)
+    base = selection.base.widened(prepared.record, prepared.seen)
     explained = 2.0 * (whole.likelihood.value - base.likelihood.value)
     most = max(item.statistic - item.freedom for item in left)
     return explained / (explained + most) if explained > 0.0 else 0.0
@@ -131,7 +131,7 @@ def _with_wandering_friction(found: Found, search: Search) -> Found:
     A given model's own drift is not touched.
     """
     prepared, selection = found.prepared, found.selection
-    if WANDERING.id in selection.base.model.effects.ids or one_and_the_same(found.whole, "time", "speed"):
+    if WANDERING.id in selection.base.model.effects.ids or one_and_the_same(found.fit, "time", "speed"):
         return found  # no smooth function of time is seen beside one of speed
     tried = wandering(prepared, selection.final)
     if tried is None:
@@ -159,9 +159,9 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
     The held-out part then has a share in finding an effect, but none in its size, and must still be predicted better.
     """
     advance("searching the whole record")
-    everywhere = Search(prepared.whole, prepared.seen, prepared.facts, advance, WHOLE_P, work.WIDEN)
+    everywhere = Search(prepared.record, prepared.seen, prepared.facts, advance, WHOLE_P, work.WIDEN)
     everywhere.stationary_first = search.stationary_first
-    wide = everywhere.run(selection.final.widened(prepared.whole, prepared.seen))
+    wide = everywhere.run(selection.final.widened(prepared.record, prepared.seen))
     names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
     if not names:
         return
@@ -192,7 +192,7 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     from rw_ekf.model.friction import LAW_NAMES
     from rw_ekf.wheel.model_file import WheelModel
 
-    fit, prepared = found.whole, found.prepared
+    fit, prepared = found.fit, found.prepared
     known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)

@@ -52,9 +52,9 @@ class Dependence:
 def residual_map(fit: Fit, facts: RecordFacts) -> list[Dependence]:
     """Dependences of what the model leaves, most significant first."""
     drive, dry = slopes_by_torque(fit)
-    frame = fit.frame
-    speed = np.concatenate((fit.reference.speed[:1], fit.reference.speed[:-1]))  # where each interval began
-    current = fit.frame.record.course.mean_current_A
+    linearised = fit.linearised
+    speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
+    current = fit.linearised.record.course.mean_current_A
     groups: dict[str, list[Float64Array]] = {}
     size = np.abs(speed)
     top = max(facts.top_speed_rad_s, 1.0e-9)
@@ -66,22 +66,22 @@ def residual_map(fit: Fit, facts: RecordFacts) -> list[Dependence]:
         by_current = hats(np.abs(current), 6, 0.0, facts.top_current_A)
         signed = np.sign(current)[:, None] * by_current
         groups["current"] = [dry[:, None] * by_current, drive[:, None] * by_current, drive[:, None] * signed]
-    time = frame.record.course.time_s
+    time = linearised.record.course.time_s
     by_time = hats(time, 10, facts.first_s, facts.last_s)
     groups["time"] = [dry[:, None] * by_time, drive[:, None] * by_time]
     if facts.temperature_range_K is not None and facts.temperature_range_K > 0.5:
-        warmth = frame.record.course.temperature_degC
+        warmth = linearised.record.course.temperature_degC
         by_warmth = hats(warmth, 4, float(warmth.min()), float(warmth.max()))
         gain = (drive * current)[:, None]
         groups["temperature"] = [dry[:, None] * by_warmth, drive[:, None] * by_warmth, gain * by_warmth]
     if facts.angle:
-        turn = np.outer(frame.record.course.angle_rad, np.arange(1, 5))
+        turn = np.outer(linearised.record.course.angle_rad, np.arange(1, 5))
         groups["angle"] = [drive[:, None] * np.sin(turn), drive[:, None] * np.cos(turn)]
     scorer = Scorer(fit)
     found = []
     for name, parts in groups.items():
-        columns = np.where(frame.record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
-        statistic, freedom = scorer.score_group(columns)
+        regressors = np.where(linearised.record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
+        statistic, freedom = scorer.score_group(regressors)
         p = chi_square_tail(statistic / INFLATION, freedom) if freedom and statistic > 0.0 else 1.0
         found.append(Dependence(name, statistic, freedom, p))
     return sorted(found, key=lambda item: (item.p_value, -item.statistic))

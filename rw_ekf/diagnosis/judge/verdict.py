@@ -83,7 +83,7 @@ def verdict_on(
         text += f" {_separation(groups[0], found.selection)}."
     elif any(_goes_with_time(name) for name in names):
         for other in _CONFUSED_WITH_TIME:
-            if one_and_the_same(found.whole, "time", other):
+            if one_and_the_same(found.fit, "time", other):
                 way = separates(other)
                 text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
                 break
@@ -96,7 +96,7 @@ def _goes_with_time(name: str) -> bool:
 
 
 def _noise_text(found: Found) -> str:
-    noise, period = found.whole.noise, found.prepared.course.period_s
+    noise, period = found.fit.noise, found.prepared.course.period_s
     sigma, wander = float(np.sqrt(noise.variance)), float(np.sqrt(noise.ratio * noise.variance / period))
     unit = "rad/s (or m/s)"
     if found.prepared.in_rpm:

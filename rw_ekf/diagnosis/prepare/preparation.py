@@ -17,8 +17,8 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference
-from rw_ekf.likelihood.robust_fit import read_reference, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.one_step import Record, Trajectory
+from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
@@ -51,10 +51,10 @@ class Prepared:
     split: Split
     facts: RecordFacts
     fit_part: Record
-    whole: Record
+    record: Record  # all of it
     heldout: Record
     base: Fit
-    seen: Reference  # the whole record's speed, smoothed under the base model
+    seen: Trajectory  # the whole record's speed, smoothed under the base model
     angle_is_logged: bool
     temperature_is_logged: bool
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
@@ -65,8 +65,8 @@ class Prepared:
         """The same with the parts' roles exchanged: what was held out is searched."""
         split = replace(self.split, fit=self.split.heldout, heldout=self.split.fit)
         noise = self.setup.constants.speed_noise_rad_s
-        references = _references(self.course, split, self.base.model.parameters, self.setup)
-        base = robust_fit(self.heldout, self.base.model, self.setup.prior, noise, references)
+        trajectories = _trajectories(self.course, split, self.base.model.parameters, self.setup)
+        base = robust_fit(self.heldout, self.base.model, self.setup.prior, noise, trajectories)
         before = self.facts
         facts = facts_of(self.course, base, split.fit, before.channels, before.timing_doubt_s, before.log_starts_s)
         return replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part, base=base, facts=facts)
@@ -103,14 +103,14 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
     work = Work()
     record = Record.of(course, everything, setup.constants, work, log_of)
-    seen = robust_fit(record, start, setup.prior, noise, [read_reference(course, noise), by_filter]).reference
+    seen = robust_fit(record, start, setup.prior, noise, [read_trajectory(course, noise), by_filter]).trajectory
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, seen.speed))
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
-    fit_part, whole, heldout = (
+    fit_part, record, heldout = (
         Record.of(course, mask, setup.constants, work, log_of) for mask in (split.fit, everything, split.heldout)
     )
-    base = robust_fit(fit_part, start, setup.prior, noise, _references(course, split, start.parameters, setup))
+    base = robust_fit(fit_part, start, setup.prior, noise, _trajectories(course, split, start.parameters, setup))
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = facts_of(course, base, split.fit, channels, source.timing_doubt_s, starts)
     return Prepared(
@@ -120,7 +120,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         split=split,
         facts=facts,
         fit_part=fit_part,
-        whole=whole,
+        record=record,
         heldout=heldout,
         base=base,
         seen=seen,
@@ -184,12 +184,12 @@ def _aged(model: WheelModel) -> Belief:
     return aged
 
 
-def _references(course: Course, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Reference]:
+def _trajectories(course: Course, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Trajectory]:
     """Where a fit of the part that is searched may start; nothing of the held-out part is looked at."""
     noise = setup.constants.speed_noise_rad_s
     blind = course._replace(speed_rad_s=np.where(split.fit, course.speed_rad_s, np.nan))
     bare = model_of_setup(setup, parameters).base
-    return [read_reference(blind, noise), smoothed_by_filter(course, split.fit, bare, setup.constants, noise)]
+    return [read_trajectory(blind, noise), smoothed_by_filter(course, split.fit, bare, setup.constants, noise)]
 
 
 def facts_of(

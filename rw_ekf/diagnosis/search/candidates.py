@@ -1,7 +1,7 @@
-"""Every effect of the catalogue tried on a frame: its columns, and how strong evidence for it would have to be.
+"""Every effect of the catalogue tried beside a model: its regressors, and how strong the evidence has to be.
 
-A linear effect's column is its analytic slope along the reference; one with a memory, a delay or a threshold is tried
-at a few sizes, its column the difference that this size makes.
+A linear effect's regressor is its analytic slope along the trajectory; one with a memory, a delay or a threshold is
+tried at a few sizes, its regressor the difference that this size makes.
 
 Under a model that lacks nothing, twice the gain in log-likelihood is chi-square with as many degrees of freedom as the
 effect has coefficients (Wilks); the best of N independent places exceeds x with probability 1 - (1 - p(x))^N. What is
@@ -20,7 +20,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.consistency import chi_square_tail
-from rw_ekf.likelihood.frame import Frame
+from rw_ekf.likelihood.linearisation import Linearisation
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
@@ -72,15 +72,15 @@ class Score:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One place to look for one effect, with its columns on a frame (n, 1 or 2), for coefficients of `unit` each."""
+    """One place to look for one effect, with its regressors (n, 1 or 2), for coefficients of `unit` each."""
 
     effect: type[Effect]
     candidate: Candidate
-    columns: Float64Array
+    regressors: Float64Array
     unit: float
 
     def scored(self, statistic: float, coefficients: Float64Array, std: Float64Array, facts: RecordFacts) -> Score:
-        """What a regression on the columns gave: coefficients and standard deviations (1 or 2,)."""
+        """What a regression on the regressors gave: coefficients and standard deviations (1 or 2,)."""
         found = tuple(float(value) * self.unit for value in coefficients)
         if self.effect.linear:
             starts = [replace(Term.at(self.effect, self.candidate), values=found)]
@@ -98,7 +98,7 @@ class Hypothesis:
 
 
 def hypotheses(
-    frame: Frame,
+    linearised: Linearisation,
     places: list[tuple[type[Effect], Candidate]],
 ) -> Iterator[list[Hypothesis]]:
     """Columns of every place where an effect is sought, in chunks that share a pass."""
@@ -107,58 +107,58 @@ def hypotheses(
         if issubclass(effect, StaticEffect) and effect.linear:
             static.append((effect, candidate))
             continue
-        found = _secant(frame, effect, candidate)
+        found = _secant(linearised, effect, candidate)
         if found is not None:
             yield [found]
     for first in range(0, len(static), _CHUNK):
-        yield analytic(frame, static[first : first + _CHUNK])
+        yield analytic(linearised, static[first : first + _CHUNK])
 
 
-def analytic(frame: Frame, places: list[tuple[type[Effect], Candidate]]) -> list[Hypothesis]:
+def analytic(linearised: Linearisation, places: list[tuple[type[Effect], Candidate]]) -> list[Hypothesis]:
     """Slopes of all places at once. Effects without written slopes are left out of the model meanwhile."""
-    model = frame.model
+    model = linearised.model
     kept = [term for term in model.terms if issubclass(term.effect, StaticEffect)]
     tried = [Term.of(effect, candidate.shape) for effect, candidate in places]
     effects = EffectSet((*kept, *tried))
     coefficients = np.array([*model.parameters, *effects.values])
     rows = predict(
-        frame.record,
+        linearised.record,
         coefficients,
         effects,
         model.stribeck,
-        frame.reference,
+        linearised.trajectory,
         with_rows=True,
         with_slopes=False,
     ).rows
     found, at = [], 1 + coefficients.size - sum(len(term.values) for term in tried)
     for (effect, candidate), term in zip(places, tried, strict=True):
-        columns = np.ascontiguousarray(rows[:, at : at + len(term.values)])
-        found.append(Hypothesis(effect, candidate, columns, 1.0))
+        regressors = np.ascontiguousarray(rows[:, at : at + len(term.values)])
+        found.append(Hypothesis(effect, candidate, regressors, 1.0))
         at += len(term.values)
     return found
 
 
-def _secant(frame: Frame, effect: type[Effect], candidate: Candidate) -> Hypothesis | None:
+def _secant(linearised: Linearisation, effect: type[Effect], candidate: Candidate) -> Hypothesis | None:
     """The difference that an effect of this size makes; None where the model already has one like it."""
-    model = frame.model
+    model = linearised.model
     if model.of(effect.id):
         return None
     model_with = model.with_terms(Term.at(effect, candidate))
     try:
         ends = predict(
-            frame.record, model_with.coefficients, model_with.effects, model.stribeck, frame.reference,
+            linearised.record, model_with.coefficients, model_with.effects, model.stribeck, linearised.trajectory,
             with_slopes=False,
         ).end  # fmt: skip
     except ZeroDivisionError:
         return None
-    change = np.where(frame.record.follows, ends - frame.chain.defect - frame.reference.speed, 0.0)
+    change = np.where(linearised.record.follows, ends - linearised.chain.defect - linearised.trajectory.speed, 0.0)
     if not np.isfinite(change).all() or not change.any():
         return None
     return Hypothesis(effect, candidate, change[:, None], candidate.amplitude)
 
 
 def screened(
-    candidates: list[Candidate], frame: Frame, left: list[tuple[float, Float64Array]], variance: float
+    candidates: list[Candidate], linearised: Linearisation, left: list[tuple[float, Float64Array]], variance: float
 ) -> list[Candidate]:
     """The frequencies worth an exact score: those of most power in the adjoint of what is left (eq. 9).
 
@@ -167,16 +167,16 @@ def screened(
     """
     if len(candidates) <= _SCREENED:
         return candidates
-    chain = frame.chain
-    middle = frame.record.course.time_s - 0.5 * chain.step_s
+    chain = linearised.chain
+    middle = linearised.record.course.time_s - 0.5 * chain.step_s
     frequency = np.array([candidate.shape[0] for candidate in candidates])
     chosen: set[int] = set()
     moving = np.zeros((len(left), chain.reading.size))
     for at, (ratio, white) in enumerate(left):
         back = np.zeros(chain.reading.size)
-        adjoint(chain, ratio * variance / frame.record.course.period_s, variance, white, back)
+        adjoint(chain, ratio * variance / linearised.record.course.period_s, variance, white, back)
         moving[at] = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
-    frame.record.work.charge(screening_units(middle.size, frequency.size))
+    linearised.record.work.charge(screening_units(middle.size, frequency.size))
     # A torque moves the speed by one over its frequency.
     for power in powers(frequency, middle, moving) * (frequency**2 + frequency[0] ** 2):
         level = np.maximum(np.convolve(power, np.ones(_NEIGHBOURS), "same"), 1.0e-300)

@@ -72,24 +72,24 @@ def function_share(record: Record, speed_rad_s: Float64Array, one: Quantity, oth
 
 def one_and_the_same(fit: Fit, one: Quantity, other: Quantity) -> bool:
     """Whether the record cannot tell a function of one quantity from a function of the other."""
-    return one != other and function_share(fit.frame.record, fit.reference.speed, one, other) > _IS_ONE
+    return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > _IS_ONE
 
 
 def may_confound(fit: Fit, one: Quantity, other: Quantity) -> bool:
     """Whether it is worth asking `beside`: one quantity goes with the other at all."""
-    return one != other and function_share(fit.frame.record, fit.reference.speed, one, other) > _IS_FUNCTION
+    return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > _IS_FUNCTION
 
 
-def smooth_columns(fit: Fit, quantity: Quantity) -> Float64Array:
+def smooth_regressors(fit: Fit, quantity: Quantity) -> Float64Array:
     """Slopes by a dry friction and a torque that follow a smooth unknown function of a quantity, (n, m)."""
     drive, dry = slopes_by_torque(fit)
-    record = fit.frame.record
-    x = values_of(record, fit.reference.speed, quantity)
+    record = fit.linearised.record
+    x = values_of(record, fit.trajectory.speed, quantity)
     x = np.concatenate((x[:1], x[:-1]))  # where each interval began
     shapes = hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
     parts = [dry[:, None] * shapes, drive[:, None] * shapes]
     if quantity == "temperature":
-        parts.append((drive * fit.frame.record.course.mean_current_A)[:, None] * shapes)
+        parts.append((drive * fit.linearised.record.course.mean_current_A)[:, None] * shapes)
     return np.where(record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
 
 
@@ -111,11 +111,11 @@ def deferred(fit: Fit, strong: list[Score], facts: RecordFacts, enough: float) -
 
 def says_more(fit: Fit, facts: RecordFacts, effect: type[Effect], quantity: Quantity, enough: float) -> bool:
     """Whether an effect is significant at a p-value even beside a smooth function of a quantity."""
-    found = Scorer(fit, smooth_columns(fit, quantity)).best_of_each(facts, [effect]).get(effect.id)
+    found = Scorer(fit, smooth_regressors(fit, quantity)).best_of_each(facts, [effect]).get(effect.id)
     return found is not None and found.p_value < enough
 
 
 def event_scores(fit: Fit, events: list[type[Effect]], facts: RecordFacts) -> dict[str, Score]:
     """Scores of events; where time goes with speed, of what is left beside any smooth function of that."""
-    scorer = Scorer(fit, smooth_columns(fit, "speed") if may_confound(fit, "time", "speed") else None)
+    scorer = Scorer(fit, smooth_regressors(fit, "speed") if may_confound(fit, "time", "speed") else None)
     return scorer.best_of_each(facts, events)

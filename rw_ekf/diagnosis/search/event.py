@@ -8,7 +8,7 @@ from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
 _ZOOMS = 8
@@ -30,7 +30,7 @@ def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> Score:
 
 
 def with_other_laws(
-    fit: Fit, name: str, record: Record, seen: Reference, facts: RecordFacts
+    fit: Fit, name: str, record: Record, seen: Trajectory, facts: RecordFacts
 ) -> tuple[Fit, dict[str, float]]:
     """An event and the law beside it shape each other where time goes with speed: the likeliest pair of them.
 

@@ -92,10 +92,10 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
     Where it cannot either, what holds at any time goes before what is tied to this record's clock.
     """
     for name, fits in list(selection.rivals.items()):
-        tried = [(selection.final.widened(search.whole, search.seen).likelihood.value, name, selection.final)]
+        tried = [(selection.final.widened(search.record, search.seen).likelihood.value, name, selection.final)]
         for fit in fits:
             other = next(item for item in fit.model.effects.ids if item not in selection.final.model.effects.ids)
-            tried.append((fit.widened(search.whole, search.seen).likelihood.value, other, fit))
+            tried.append((fit.widened(search.record, search.seen).likelihood.value, other, fit))
         top = max(value for value, _, _ in tried)
         same = selection.constructed.get(name, set())
         near = [

@@ -21,8 +21,8 @@ from rw_ekf.model.effect import Candidate, Effect, RecordFacts
 from rw_ekf.model.effect_kinds import StaticEffect
 
 _RATIOS_BELOW = 6
-_GROUP_RANK = 0.02  # of a unit column: less is what the model's own parameters do
-_SEEN = 1.0e-4  # a column that the model's own explain to this share of its length says nothing
+_GROUP_RANK = 0.02  # of a unit regressor: less is what the model's own parameters do
+_SEEN = 1.0e-4  # a regressor that the model's own explain to this share of its length says nothing
 
 
 @dataclass(frozen=True)
@@ -38,25 +38,25 @@ class _Gain:
 class Scorer:
     """Scores hypotheses beside a fit, at a few ratios of noises from the model's own downwards.
 
-    Which ratio goes with which columns is decided by the restricted likelihood (Patterson & Thompson 1971; eq. 6a):
-    columns that follow a wandering speed would otherwise make it look as if it wandered less, and gain by that.
+    Which ratio goes with which regressors is decided by the restricted likelihood (Patterson & Thompson 1971; eq. 6a):
+    regressors that follow a wandering speed would otherwise make it look as if it wandered less, and gain by that.
     """
 
     def __init__(self, fit: Fit, beside: Float64Array | None = None) -> None:
-        """beside: more columns (n, m) that are free, as the model's own are."""
-        frame = self.frame = fit.frame
+        """beside: more regressors (n, m) that are free, as the model's own are."""
+        linearised = self.linearised = fit.linearised
         variance = self.variance = fit.noise.variance
         self.ratios = _ratios(fit.noise.ratio)
         self.bases: list[Float64Array] = []
         self.residuals: list[Float64Array] = []
         self.rss: list[float] = []
         self.logs: list[float] = []
-        self.restrictions: list[float] = []  # half the log-determinant of the model's own columns
+        self.restrictions: list[float] = []  # half the log-determinant of the model's own regressors
         for value in self.ratios:
-            r, A, logs = frame.whitened(value, variance, frame.columns, frame.memory_columns)
-            self.places = frame.innovation_at
+            r, A, logs = linearised.whitened(value, variance, linearised.jacobian, linearised.memory_jacobian)
+            self.places = linearised.innovation_at
             if beside is not None:
-                A = np.concatenate((A, frame.whitened(value, variance, beside)[1]), axis=1)
+                A = np.concatenate((A, linearised.whitened(value, variance, beside)[1]), axis=1)
             Q = _basis(A, fit)
             self.restrictions.append(_restriction(A, fit))
             left = r - Q @ (Q.T @ r)
@@ -75,11 +75,11 @@ class Scorer:
 
     def _gains(self, group: list[Hypothesis]) -> list[_Gain]:
         """What hypotheses that came in one chunk would add; those that the model follows already are left out."""
-        columns = np.concatenate([h.columns for h in group], axis=1)
-        edges = np.cumsum([0, *(h.columns.shape[1] for h in group)])
+        regressors = np.concatenate([h.regressors for h in group], axis=1)
+        edges = np.cumsum([0, *(h.regressors.shape[1] for h in group)])
         best: list[tuple[float, _Gain] | None] = [None] * len(group)
         for i, ratio in enumerate(self.ratios):
-            _, A, _ = self.frame.whitened(ratio, self.variance, columns)
+            _, A, _ = self.linearised.whitened(ratio, self.variance, regressors)
             Q = self.bases[i]
             lengths = np.einsum("ij,ij->j", A, A)
             G = A - Q @ (Q.T @ A)
@@ -103,32 +103,32 @@ class Scorer:
                     best[g] = merit, _Gain(hypothesis, 2.0 * (value - self.without), solution, std)
         return [found[1] for found in best if found is not None]
 
-    def score_group(self, columns: Float64Array) -> tuple[float, int]:
-        """Statistic and degrees of freedom of many columns (n, m) taken together, those without content left out."""
-        columns = self._independent(columns)
-        if columns.shape[1] == 0:
+    def score_group(self, regressors: Float64Array) -> tuple[float, int]:
+        """Statistic and degrees of freedom of many regressors (n, m) taken together, those without content left out."""
+        regressors = self._independent(regressors)
+        if regressors.shape[1] == 0:
             return 0.0, 0
         best_merit, statistic = -math.inf, 0.0
         for i in range(len(self.ratios)):
-            G = self._beside_own(i, columns)
+            G = self._beside_own(i, regressors)
             U, sizes, _ = np.linalg.svd(G, full_matrices=False)
             value = self._value(i, float(np.sum((U.T @ self.residuals[i]) ** 2)))
             merit = value - self.restrictions[i] - float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
             if merit > best_merit:
                 best_merit, statistic = merit, 2.0 * (value - self.without)
-        return statistic, columns.shape[1]
+        return statistic, regressors.shape[1]
 
-    def _beside_own(self, i: int, columns: Float64Array) -> Float64Array:
+    def _beside_own(self, i: int, regressors: Float64Array) -> Float64Array:
         """Columns whitened at the i-th ratio, the model's own projected out."""
-        _, A, _ = self.frame.whitened(self.ratios[i], self.variance, columns)
+        _, A, _ = self.linearised.whitened(self.ratios[i], self.variance, regressors)
         Q = self.bases[i]
         return A - Q @ (Q.T @ A)
 
-    def _independent(self, columns: Float64Array) -> Float64Array:
-        """Combinations of columns (n, m) that say something of their own, of unit length at the model's own ratio."""
-        _, A, _ = self.frame.whitened(self.ratios[self.own], self.variance, columns)
+    def _independent(self, regressors: Float64Array) -> Float64Array:
+        """Combinations of regressors (n, m) that say something, of unit length at the model's own ratio."""
+        _, A, _ = self.linearised.whitened(self.ratios[self.own], self.variance, regressors)
         lengths = np.linalg.norm(A, axis=0)
-        scaled = columns[:, lengths > 0.0] / lengths[lengths > 0.0]
+        scaled = regressors[:, lengths > 0.0] / lengths[lengths > 0.0]
         _, sizes, Vt = np.linalg.svd(self._beside_own(self.own, scaled), full_matrices=False)
         return np.ascontiguousarray(scaled @ Vt[sizes > _GROUP_RANK].T)
 
@@ -143,7 +143,7 @@ class Scorer:
     def best_at(self, facts: RecordFacts, places: list[tuple[type[Effect], Candidate]]) -> dict[str, Score]:
         """The best of the places given for each effect, by id."""
         best: dict[str, _Gain] = {}
-        for group in hypotheses(self.frame, places):
+        for group in hypotheses(self.linearised, places):
             for gain in self._gains(group):
                 name = gain.hypothesis.effect.id
                 if name not in best or gain.statistic > best[name].statistic:
@@ -157,10 +157,10 @@ class Scorer:
         """The frequencies worth a score, by what is left at the model's own ratio's neighbours."""
         left = []
         for i in (0, len(self.ratios) - 1):
-            white = np.zeros(self.frame.chain.reading.size)
+            white = np.zeros(self.linearised.chain.reading.size)
             white[self.places] = self.residuals[i]
             left.append((self.ratios[i], white))
-        return screened(candidates, self.frame, left, self.variance)
+        return screened(candidates, self.linearised, left, self.variance)
 
 
 def _restriction(A: Float64Array, fit: Fit) -> float:
@@ -182,7 +182,7 @@ def _ratios(ratio: float) -> list[float]:
 
 
 def _basis(A: Float64Array, fit: Fit) -> Float64Array:
-    """Orthonormal columns (n, p) of the span of A, the a priori of the parameters counted as rows, then cut off."""
+    """Orthonormal basis (n, p) of the span of A, the a priori of the parameters counted as rows, then cut off."""
     weights = np.linalg.norm(A, axis=0)
     weights[weights == 0.0] = 1.0
     pull = _parameter_rows(fit, A.shape[1])
@@ -190,10 +190,10 @@ def _basis(A: Float64Array, fit: Fit) -> Float64Array:
     return np.asarray(U[: A.shape[0], sizes > 1.0e-8 * sizes[0]])
 
 
-def _parameter_rows(fit: Fit, columns: int) -> Float64Array:
-    """What is known of the four parameters beforehand, as rows of unit variance over all that is free, (4, columns)."""
+def _parameter_rows(fit: Fit, count: int) -> Float64Array:
+    """What is known of the four parameters beforehand, as rows of unit variance over all that is free, (4, count)."""
     known = np.zeros((0, 0)) if fit.prior is None else prior_rows(fit.prior.core, fit.model)[0]
-    rows = np.zeros((known.shape[0], columns))
+    rows = np.zeros((known.shape[0], count))
     rows[:, : known.shape[1]] = known
     return rows
 
@@ -214,11 +214,11 @@ def information(fit: Fit, variance: float, facts: RecordFacts) -> dict[str, floa
     ]
     if not places:
         return {}
-    frame = fit.frame
-    group = analytic(frame, places)
-    columns = np.concatenate([h.columns for h in group], axis=1)
-    _, A, _ = frame.whitened(LEAST_RATIO, variance, columns)
-    _, own, _ = frame.whitened(LEAST_RATIO, variance, frame.columns, frame.memory_columns)
+    linearised = fit.linearised
+    group = analytic(linearised, places)
+    regressors = np.concatenate([h.regressors for h in group], axis=1)
+    _, A, _ = linearised.whitened(LEAST_RATIO, variance, regressors)
+    _, own, _ = linearised.whitened(LEAST_RATIO, variance, linearised.jacobian, linearised.memory_jacobian)
     Q = _basis(own, fit)
     lengths = np.einsum("ij,ij->j", A - Q @ (Q.T @ A), A)
     return {h.effect.id: float(length) for h, length in zip(group, lengths, strict=True)}

@@ -19,7 +19,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Reference
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
@@ -75,8 +75,8 @@ class Search:
 
     def __init__(
         self,
-        whole: Record,
-        seen: Reference,
+        record: Record,
+        seen: Trajectory,
         facts: RecordFacts,
         advance: Callable[[str], object],
         enough: float = SIGNIFICANT_P,
@@ -86,9 +86,9 @@ class Search:
 
         share: of the diagnosis's work that may be spent before the search ends where it stands.
         """
-        self.work = whole.work
+        self.work = record.work
         self.share = share
-        self.whole = whole
+        self.record = record
         self.seen = seen
         self.enough = enough
         self.facts = facts
@@ -103,7 +103,7 @@ class Search:
         current = base
         for turn in range(_MOST_TURNS):
             if turn > 0 and not self.work.has(self.share):
-                where = "the whole record" if base.frame.record is self.whole else "the part that is searched"
+                where = "the whole record" if base.linearised.record is self.record else "the part that is searched"
                 said = ", ".join(current.model.effects.ids) or "the model"
                 self.work.leave_out(f"the search of {where} for more than {said}")
                 break
@@ -114,7 +114,7 @@ class Search:
                 break
             fit, trial = added
             if trial.effect.local_in_time:
-                fit, shape_std = with_other_laws(fit, trial.effect.id, self.whole, self.seen, self.facts)
+                fit, shape_std = with_other_laws(fit, trial.effect.id, self.record, self.seen, self.facts)
                 trial.shape_std |= shape_std
             current = self.pruned(fit, selection)
             if _inventory(current.model) == _inventory(selection.final.model):
@@ -139,7 +139,7 @@ class Search:
         anywhere = [effect for effect in effects if not effect.local_in_time]
         scores = Scorer(current).best_of_each(self.facts, anywhere)
         local = [effect for effect in effects if effect.local_in_time]
-        whole = current.widened(self.whole, self.seen) if local else current
+        whole = current.widened(self.record, self.seen) if local else current
         # Where time goes with speed an event waits for what holds at any time.
         laws = any(self._significant(s) and quantity_of(s.effect) != "time" for s in scores.values())
         if local and not (laws and may_confound(whole, "time", "speed")):
@@ -184,7 +184,7 @@ class Search:
             if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
                 continue
             self.advance(f"fitting {name}")
-            start = current.widened(self.whole, self.seen) if local else current
+            start = current.widened(self.record, self.seen) if local else current
             place = zoomed(start, score, self.facts) if local else score
             fits = [start.refitted(start.model.with_terms(term)) for term in place.starts]
             fit = max(fits, key=lambda item: item.likelihood.value)
@@ -215,7 +215,7 @@ class Search:
     def told(self, fit: Fit, name: str) -> Fit:
         """The same part fitted with an effect that is known to be there; unchanged where the log cannot show it."""
         effect = CATALOGUE[name]
-        start = fit.widened(self.whole, self.seen) if effect.local_in_time else fit
+        start = fit.widened(self.record, self.seen) if effect.local_in_time else fit
         score = Scorer(start).best_of_each(self.facts, [effect]).get(name)
         if score is None:
             return fit
