@@ -12,7 +12,8 @@ filter over (kappa, b, c, d), recursive least squares, carries it; its sigmas ar
 larger than it expects.
 
 The sign is wrong where kappa is negative by five sigmas, c being not negative, and by a fifth of the expected gain. The
-size is odd where kappa is more than four times what is expected, or less than a quarter of it, by three sigmas. A
+size is odd where kappa is more than four times what is expected, or less than a quarter of it, by three sigmas. Both
+are right where kappa is positive by five sigmas in the same way, and by three sigmas within those four times. A
 current too small to move the wheel says nothing about either: pieces in which the wheel stands are left out.
 
 [CK13]: docs/model.md.
@@ -30,7 +31,7 @@ from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import IssuedCommand, Tick, WheelSample
 
 PIECE_S = 0.5
-_LONGEST_STEP_S = 5.0  # a longer interval between readings is a gap
+LONGEST_STEP_S = 5.0  # a longer interval between readings is a gap
 _LEAST_PIECES = 6
 _SIGN_SIGMAS = 5.0
 _SIGN_SHARE = 0.2
@@ -54,6 +55,7 @@ class SignWatch:
         step_rad_s: float,
     ) -> None:
         """expected: of the model that the run starts from; step_rad_s: of a reading (or noise)."""
+        self.expected = expected
         k, b, c, _ = (abs(value) for value in expected)
         self._expected, self._coulomb = k, c
         self._step = step_rad_s
@@ -80,7 +82,22 @@ class SignWatch:
         """Whether the current turns the wheel the other way than the reading says."""
         gain, _ = self.gain
         enough = self.pieces >= _LEAST_PIECES and gain < -_SIGN_SHARE * self._expected
-        return enough and self._largest_gain() < 0.0
+        return enough and self._end_of_gain(1.0) < 0.0
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the current turns the wheel the way that the reading says, about as strongly as expected."""
+        gain, std = self.gain
+        within = gain + _SIZE_SIGMAS * std < _SIZE_FACTOR * self._expected
+        within = within and gain - _SIZE_SIGMAS * std > self._expected / _SIZE_FACTOR
+        return self.pieces >= _LEAST_PIECES and within and self._end_of_gain(-1.0) > 0.0
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether more of the same motion would tell nothing new: right, wrong, or of another size than expected."""
+        factor = self.odd_factor
+        odd = factor is not None and (factor < 1.0 or self._end_of_gain(-1.0) > 0.0)
+        return odd or self.is_right or self.is_wrong
 
     @property
     def odd_factor(self) -> float | None:
@@ -93,20 +110,23 @@ class SignWatch:
         small = gain + _SIZE_SIGMAS * std < self._expected / _SIZE_FACTOR
         return gain / self._expected if large or small else None
 
-    def _largest_gain(self) -> float:
-        """The largest motor gain that the readings leave [rad/s^2/A], by so many sigmas and friction not negative."""
+    def _end_of_gain(self, side: float) -> float:
+        """The largest (side 1) or smallest (-1) motor gain that the readings leave [rad/s^2/A].
+
+        By so many sigmas, and friction not negative.
+        """
         widened = max(self._nis, 1.0)
         places = ((_GAIN, _GAIN), (_GAIN, _COULOMB), (_COULOMB, _COULOMB))
         variance, both, coulomb = (widened * float(self._P[place]) for place in places)
-        gain, c = float(self._x[_GAIN]), float(self._x[_COULOMB])
+        gain, c = side * float(self._x[_GAIN]), float(self._x[_COULOMB])
         freely = gain + _SIGN_SIGMAS * math.sqrt(variance)
         if coulomb <= 0.0:
-            return freely
-        slope = both / coulomb
+            return side * freely
+        slope = side * both / coulomb
         reach = _SIGN_SIGMAS * math.sqrt(coulomb)
         ends = (max(-reach, -max(c, 0.0)) * slope, reach * slope)
-        bounded = gain + max(ends) + _SIGN_SIGMAS * math.sqrt(max(variance - both * slope, 0.0))
-        return min(freely, bounded)
+        rest = math.sqrt(max(variance - side * both * slope, 0.0))
+        return side * min(freely, gain + max(ends) + _SIGN_SIGMAS * rest)
 
     def add(self, tick: Tick) -> None:
         """Take one turn of the loop."""
@@ -120,7 +140,7 @@ class SignWatch:
         same = last is not None and sample.segment == last.segment
         dt = sample.time_s - self._at_s
         self._last, self._at_s = sample, sample.time_s
-        if not same or last is None or not 0.0 < sample.time_s - last.time_s < _LONGEST_STEP_S or following is None:
+        if not same or last is None or not 0.0 < sample.time_s - last.time_s < LONGEST_STEP_S or following is None:
             self._in_force_A = None
             self._drop()
             self._from_rad_s = sample.speed_rad_s
