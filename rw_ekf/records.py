@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from rw_ekf.arrays import Float64Array
 
 # What a wheel may say of itself (WheelSample.conditions).
 FAULT = "fault"
@@ -132,6 +135,7 @@ class Estimate:
     effects: Mapping[str, Believed] = field(default_factory=dict)  # coefficients, by id, numbered where one repeats
     hidden: HiddenState | None = None
     conditions: Conditions | None = None
+    covariance: Float64Array | None = field(default=None, compare=False, repr=False)  # (n, n), hidden states last
     friction: Callable[[float | None], Believed] | None = field(default=None, compare=False, repr=False)
 
     def friction_torque_rad_s2(self, speed_rad_s: float | None = None) -> Believed:

@@ -22,6 +22,7 @@ from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
+from rw_ekf.learning.carry import carried_over
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.run_directory import start_path
@@ -30,7 +31,6 @@ from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.settings.load import configuration_of
 from rw_ekf.starting_point import (
     FilterSetup,
-    carried_over,
     setup_of_configuration,
     setup_of_record,
     setup_of_start,

@@ -22,6 +22,7 @@ from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, S
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.wheel_tag import WheelTag
 
 if TYPE_CHECKING:
     from rw_ekf.identify.record_scale import RecordScale
@@ -83,7 +84,7 @@ def setup_of_configuration(
         speed_noise_rad_s=rad_s_from_rpm(section.speed_noise_rpm),
         acceleration_noise=section.acceleration_noise_rpm_per_sqrt_s * RAD_S_PER_RPM,
         parameter_drift=0.01 * section.parameter_drift_percent_per_sqrt_hour,
-        scale=CK13_STATISTICAL if model is None else model.parameters,
+        scale=prior.parameters,
         gate_probability=section.gate_probability,
         max_gap_s=section.max_gap_s,
         nominal_period_s=max(1.0 / configuration.loop.rate_hz, period_s),
@@ -161,35 +162,6 @@ def belief_of_model(model: WheelModel) -> Belief:
     return Belief.of_known(values, np.array(model.covariance), size, effect_ids=ids)
 
 
-def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
-    """What of a model holds for a run that begins now, and what had to be said about the rest.
-
-    A spike or a drift belongs to the record it was found in. A periodic torque goes on, but its phase is not known any
-    more: sine and cosine start from zero, as uncertain as the amplitude is large.
-    """
-    kept, notes = [], []
-    covariance = np.array(model.covariance)
-    known = len(model.parameters)
-    places = list(range(known))
-    end = known
-    for term in model.effects.state_terms:
-        at, end = range(end, end + len(term.values)), end + len(term.values)
-        if term.effect.of_one_record:
-            notes += [f"{term.id} belongs to the record it was found in and is not carried into this run"] * len(at)
-            continue
-        places += at
-        if term.effect.components > 1:
-            size = max(term.size, *term.stds)
-            covariance[at, :] = covariance[:, at] = 0.0
-            covariance[at, at] = size**2
-            term = replace(term, values=(0.0,) * len(at), stds=(size,) * len(at))  # noqa: PLW2901
-        kept.append(term)
-    kept += [term for term in model.effects.terms if not term.effect.in_state]
-    rows = covariance[np.ix_(places, places)]
-    table = tuple(tuple(float(v) for v in row) for row in rows)
-    return replace(model, covariance=table, effects=EffectSet(tuple(kept))), notes
-
-
 def without_effects(model: WheelModel) -> WheelModel:
     """The four parameters of a model alone, for what knows no effects."""
     known = len(model.parameters)
@@ -197,7 +169,11 @@ def without_effects(model: WheelModel) -> WheelModel:
 
 
 def model_of(
-    belief: Belief, setup: FilterSetup, source: Mapping[str, Any], noise: NoisePosterior | None = None
+    belief: Belief,
+    setup: FilterSetup,
+    source: Mapping[str, Any],
+    noise: NoisePosterior | None = None,
+    wheel: WheelTag | None = None,
 ) -> WheelModel:
     """Return what a run or a fit leaves for the next to start from; `noise` replaces the setup's where it was tuned."""
     _, covariance = belief.known(setup.effects.size)
@@ -213,6 +189,7 @@ def model_of(
         inertia_kg_m2=setup.inertia_kg_m2,
         source={**source, "rw_ekf": __version__},
         effects=setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
+        wheel=wheel,
     )
 
 

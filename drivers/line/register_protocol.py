@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,9 +16,15 @@ from rw_ekf.driver import WheelDriver, WireLimits
 class RegisterProtocol:
     """A WheelProtocol over a wire map."""
 
-    def __init__(self, wire_map: WireMap, scale_places: Mapping[str, str] | None = None) -> None:
-        """scale_places: where the scales of "speed" and "current" stand, for whoever finds one wrong."""
+    def __init__(
+        self, wire_map: WireMap, scale_places: Mapping[str, str] | None = None, fingerprint: str | None = None
+    ) -> None:
+        """scale_places: where the scales of "speed" and "current" stand, for whoever finds one wrong.
+
+        fingerprint: of all that the wire map says.
+        """
         self.wire_map = wire_map
+        self.fingerprint = fingerprint
         self.scale_places = scale_places if scale_places is not None else {}
 
     @property
@@ -65,7 +73,8 @@ def protocol_of(data: Mapping[str, object], where: Where) -> RegisterProtocol:
     """Make the protocol of a wire map's content. Raises ConfigError with every finding."""
     content = {key: value for key, value in data.items() if key != "family"} if isinstance(data, Mapping) else data
     wire_map = wire_map_from_mapping(content, where)
-    return RegisterProtocol(wire_map, _scale_places(wire_map, where))
+    said = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return RegisterProtocol(wire_map, _scale_places(wire_map, where), said)
 
 
 def _scale_places(wire_map: WireMap, where: Where) -> dict[str, str]:

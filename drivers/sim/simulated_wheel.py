@@ -125,6 +125,7 @@ class SimulatedProtocol:
 
     limits = WireLimits((-1.0, 1.0), (-1.0e3, 1.0e3), hottest_degC=500.0)
     scale_places: Mapping[str, str] = MappingProxyType({})
+    fingerprint: str | None = "simulated in this process"
 
     def __init__(self, wheel: SimulatedWheel) -> None:
         self.wheel = wheel

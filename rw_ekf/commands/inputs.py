@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rw_ekf.learning.start import GivenModel
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
@@ -49,6 +50,19 @@ def read_wheel_model(path: str | None, configuration: Configuration | None = Non
     from rw_ekf.wheel.model_file import read_model
 
     return read_model(Path(named))
+
+
+def given_model(configuration: Configuration, args: argparse.Namespace) -> GivenModel:
+    """Read what `run` and `excite` were given to start from: --model, else filter.model, and how they take it."""
+    from rw_ekf.learning.start import GivenModel
+
+    return GivenModel(
+        read_wheel_model(args.model, configuration),
+        args.model or configuration.filter.model,
+        named=args.model is not None,
+        fresh=args.fresh,
+        other_wheel=args.other_wheel,
+    )
 
 
 def read_logs(paths: list[str], columns: str | None) -> list[WheelLog]:

@@ -36,6 +36,14 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", metavar="F", help="model YAML to start from, effects included, instead of the configuration's"
     )
+    parser.add_argument(
+        "--fresh",
+        action="store_true",
+        help="start from the configuration, not from what earlier runs learned",
+    )
+    parser.add_argument(
+        "--other-wheel", action="store_true", help="drive this wheel although the model is of another one"
+    )
     parser.add_argument("--log-format", choices=("text", "json"), default="text", help="of the lines on standard error")
 
 
@@ -81,15 +89,15 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
     with StopSignal() as stop:
         from rw_ekf.attach import checked_protocol
         from rw_ekf.clock import SystemClock
-        from rw_ekf.commands.inputs import read_wheel_model
+        from rw_ekf.commands.inputs import given_model
         from rw_ekf.console import abandon_output, logger
         from rw_ekf.live.daemon import run_daemon
 
         protocol = checked_protocol(configuration)
-        model = read_wheel_model(args.model, configuration)
+        given = given_model(configuration, args)
         clock = SystemClock()
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
-        outcome = run_daemon(configuration, protocol, model, args.duration, log, stop, clock)
+        outcome = run_daemon(configuration, protocol, given, args.duration, log, stop, clock)
         warnings = _warnings(outcome)
         try:
             _print(outcome, warnings, json=args.json)
@@ -194,6 +202,7 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
         },
         "stopped_by": outcome.stopped_by,
         "state": outcome.state._asdict(),
+        "start": outcome.start,
         "model": None if outcome.files.model.name in outcome.unwritten.other_files else str(outcome.files.model),
         "unwritten": {
             "log_rows": outcome.unwritten.log_rows,

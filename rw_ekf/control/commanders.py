@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import bisect
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rw_ekf.control.confirming_move import ConfirmingMove
 from rw_ekf.control.profiles.profile import Profile, make_profile
 from rw_ekf.records import Controller, Tick, WheelSample
 
@@ -32,13 +34,36 @@ class ProfileController:
         return self.profile.current_A(self._elapsed_s)
 
 
-def controller_of(command: CommandSection) -> tuple[Controller, float | None, Phase]:
-    """Return what to ask for, for how long [s] (None: for ever), and what the profile is at by its time.
+@dataclass(frozen=True)
+class Commander:
+    """What is asked for, for how long, and what it is at: a profile, behind the small move where one is due."""
 
-    Profile `none` is not asked here: a run that never writes has no controller.
+    controller: Controller
+    profile: Profile
+    move: ConfirmingMove | None = None
+
+    def lasts_s(self) -> float | None:
+        """How long it lasts [s], as far as is known by now; None: for ever."""
+        if self.profile.duration_s is None or self.move is None:
+            return self.profile.duration_s
+        return self.profile.duration_s + (self.move.longest_s if self.move.active else self.move.lasted_s)
+
+    def phase(self, time_s: float) -> str:
+        """What it is at, by its time [s]."""
+        if self.move is not None:
+            if self.move.active or time_s < self.move.lasted_s:
+                return "confirming the sign"
+            time_s -= self.move.lasted_s
+        return self.profile.name if self.profile.phase is None else self.profile.phase(time_s)
+
+
+def commander_of(command: CommandSection) -> Commander:
+    """Return what a configuration asks for, without a move before it.
+
+    Profile `none` is not asked here: a run that never writes has no commander.
     """
     profile = profile_of(command)
-    return ProfileController(profile), profile.duration_s, profile.phase or (lambda time_s: profile.name)
+    return Commander(ProfileController(profile), profile)
 
 
 def profile_of(command: CommandSection) -> Profile:

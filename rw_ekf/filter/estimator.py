@@ -187,6 +187,7 @@ class Estimator:
         conditions = self._gatherer.conditions
         current_A = self._gatherer.current_A(sample.time_s - delay_s)
         at = (current_A, conditions.temperature_degC, conditions.angle_rad, sample.time_s)
+        covariance = ekf.P.copy()
         return Estimate(
             time_s=sample.time_s,
             outcome=OUTCOMES[what],
@@ -197,5 +198,6 @@ class Estimator:
             effects=effects,
             hidden=hidden,
             conditions=conditions,
-            friction=partial(friction_torque, ekf.x.copy(), ekf.P.copy(), table, self.constants.stribeck, at),
+            covariance=covariance,
+            friction=partial(friction_torque, ekf.x.copy(), covariance, table, self.constants.stribeck, at),
         )

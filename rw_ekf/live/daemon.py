@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf import __version__
 from rw_ekf.clock import Clock
-from rw_ekf.control.commanders import controller_of
+from rw_ekf.control.commanders import commander_of
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
+from rw_ekf.learning.start import GivenModel, start_of_run
 from rw_ekf.live.alarm_watch import alarm_watch_of
 from rw_ekf.live.claim import PortClaim
+from rw_ekf.live.confirm_sign import confirming
 from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel
@@ -33,14 +36,17 @@ from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_met
 from rw_ekf.numbers import plus_minus
 from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, StateNow, Tick
 from rw_ekf.sinks.guard import GuardedSink
+from rw_ekf.sinks.learned import Learning
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.registry import RunContext, sinks_of
 from rw_ekf.sinks.run_files import RunFiles, Unwritten
-from rw_ekf.starting_point import FilterSetup, carried_over, model_of, setup_of_configuration
+from rw_ekf.starting_point import FilterSetup, model_of
 from rw_ekf.statistics import RunStatistics
+from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.watch.sign_watch import SignWatch
 from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
+from rw_ekf.wheel.wheel_tag import WheelTag
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -55,6 +61,7 @@ class RunOutcome:
 
     files: RunFiles
     setup: FilterSetup
+    start: Mapping[str, Any]  # from what, and whether the wheel's sign is confirmed
     belief: Belief
     statistics: RunStatistics
     recent: RecentSink  # what the end of the run is judged by
@@ -73,44 +80,27 @@ class RunOutcome:
 def run_daemon(
     configuration: Configuration,
     protocol: WheelProtocol,
-    model: WheelModel | None,
+    given: GivenModel,
     duration_s: float | None,
     logger: Any,
     stop: StopSignal,
     clock: Clock,
 ) -> RunOutcome:
-    """Attach, estimate, log, publish. Raises DriverError if the wheel cannot be reached at the start.
+    """Attach, estimate, log, publish.
 
+    Raises DriverError if the wheel cannot be reached at the start, BadInputError if the model given is of another one.
     Zero current is sent on every way out; `stop` ends the run in order.
     """
     from rw_ekf.attach import opener
 
     began = clock.utc()
-    if model is not None:
-        model, notes = carried_over(model)
-        for text in notes:
-            logger.info("effect_not_carried_over", text=text)
-    setup = setup_of_configuration(configuration, model)
-    estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
     writes = configuration.command.profile != "none"
-    controller, profile_s, phase = controller_of(configuration.command) if writes else (None, None, None)
-    lasts_s = min((d for d in (duration_s, profile_s) if d is not None), default=None)
-    watch = alarm_watch_of(configuration, estimator.constants, setup.inertia_kg_m2, logger, clock)
+    commander = commander_of(configuration.command) if writes else None
+    limits, rate_hz = SafetyLimits.of(configuration.limits), configuration.loop.rate_hz
+    resolution = protocol.limits.speed_step_rad_s
+    step_rad_s = max(resolution, rad_s_from_rpm(configuration.filter.speed_noise_rpm))
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port, clock))
-        resolution, noise = protocol.limits.speed_step_rad_s, estimator.constants.speed_variance**0.5
-        stribeck = estimator.constants.stribeck
-        stuck = StuckWatch(resolution, noise, configuration.limits.silence_s, *stribeck)
-        check = TelemetryCheck(
-            logger.warning,
-            stuck,
-            lambda: ParameterBelief(estimator.parameters, estimator.parameter_covariance),
-            writes=writes,
-        )
-        limits, rate_hz = SafetyLimits.of(configuration.limits), configuration.loop.rate_hz
-        states = RunStates(clock, logger.warning, latches=writes)
-        stop.on_resume(states.resume)
-        judge = RunJudge(states, check, limits, 1.0 / rate_hz)
         live = LiveWheel(
             opener(configuration, protocol, clock),
             limits,
@@ -119,33 +109,63 @@ def run_daemon(
             clock,
             writes=writes,
             note=logger.warning,
-            check=check,
-            hold=lambda: judge.hold,
-            speed_step_rad_s=max(resolution, noise),
-        )
-
-        def forbid(why: str) -> None:
-            states.latch(why, for_good=True)
-            live.zero_now()
-
-        sign = SignCheck(
-            SignWatch(setup.prior.parameters, stribeck.omega_s, max(resolution, noise)),
-            protocol.scale_places,
-            expectation_of(configuration, model),
-            forbid=forbid if writes else None,
-            found=check.found,
-            note=logger.warning,
+            speed_step_rad_s=step_rad_s,
         )
         confirmed = False
         sinks: list[GuardedSink] = []
-
-        def watched(tick: Tick) -> tuple[ActiveAlarm, ...]:
-            sign.step(tick)
-            judge.commanded(tick.command)
-            return () if watch is None else watch.step(tick)
-
         try:
             files = RunFiles.of_run(configuration, began)
+            start = start_of_run(configuration, given, _tag(live, protocol, configuration), files.learned, began)
+            for event, text in start.said:
+                logger.info(event, text=text)
+            setup = start.setup
+            estimator = Estimator(
+                setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift
+            )
+            stribeck = estimator.constants.stribeck
+            noise = estimator.constants.speed_variance**0.5
+            check = TelemetryCheck(
+                logger.warning,
+                StuckWatch(resolution, noise, configuration.limits.silence_s, *stribeck),
+                lambda: ParameterBelief(estimator.parameters, estimator.parameter_covariance),
+                writes=writes,
+            )
+            states = RunStates(clock, logger.warning, latches=writes)
+            stop.on_resume(states.resume)
+            judge = RunJudge(states, check, limits, 1.0 / rate_hz)
+            live.judged_by(check, lambda: judge.hold)
+
+            def forbid(why: str) -> None:
+                states.latch(why, for_good=True)
+                live.zero_now()
+
+            sign_watch = SignWatch(start.origin.prior.parameters, stribeck.omega_s, max(resolution, noise))
+            sign = SignCheck(
+                sign_watch,
+                protocol.scale_places,
+                expectation_of(configuration, given),
+                confirmed=start.wheel.sign_confirmed,
+                forbid=forbid if writes else None,
+                found=check.found,
+                logger=logger,
+            )
+            watch = alarm_watch_of(configuration, estimator.constants, setup.inertia_kg_m2, logger, clock)
+
+            def watched(tick: Tick) -> tuple[ActiveAlarm, ...]:
+                sign.step(tick)
+                judge.commanded(tick.command)
+                return () if watch is None else watch.step(tick)
+
+            if commander is not None and not sign.confirmed:
+                commander = confirming(commander, configuration, sign_watch, max(resolution, noise), logger)
+
+            def lasts_s() -> float | None:
+                own = None if commander is None else commander.lasts_s()
+                return min((d for d in (duration_s, own) if d is not None), default=None)
+
+            def wheel_now() -> WheelTag:
+                return replace(start.wheel, sign_confirmed=sign.confirmed)
+
             run = RunContext(
                 files=files,
                 wheel=configuration.wheel.name,
@@ -155,20 +175,23 @@ def run_daemon(
                 clock=clock,
                 logger=logger,
                 total_s=lasts_s,
-                phase=phase,
+                phase=None if commander is None else commander.phase,
                 watched=watch is not None,
                 recent=RecentSink(configuration.loop.rate_hz),
                 began=states.now,
                 link=lambda: live.link,
+                learning=Learning(start, wheel_now, lambda: sign.doubt),
                 process=own_process(),
             )
             sinks = sinks_of(run)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
+            with run.unwritten.tried(files.start, logger.warning):
+                _write_model(files.start, start.model)
             readings = _with_metadata(live, live.readings(lasts_s), run, configuration)
-            if controller is None:
+            if commander is None:
                 readings, issue = following(readings)
             else:
-                issue = partial(live.issue, controller)
+                issue = partial(live.issue, commander.controller)
             run_loop(readings, estimator, issue, sinks, watched, judge.judge)
         finally:
             confirmed = live.close()
@@ -188,12 +211,9 @@ def run_daemon(
                 f"the motor gain is estimated as {plus_minus(gain, gain_std)} rad/s^2/A, and no "
                 "wheel has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
             )
-        model_now = model_of(belief, setup, {"method": "filter", "log": files.log.name})
         with run.unwritten.tried(files.model, logger.warning):
-            refusal = refusal_of(model_now)
-            if refusal is not None:
-                raise BadInputError(f"{files.model}: not written, because nothing could read it: {refusal}")
-            write_text(files.model, model_now.to_text(), follow=False)
+            source = {"method": "filter", "log": files.log.name}
+            _write_model(files.model, model_of(belief, setup, source, wheel=wheel_now()))
         ended_by = "halt" if live.halted is not None else stop.requested or "duration"
         zero = ("confirmed" if confirmed else "NOT confirmed") if writes else "left to who commands the wheel"
         logger.info(
@@ -202,6 +222,7 @@ def run_daemon(
         return RunOutcome(
             files=files,
             setup=setup,
+            start=start.document | {"sign_confirmed": sign.confirmed},
             belief=belief,
             statistics=run.statistics,
             recent=run.recent,
@@ -218,13 +239,29 @@ def run_daemon(
         )
 
 
-def expectation_of(configuration: Configuration, model: WheelModel | None) -> str:
+def _write_model(path: Path, model: WheelModel) -> None:
+    """Write a model file. Raises BadInputError where the place cannot be written, or nothing could read it again."""
+    refusal = refusal_of(model)
+    if refusal is not None:
+        raise BadInputError(f"{path}: not written, because nothing could read it: {refusal}")
+    write_text(path, model.to_text(), follow=False)
+
+
+def _tag(live: LiveWheel, protocol: WheelProtocol, configuration: Configuration) -> WheelTag:
+    """Who answers, through which wire map."""
+    section = configuration.wheel
+    return WheelTag.of_identity(
+        live.driver.identity, protocol=section.protocol, wire_map=protocol.fingerprint, port=section.port
+    )
+
+
+def expectation_of(configuration: Configuration, given: GivenModel) -> str:
     """Say where the expected motor gain comes from."""
-    if model is not None:
+    if given.model is not None:
         return "the model says"
     prior = configuration.filter.prior
-    given = prior is not None and prior.motor_gain is not None
-    return "filter.prior.motor_gain says" if given else "the built-in prior says"
+    named = prior is not None and prior.motor_gain is not None
+    return "filter.prior.motor_gain says" if named else "the built-in prior says"
 
 
 def _with_metadata(

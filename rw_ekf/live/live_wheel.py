@@ -48,14 +48,10 @@ class LiveWheel:
         *,
         writes: bool = True,
         note: Note = lambda event, **context: None,
-        check: TelemetryCheck | None = None,
-        hold: Callable[[], str | None] | None = None,
         speed_step_rad_s: float = 0.0,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
-        check: judges every reading; the usual one has no model, and knows only what the wheel says of itself.
-        hold: why nothing but zero may be written now, or None; usually what `check` says.
         speed_step_rad_s: noise or resolution of a reading.
         """
         self._connection = Connection(open_wheel, limits, clock, note, writes=writes, speed_step_rad_s=speed_step_rad_s)
@@ -66,9 +62,7 @@ class LiveWheel:
         self._writes = writes
         self._note = note
         self.timing = LoopTiming()
-        self.check = check if check is not None else TelemetryCheck(note, writes=writes)
-        self.check.attached(self.driver.identity)
-        self._hold = hold if hold is not None else lambda: self.check.hold
+        self.judged_by(TelemetryCheck(note, writes=writes))
         self.halted: str | None = None  # why the run must not go on
         self.silent = False  # no telemetry for longer than limits.silence_s
         self._time = SampleTime()
@@ -81,6 +75,15 @@ class LiveWheel:
         self._repeating = False  # replies come, but their time stands still
         self._reopened_s = 0.0
         self._changed_for: str | None = None
+
+    def judged_by(self, check: TelemetryCheck, hold: Callable[[], str | None] | None = None) -> None:
+        """Let `check` judge every reading; at first one does that has no model, and knows what the wheel itself says.
+
+        hold: why nothing but zero may be written now, or None; usually what `check` says.
+        """
+        self.check = check
+        check.attached(self.driver.identity)
+        self._hold = hold if hold is not None else lambda: check.hold
 
     @property
     def driver(self) -> WheelDriver:
@@ -97,8 +100,8 @@ class LiveWheel:
         """Whether the line is down, or the wheel silent."""
         return self._connection.lost or self.silent
 
-    def readings(self, duration_s: float | None = None) -> Iterator[Reading]:
-        """Readings, one per tick, until a stop is asked for or `duration_s` of samples have come.
+    def readings(self, lasts_s: Callable[[], float | None] = lambda: None) -> Iterator[Reading]:
+        """Readings, one per tick, until a stop is asked for or `lasts_s()` of samples have come (None: for ever).
 
         Time counts as the samples tell it, and by the host's clock where none come. A turn that brought nothing for a
         log has a reading without a sample.
@@ -127,6 +130,7 @@ class LiveWheel:
                 self.timing.overruns += 1
             if after - deadline > self._period_s:  # skip the ticks that are past, keep the phase
                 deadline += self._period_s * int((after - deadline) / self._period_s)
+            duration_s = lasts_s()
             if duration_s is not None and covered_s + now - told_s >= duration_s - 0.5 * self._period_s:
                 return
 

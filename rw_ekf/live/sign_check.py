@@ -22,22 +22,34 @@ class SignCheck:
         places: Mapping[str, str],
         expectation: str,
         *,
+        confirmed: bool,
         forbid: Callable[[str], None] | None,
         found: Callable[[str, str], None],
-        note: Callable[..., Any],
+        logger: Any,
     ) -> None:
         """places: where the scales of "speed" and "current" stand in the wire map. expectation: whose the gain is.
 
-        forbid: holds zero for the rest of the run; None where it does not drive the wheel. found: takes a finding for
-        the document.
+        confirmed: by an earlier run. forbid: holds zero for the rest of the run; None where it does not drive the
+        wheel. found: takes a finding for the document.
         """
         self._watch = watch
         self._places = places
         self._expectation = expectation
         self._forbid = forbid
         self._found = found
-        self._note = note
-        self._said: set[str] = set()
+        self._logger = logger
+        self._said: dict[str, str] = {}
+        self._confirmed = confirmed
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether a motion of this wheel has shown sign and size of its gain, in this run or before, and none else."""
+        return self._confirmed and not self._said
+
+    @property
+    def doubt(self) -> str | None:
+        """What was found to be wrong; None if nothing."""
+        return next(iter(self._said.values()), None)
 
     def step(self, tick: Tick) -> None:
         """Take one turn of the loop."""
@@ -51,12 +63,17 @@ class SignCheck:
             if self._forbid is not None:
                 self._forbid(text)
         factor = self._watch.odd_factor
-        if factor is not None and self._said.isdisjoint((ODD_GAIN, WRONG_SIGN)):
+        if factor is not None and not self._said:
             self._tell(ODD_GAIN, self._odd_gain(factor))
+        if not self._confirmed and not self._said and self._watch.is_right:
+            self._confirmed = True
+            gain, std = self._watch.gain
+            text = f"a positive current turns the wheel forward: its motor gain is {plus_minus(gain, std)} rad/s^2/A"
+            self._logger.info("sign_confirmed", text=text)
 
     def _tell(self, event: str, text: str) -> None:
-        self._said.add(event)
-        self._note(event, text=text)
+        self._said[event] = text
+        self._logger.warning(event, text=text)
         self._found(event, text)
 
     def _wrong_sign(self) -> str:

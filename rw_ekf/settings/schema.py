@@ -102,6 +102,9 @@ class FilterSection(Section):
         None, min_length=1, description="model YAML, as a run or `fit --out` writes it; null: none"
     )
     prior: PriorSection | None = Field(None, description="priors of the four parameters; null: the built-in ones")
+    continue_learned: bool = Field(
+        True, description="whether a run goes on from what this wheel's runs have learned; false: from model and prior"
+    )
 
 
 class WatchSection(Section):
@@ -130,6 +133,9 @@ class CommandSection(Section):
     bias_A: float = Field(0.0, ge=-1e3, le=1e3, description="constant current added to it [A]")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the random profiles [-]")
     log: str | None = Field(None, min_length=1, description="the log to repeat; required if profile is log, else null")
+    confirm_sign: bool = Field(
+        True, description="whether a run first moves a wheel a little whose sign and gain were never confirmed"
+    )
 
 
 class OutputSection(Section):

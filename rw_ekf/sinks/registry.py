@@ -16,6 +16,7 @@ from rw_ekf.records import LinkCounters, Sink, StateNow
 from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.events import EventsSink
 from rw_ekf.sinks.guard import GuardedSink, Queue
+from rw_ekf.sinks.learned import LearnedSink, Learning
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.recent import RecentSink
@@ -27,6 +28,7 @@ from rw_ekf.statistics import RunStatistics
 
 _LOG_TICKS = 4096  # seven minutes at 10 Hz of a disk that hangs
 _STATE_EVERY_S = 1.0
+LEARNED_EVERY_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -43,10 +45,11 @@ class RunContext:
     began: StateNow
     link: Callable[[], LinkCounters]
     process: Mapping[str, int | None]  # pid and start_ticks: for all time the name of one process
-    total_s: float | None = None
+    total_s: Callable[[], float | None] = lambda: None
     phase: Phase | None = None
     watched: bool = True  # whether there can be alarms
     statistics: RunStatistics = field(default_factory=RunStatistics)
+    learning: Learning | None = None  # None: nothing is kept for the next run
     recent: RecentSink = field(default_factory=RecentSink)
     unwritten: Unwritten = field(default_factory=Unwritten)
 
@@ -84,12 +87,20 @@ def _events(run: RunContext) -> tuple[Sink, Queue]:
     return EventsSink(run.files.events, run.clock, run.began), Queue(_LOG_TICKS)
 
 
+def _learned(run: RunContext) -> tuple[Sink, Queue]:
+    assert run.learning is not None
+    every_s = LEARNED_EVERY_S
+    sink = LearnedSink(run.files, run.learning, run.clock, every_s, run.unwritten, run.logger.warning)
+    return sink, Queue(1, every_s=every_s)
+
+
 SINKS: dict[str, Callable[[RunContext], tuple[Sink, Queue | None]]] = {
     "log": _log,
     "statistics": lambda run: (StatisticsSink(run.statistics), None),
     "recent": lambda run: (run.recent, None),
     "state": _state,
     "events": _events,
+    "learned": _learned,
     "status": lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
 }
 
@@ -99,6 +110,8 @@ def sinks_of(run: RunContext) -> list[GuardedSink]:
     with contextlib.ExitStack() as undo:
         made = []
         for name, make in SINKS.items():
+            if name == "learned" and run.learning is None:
+                continue
             sink, queue = make(run)
             made.append(GuardedSink(name, sink, queue, run.clock, run.unwritten, run.logger.error))
             undo.callback(made[-1].close)

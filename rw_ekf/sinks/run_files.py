@@ -24,13 +24,16 @@ Note = Callable[..., None]  # takes named events for the log
 class RunFiles:
     """Where one run leaves its files; all beside each other under one stem.
 
-    Only the state file is the same in the next run of the same wheel on the same port.
+    Only the state file and what was learned are the same in the next run of the same wheel on the same port.
     """
 
     log: Path
     estimates: Path
     events: Path
+    start: Path
     model: Path
+    replaced: Path  # what stood in the place of `learned` and was not gone on from
+    learned: Path
     state: Path
 
     @classmethod
@@ -49,12 +52,16 @@ class RunFiles:
         while any(os.path.lexists(directory / f"{stem}{ending}") for ending in (*FORMS, ".meta.yaml")):
             number += 1
             stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
+        lasting = directory / lasting_stem(configuration)
         return cls(
-            directory / f"{stem}.csv",
-            directory / f"{stem}.estimates.csv",
-            directory / f"{stem}.events.jsonl",
-            directory / f"{stem}.model.yaml",
-            state_path(configuration),
+            log=directory / f"{stem}.csv",
+            estimates=directory / f"{stem}.estimates.csv",
+            events=directory / f"{stem}.events.jsonl",
+            start=directory / f"{stem}.start.yaml",
+            model=directory / f"{stem}.model.yaml",
+            replaced=directory / f"{stem}.replaced.yaml",
+            learned=lasting.with_name(f"{lasting.name}.learned.yaml"),
+            state=state_path(configuration),
         )
 
 

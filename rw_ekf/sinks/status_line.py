@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock
@@ -45,7 +45,7 @@ class StatusLine:
         self,
         logger: Any,
         clock: Clock,
-        total_s: float | None,
+        total_s: Callable[[], float | None],
         phase: Phase | None = None,
         *,
         every_s: float = 0.5,
@@ -91,7 +91,7 @@ class StatusLine:
         state, std = estimate.state, estimate.std
         current = "" if tick.command is None else f"{1e3 * tick.command.current_A:+.1f} mA"
         return [
-            elapsed_text(self._elapsed_s, self._total_s),
+            elapsed_text(self._elapsed_s, self._total_s()),
             _state_word(tick),
             f"{rpm_from_rad_s(state.speed_rad_s):+.1f} rpm",
             current,
@@ -102,7 +102,7 @@ class StatusLine:
 
     def _log(self, tick: Tick) -> None:
         state, std = tick.estimate.state, tick.estimate.std
-        told: dict[str, Any] = {"elapsed_s": round(self._elapsed_s, 1), "of_s": self._total_s}
+        told: dict[str, Any] = {"elapsed_s": round(self._elapsed_s, 1), "of_s": self._total_s()}
         if self._phase is not None:
             told["phase"] = self._phase(self._elapsed_s)
         told |= {"state": _state_word(tick), "speed_rpm": round(rpm_from_rad_s(state.speed_rad_s), 2)}

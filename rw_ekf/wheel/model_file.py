@@ -19,9 +19,11 @@ from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
 from rw_ekf.wheel.model_check import ModelChecker
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.wheel_tag import WheelTag, tag_of_data
 
 SCHEMA_FAMILY = "rw_ekf.model/"
 SCHEMA = SCHEMA_FAMILY + "1"
+_KEYS = ("schema", "source", "wheel", "stribeck", "inertia_kg_m2", "parameters", "covariance", "noise", "effects")
 
 
 @dataclass(frozen=True)
@@ -40,14 +42,14 @@ class WheelModel:
     inertia_kg_m2: float | None = None
     source: Mapping[str, Any] = field(default_factory=dict)  # method, log, samples: for people
     effects: EffectSet = NO_EFFECTS
+    wheel: WheelTag | None = None  # None: nobody knows whose it is
 
-    def to_text(self) -> str:
-        """YAML text; floats are written so that they read back exactly."""
-        import yaml
-
-        document = {
+    def document(self) -> dict[str, Any]:
+        """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""
+        return {
             "schema": SCHEMA,
             "source": dict(self.source),
+            **({} if self.wheel is None else {"wheel": self.wheel.document()}),
             "stribeck": {"speed_rad_s": self.stribeck_speed_rad_s, "law": self.stribeck_law},
             "inertia_kg_m2": self.inertia_kg_m2,
             "parameters": {
@@ -61,7 +63,12 @@ class WheelModel:
             },
             "effects": [entry for term in self.effects.terms for entry in _effect_documents(term)],
         }
-        text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
+
+    def to_text(self) -> str:
+        """YAML text; floats are written so that they read back exactly."""
+        import yaml
+
+        text: str = yaml.safe_dump(self.document(), sort_keys=False, default_flow_style=None, width=120)
         return text
 
 
@@ -112,8 +119,12 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         ),
         "inertia_kg_m2": checker.optional(("inertia_kg_m2",), model_bounds.INERTIA_KG_M2),
     }
+    wheel = tag_of_data(checker)
+    source = data.get("source")
+    if not isinstance(source, Mapping | None):
+        checker.find(("source",), "must be a mapping: method, log and so on")
     for key in data:
-        if key not in {"schema", "source", "stribeck", "inertia_kg_m2", "parameters", "covariance", "noise", "effects"}:
+        if key not in _KEYS:
             checker.find((key,), "is not a key of a model file")
     if checker.findings:
         raise ConfigError(checker.findings)
@@ -121,8 +132,9 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         FrictionParameters(*parameters),
         covariance,
         stribeck_law=str(law),
-        source=data.get("source") or {},
+        source=source or {},
         effects=effects,
+        wheel=wheel,
         **model,  # type: ignore[arg-type]
     )
 
@@ -132,12 +144,12 @@ def refusal_of(model: WheelModel) -> str | None:
 
     A fit to a record that is no wheel's may end where no wheel is; then there is nothing to write.
     """
-    import yaml
-
     try:
-        model_from_data(yaml.safe_load(model.to_text()), lambda path: "the model")
+        model_from_data(model.document(), lambda path: "the model")
     except ConfigError as error:
         return "; ".join(error.findings)
+    except (ArithmeticError, ValueError):  # the square root of a variance below zero
+        return "its covariance has a variance below zero, or a number that is none"
     return None
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.control.commanders import ProfileController, controller_of, logged_profile
+from rw_ekf.control.commanders import ProfileController, commander_of, logged_profile
 from rw_ekf.control.profiles.profile import make_profile
 from rw_ekf.errors import ConfigError
 from rw_ekf.live.follow import with_following_command
@@ -51,7 +51,7 @@ def test_a_logged_current_is_repeated_over_its_own_time(tmp_path: Path) -> None:
     )
     profile = logged_profile(str(log))
     assert [profile.current_A(t) for t in (0.0, 0.99, 1.0, 2.5, 9.0)] == [0.1, 0.1, 0.2, 0.4, 0.0]
-    assert controller_of(CommandSection(profile="log", log=str(log)))[1] == profile.duration_s == 3.0
+    assert commander_of(CommandSection(profile="log", log=str(log))).lasts_s() == profile.duration_s == 3.0
 
 
 def pairs(readings: list[Reading]) -> list[tuple[float | None, float | None]]:

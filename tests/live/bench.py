@@ -118,11 +118,11 @@ class Bench:
 
 
 def write_config(directory: Path, port: str, **changes: dict[str, Any]) -> Path:
-    """Write a configuration for a wheel at `port`; quick by default."""
+    """Write a configuration for a wheel at `port`; quick by default, and the profile begins at once."""
     content: dict[str, dict[str, Any]] = {
         "wheel": {"port": port},
         "limits": {"current_A": 0.6, "silence_s": 0.3},
-        "command": {"profile": "sine", "amplitude_A": 0.1, "period_s": 4.0, "bias_A": 0.05},
+        "command": {"profile": "sine", "amplitude_A": 0.1, "period_s": 4.0, "bias_A": 0.05, "confirm_sign": False},
         "output": {"directory": str(directory / "runs")},
     }
     for name, section in changes.items():

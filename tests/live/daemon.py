@@ -12,6 +12,7 @@ from typing import Any
 from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import SystemClock
 from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import RunOutcome, run_daemon
 from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.logs.reader import read_log
@@ -65,7 +66,7 @@ def resume() -> None:
 def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = None, **changes: dict[str, Any]) -> Ran:
     """Run the daemon on the bench's wheel; each event is a time [s] after the first request, and what happens then."""
     configuration = load_configuration(bench.config(**changes))
-    model = read_wheel_model(None, configuration)
+    given = GivenModel(read_wheel_model(None, configuration), configuration.filter.model)
     notes = notes if notes is not None else Notes()
     over = threading.Event()
     thread = threading.Thread(target=_happen, args=(bench, events, over), daemon=True)
@@ -73,7 +74,7 @@ def run(bench: Bench, duration_s: float, *events: Event, notes: Notes | None = N
         thread.start()
         try:
             outcome = run_daemon(
-                configuration, checked_protocol(configuration), model, duration_s, notes, stop, SystemClock()
+                configuration, checked_protocol(configuration), given, duration_s, notes, stop, SystemClock()
             )
         finally:
             over.set()

@@ -43,7 +43,7 @@ def test_a_lost_reading_has_the_wheel_s_time() -> None:
     limits = SafetyLimits(0.1, 1.0, 1000.0, 80.0, 0.5)
     with StopSignal() as stop:
         wheel = LiveWheel(lambda _: FastWheel(clock), limits, 50.0, stop, clock, writes=False)
-        samples = [reading.sample for reading in wheel.readings(RATE * 15.0) if reading.sample is not None]
+        samples = [reading.sample for reading in wheel.readings(lambda: RATE * 15.0) if reading.sample is not None]
     assert samples[LOST - 1].speed_rad_s is None
     times = [sample.time_s for sample in samples]
     assert np.diff(times) == pytest.approx(RATE / 50.0)

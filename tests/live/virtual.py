@@ -13,6 +13,7 @@ from drivers.sim.plant_parameters import PlantNoise
 from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
@@ -50,8 +51,8 @@ def run(
             clock.at(time_s, lambda action=action: action(wheel, stop))  # type: ignore[misc]
         protocol = SimulatedProtocol(wheel)
         configuration = load_configuration(path)
-        model = read_wheel_model(None, configuration)
-        outcome = run_daemon(configuration, protocol, model, duration_s, notes, stop, clock)
+        given = GivenModel(read_wheel_model(None, configuration), configuration.filter.model)
+        outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, clock)
     return Ran(outcome, notes), wheel
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +23,10 @@ from tests.ticks import STATE, tick_of
 
 def context(directory: Path, **output: float) -> RunContext:
     """What the log's sink needs of a run."""
-    kept = ("run.csv", "run.estimates.csv", "run.events.jsonl", "run.model.yaml", "state.json")
+    names = [field.name for field in fields(RunFiles)]
+    kept = {name: directory / f"run.{name}" for name in names} | {"log": directory / "run.csv"}
     return RunContext(
-        files=RunFiles(*(directory / name for name in kept)),
+        files=RunFiles(**kept | {"estimates": directory / "run.estimates.csv"}),
         wheel="wheel",
         port="/dev/nowhere",
         output=OutputSection.model_validate(output),

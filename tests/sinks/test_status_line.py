@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rw_ekf import console
 from rw_ekf.clock import VirtualClock
-from rw_ekf.control.commanders import controller_of
+from rw_ekf.control.commanders import commander_of
 from rw_ekf.records import ActiveAlarm, IssuedCommand, WheelSample, WheelState
 from rw_ekf.settings.schema import CommandSection
 from rw_ekf.sinks.status_line import LEGEND, StatusLine, concise, elapsed_text, status_text
@@ -56,7 +56,7 @@ def test_the_line_is_never_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPat
     """At every width, and after a change of it, each refresh stays in its row; legend and units are said once."""
     screen = Screen(monkeypatch)
     screen.columns = columns
-    line = StatusLine(Notes(), VirtualClock(), 600.0, lambda time_s: "coast-downs", every_s=0.0)
+    line = StatusLine(Notes(), VirtualClock(), lambda: 600.0, lambda time_s: "coast-downs", every_s=0.0)
     shown(line, 1000.0, alarms=2)
     legend, _, first = screen.take().rpartition("\n\r")
     refreshes = [first]
@@ -82,7 +82,7 @@ def test_the_line_is_never_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPat
 def test_log_lines_go_above_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is logged meanwhile stands in a row of its own, and the changing line comes back below it."""
     screen = Screen(monkeypatch)
-    line = StatusLine(Notes(), VirtualClock(), None, every_s=0.0)
+    line = StatusLine(Notes(), VirtualClock(), lambda: None, every_s=0.0)
     shown(line, 5.0)
     screen.take()
     console.STATUS.say("said")
@@ -92,7 +92,7 @@ def test_log_lines_go_above_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
     """No terminal: an event of the log with elapsed and total time, phase, state, speed, current, estimates, alarms."""
     notes = Notes()
-    line = StatusLine(notes, VirtualClock(), 30.0, lambda time_s: "creep", log_every_s=0.0)
+    line = StatusLine(notes, VirtualClock(), lambda: 30.0, lambda time_s: "creep", log_every_s=0.0)
     shown(line, 7.0)
     shown(line, 7.1)
     assert notes.events == ["running", "running"]
@@ -103,14 +103,14 @@ def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
     assert told["motor_gain"] == "15.20(2) rad/s^2/A"
     assert (told["phase"], told["state"], told["alarms"]) == ("creep", "tracking", 0)
     silent = Notes()
-    shown(StatusLine(silent, VirtualClock(), None), 7.0)
+    shown(StatusLine(silent, VirtualClock(), lambda: None), 7.0)
     assert silent.events == []
 
 
 def test_a_wheel_whose_clock_leaps_has_not_run_longer() -> None:
     """A leap of an hour, a step back and another segment count as no time."""
     notes = Notes()
-    line = StatusLine(notes, VirtualClock(), None, log_every_s=0.0)
+    line = StatusLine(notes, VirtualClock(), lambda: None, log_every_s=0.0)
     for time_s in (10.0, 10.5, 3610.5, 3611.0, 11.0, 11.5):
         shown(line, time_s)
     assert notes.said[-1][1]["elapsed_s"] == 1.5
@@ -142,12 +142,12 @@ def test_elapsed_time() -> None:
 
 def test_the_phases_of_a_profile() -> None:
     """Identification says what it is at; every other profile says its name."""
-    _, duration_s, phase = controller_of(CommandSection(profile="identification"))
-    assert duration_s == 600.0
-    assert [phase(t) for t in (0.0, 63.9, 64.1, 300.0, 599.9, 700.0)] == [
+    commander = commander_of(CommandSection(profile="identification"))
+    assert commander.lasts_s() == 600.0
+    assert [commander.phase(t) for t in (0.0, 63.9, 64.1, 300.0, 599.9, 700.0)] == [
         "reversals", "reversals", "creep", "coast-downs", "creep", "creep",
     ]  # fmt: skip
-    assert controller_of(CommandSection(profile="sine"))[2](5.0) == "sine"
+    assert commander_of(CommandSection(profile="sine")).phase(5.0) == "sine"
 
 
 def test_numbers_of_log_lines_have_six_digits(capsys: pytest.CaptureFixture[str]) -> None:

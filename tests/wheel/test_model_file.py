@@ -10,9 +10,10 @@ import pytest
 
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import ConfigError
+from rw_ekf.learning.carry import carried_over
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.starting_point import belief_of_model, carried_over
+from rw_ekf.starting_point import belief_of_model
 from rw_ekf.wheel.model_file import WheelModel, read_model
 from rw_ekf.wheel.table import EffectSet
 

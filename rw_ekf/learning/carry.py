@@ -1,0 +1,88 @@
+"""What of a model holds for a run that begins later: without what belonged to its record, and as old as it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.model.effect import Term
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATIC, VISCOUS
+from rw_ekf.starting_point import FilterSetup
+from rw_ekf.wheel.model_file import WheelModel
+from rw_ekf.wheel.table import EffectSet
+
+# A wheel that stood, or ran unseen, may have another temperature: within hours by some 5 K (one sigma). What a kelvin
+# does to a wheel's parameters [1/K]: the lubricant thins, friction follows it a little, magnets and winding hardly.
+_KELVIN = 5.0
+_WARMS_WITHIN_S = 3600.0
+_PER_KELVIN = {MOTOR_GAIN: 0.002, VISCOUS: 0.03, COULOMB: 0.005, STATIC: 0.005}
+_KNOWN_BY = {  # effects that already answer for the temperature, where the model has them
+    MOTOR_GAIN: "motor_gain_temperature",
+    VISCOUS: "viscous_temperature",
+    COULOMB: "coulomb_temperature",
+    STATIC: "coulomb_temperature",
+}
+
+
+def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
+    """What of a model holds for a run that begins now, and what had to be said about the rest.
+
+    A spike or a drift belongs to the record it was found in. A periodic torque goes on, but its phase is not known any
+    more: sine and cosine start from zero, as uncertain as the amplitude is large.
+    """
+    kept: list[Term] = []
+    notes: list[str] = []
+    covariance = np.array(model.covariance)
+    places = list(range(PARAMETER_COUNT))
+    end = PARAMETER_COUNT
+    for term in model.effects.state_terms:
+        at, end = range(end, end + len(term.values)), end + len(term.values)
+        if term.effect.of_one_record:
+            notes += [f"{term.id} belongs to the record it was found in and is not carried into this run"] * len(at)
+            continue
+        places += at
+        if term.effect.components > 1:
+            size = max(term.size, *term.stds)
+            covariance[at, :] = covariance[:, at] = 0.0
+            covariance[at, at] = size**2
+            term = replace(term, values=(0.0,) * len(at), stds=(size,) * len(at))  # noqa: PLW2901
+        kept.append(term)
+    kept += [term for term in model.effects.terms if not term.effect.in_state]
+    rows = covariance[np.ix_(places, places)]
+    return replace(model, covariance=_as_rows(rows), effects=EffectSet(tuple(kept))), notes
+
+
+def aged(model: WheelModel, start: FilterSetup, seconds: float) -> WheelModel:
+    """The model after so many seconds [s] in which nobody watched its wheel: the same values, believed less.
+
+    The parameters wander as the filter lets them (its drifts), and the wheel's temperature is no longer the one they
+    were learned at. start: how the configuration would start: from its drifts, and what nothing is forgotten beyond.
+    """
+    covariance = np.array(model.covariance)
+    warmth = _KELVIN * -math.expm1(-seconds / _WARMS_WITHIN_S)
+    c = start.constants
+    rates = (c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift)
+    grown = np.array([*(rate * seconds for rate in rates), *_effects_growth(model, c.relative_drift * seconds)])
+    for place, share in _PER_KELVIN.items():
+        if _KNOWN_BY[place] not in model.effects.ids:
+            grown[place - 1] += (share * warmth * model.parameters[place - 1]) ** 2
+    widest = np.full(len(grown), np.inf)
+    widest[:PARAMETER_COUNT] = np.diag(start.prior.covariance)[SPEED + 1 : STATIC + 1]
+    at = np.arange(len(grown))
+    covariance[at, at] += np.minimum(grown, np.maximum(widest - covariance[at, at], 0.0))
+    stds = np.sqrt(covariance[at, at])
+    effects = model.effects.with_values(model.effects.values, stds[PARAMETER_COUNT:])
+    return replace(model, covariance=_as_rows(covariance), effects=effects)
+
+
+def _effects_growth(model: WheelModel, relative: float) -> list[float]:
+    """Variance that each coefficient gains: of its size as much as the parameters wander."""
+    pairs = [(v, s) for term in model.effects.state_terms for v, s in zip(term.values, term.stds, strict=True)]
+    return [relative * max(abs(value), std) ** 2 for value, std in pairs]
+
+
+def _as_rows(covariance: Float64Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(v) for v in row) for row in covariance)

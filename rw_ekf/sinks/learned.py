@@ -1,0 +1,101 @@
+"""What the run has learned so far, kept for the next one: saved whole once a minute, and at the end."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rw_ekf.clock import Clock
+from rw_ekf.errors import RwEkfError
+from rw_ekf.filter.belief import Belief
+from rw_ekf.learning.learned_file import learned_text, out_of_bounds
+from rw_ekf.learning.start import Start
+from rw_ekf.logs.atomic import write_text
+from rw_ekf.records import Estimate, RunState, Tick
+from rw_ekf.sinks.run_files import Note, RunFiles, Unwritten
+from rw_ekf.starting_point import model_of
+from rw_ekf.wheel.model_file import WheelModel, refusal_of
+from rw_ekf.wheel.wheel_tag import WheelTag
+
+
+@dataclass(frozen=True)
+class Learning:
+    """What a run knows of its learning besides the belief."""
+
+    start: Start
+    wheel: Callable[[], WheelTag]  # with what is known of its sign by now
+    doubt: Callable[[], str | None]  # why what is learned must not be kept; None where it may
+
+
+class LearnedSink:
+    """Saves every tick that it is given and the run trusts, but for the first ones; what is wrong replaces nothing."""
+
+    def __init__(
+        self, files: RunFiles, learning: Learning, clock: Clock, every_s: float, unwritten: Unwritten, note: Note
+    ) -> None:
+        """every_s: how often it is given a tick, by the run's clock; note: told once of what could not be saved."""
+        self._files = files
+        self._learning = learning
+        self._clock = clock
+        self._unwritten = unwritten
+        self._note = note
+        self._first_s = clock.monotonic() + 0.5 * every_s
+        self._newest: Estimate | None = None  # that was not saved yet
+        self._replaces = learning.start.replaces
+        self._said: set[str] = set()
+        self._failed = False
+
+    def write(self, tick: Tick) -> None:
+        """Take a tick and save it, unless the run has only just begun."""
+        if tick.fresh and (tick.state is None or tick.state.state is RunState.TRACKING):
+            self._newest = tick.estimate
+        if self._clock.monotonic() >= self._first_s:
+            self._save()
+
+    def close(self) -> None:
+        """Save the last one."""
+        self._save()
+        if self._failed:
+            self._unwritten.other_files.append(self._files.learned.name)
+
+    def _save(self) -> None:
+        estimate, self._newest = self._newest, None
+        model = self._model(estimate)
+        doubt = self._learning.doubt()
+        if doubt is None and model is not None:
+            doubt = refusal_of(model) or out_of_bounds(model, self._learning.start.origin)
+        if doubt is not None:
+            self._say("learned_not_kept", doubt, "the next run does not go on from this one")
+        elif model is not None:
+            self._put(model)
+
+    def _model(self, estimate: Estimate | None) -> WheelModel | None:
+        """What was learned up to an estimate; None where there is none."""
+        if estimate is None or estimate.covariance is None:
+            return None
+        known = len(estimate.values)
+        belief = Belief(np.array(estimate.values), estimate.covariance[:known, :known])
+        return model_of(belief, self._learning.start.setup, {}, wheel=self._learning.wheel())
+
+    def _put(self, model: WheelModel) -> None:
+        """Replace the file; what stands there and was not gone on from is kept beside the log."""
+        files, fingerprint = self._files, self._learning.start.fingerprint
+        try:
+            if self._replaces:
+                os.replace(files.learned, files.replaced)
+                self._replaces = False
+            text = learned_text(model, fingerprint, files.log.name, self._clock.utc())
+            write_text(files.learned, text, follow=False)
+            self._failed = False
+        except (OSError, RwEkfError) as error:
+            self._failed = True
+            self._unwritten.note(str(error))
+            self._say("learned_not_saved", str(error), "the run goes on, and tries again")
+
+    def _say(self, event: str, reason: str, do: str) -> None:
+        if event not in self._said:
+            self._said.add(event)
+            self._note(event, file=str(self._files.learned), reason=reason, do=do)

@@ -1,0 +1,87 @@
+"""A daemon over the real serial driver on a virtual clock: what the wheel is, and what the wire map says of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from drivers.line.framing import Frame
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from drivers.sim.plant_runner import PlantRunner
+from drivers.sim.register_server import RegisterServer
+from drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.attach import checked_protocol
+from rw_ekf.clock import VirtualClock
+from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.learning.start import GivenModel
+from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.settings.load import load_configuration
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.live.bench import CURRENT_COMMAND, wire_map_of, write_config
+from tests.live.daemon import Notes, Ran
+
+BEGAN = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
+
+
+@dataclass
+class LineWheel:
+    """A wheel as it is, whatever a wire map says; each run is its next hour or minute."""
+
+    directory: Path
+    parameters: PlantParameters = field(default_factory=PlantParameters)
+    serial_number: int = 1
+    speed_rad_s: float = 0.0
+    noise_rpm: float = 1.0
+    written_A: list[float] = field(default_factory=list)
+    speeds_rad_s: list[float] = field(default_factory=list)  # the true ones, whenever a current was written
+
+    def run(
+        self,
+        duration_s: float | None,
+        *,
+        at: datetime = BEGAN,
+        fresh: bool = False,
+        named: str | None = None,
+        other_wheel: bool = False,
+        **changes: dict[str, Any],
+    ) -> Ran:
+        """A run on this wheel from its first speed; at: the hour; named: as --model; changes: of the configuration."""
+        usual: dict[str, dict[str, Any]] = {
+            "limits": {"silence_s": 0.5},
+            "command": {"profile": "random-sines", "period_s": 20.0},
+        }
+        usual["command"]["confirm_sign"] = True
+        sections = {name: usual.get(name, {}) | changes.get(name, {}) for name in {*usual, *changes}}
+        configuration = load_configuration(write_config(self.directory, str(self.directory / "wheel"), **sections))
+        clock, notes = VirtualClock(at), Notes()
+        noise = PlantNoise(self.noise_rpm * RAD_S_PER_RPM)
+        plant = PlantRunner(self.parameters, noise, 5, PlantState(speed_rad_s=self.speed_rad_s), 0.01)
+        wire_map = wire_map_of("sunspace-wheel")
+
+        def watch(frame: Frame) -> None:
+            if frame.id == CURRENT_COMMAND:
+                self.written_A.append(1e-4 * int.from_bytes(frame.data, "little", signed=True))
+                self.speeds_rad_s.append(plant.speed_rad_s)
+
+        server = RegisterServer(wire_map, plant, serial_number=self.serial_number, first_uptime_s=100.0, watch=watch)
+        spoken = checked_protocol(configuration)
+        protocol = VirtualLineProtocol(wire_map_of(configuration.wheel.protocol), server, clock)
+        protocol.fingerprint, protocol.scale_places = spoken.fingerprint, spoken.scale_places
+        given = GivenModel(
+            read_wheel_model(named, configuration),
+            named or configuration.filter.model,
+            named=named is not None,
+            fresh=fresh,
+            other_wheel=other_wheel,
+        )
+        with StopSignal() as stop:
+            outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, clock)
+        return Ran(outcome, notes)
+
+    @property
+    def learned(self) -> Path:
+        """The file of what was learned."""
+        return next((self.directory / "runs").glob("*.learned.yaml"))
