@@ -17,7 +17,8 @@ from rw_ekf.model.state import COULOMB, VISCOUS
 _ANCHOR = 0  # the speed is still while it stays within a band around it [rad/s]
 _MOVED = 1  # how far the anchor was moved, of late [rad/s]
 _REFERENCE = 2  # to linearise about [rad/s]
-STILLNESS_SIZE = 3
+_IN_USE = 3  # 1 while it is
+STILLNESS_SIZE = 4
 
 _LATE_S = 60.0  # time constant of "of late"
 _MEAN_S = 30.0  # and of the mean that the reference is before it is used
@@ -51,12 +52,11 @@ def follow(memory: Any, speed: float, band: float, dt: float) -> float:
 
     By how much the reference moved while it was in use [rad/s].
     """
-    was_still = memory[_MOVED] < _STILL * band
     shift = 0.0
     moved = memory[_MOVED] / (1.0 + dt / _LATE_S)
     off = abs(speed - memory[_ANCHOR])
     if off > band:
-        if was_still:
+        if memory[_IN_USE] == 1.0:
             shift = speed - memory[_REFERENCE]
         memory[_ANCHOR] = memory[_REFERENCE] = speed
         moved += off
@@ -76,6 +76,6 @@ def unlearn_shift(P: Any, shift: float) -> None:
 
 def away_from_reference(memory: Any, speed: float, band: float, omega_s: float) -> float:
     """How far the believed speed is from the one to linearise about [rad/s]: zero where it is itself that one."""
-    if memory[_MOVED] >= _STILL * band or abs(memory[_REFERENCE]) <= CREEP_STRIBECK_SPEEDS * omega_s + band:
-        return 0.0
-    return float(speed - memory[_REFERENCE])
+    is_still = memory[_MOVED] < _STILL * band and abs(memory[_REFERENCE]) > CREEP_STRIBECK_SPEEDS * omega_s + band
+    memory[_IN_USE] = 1.0 if is_still else 0.0
+    return float(speed - memory[_REFERENCE]) if is_still else 0.0

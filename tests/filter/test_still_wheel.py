@@ -13,7 +13,7 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.model.state import CK13_STATISTICAL, MOTOR_GAIN, PARAMETERS
+from rw_ekf.model.state import CK13_STATISTICAL, COULOMB, MOTOR_GAIN, PARAMETERS
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.filter.replay import Columns, compiled, online
 from tests.karnopp import holding_current_A, karnopp
@@ -139,3 +139,18 @@ def test_variances_stop_growing_while_the_wheel_stands(drift: float) -> None:
         Belief(run.mean, run.covariance),
     )
     assert results[-1].std.motor_gain <= np.sqrt(1.25) * run.stds[-1, MOTOR_GAIN] * (1.0 + 1e-9)
+
+
+def test_a_wheel_that_starts_from_long_rest_forgets_nothing() -> None:
+    """At rest there is no reference that could shift: the sigma of Coulomb friction does not rise at the start."""
+    moving = reversing(0.0, 2)
+    rest_s = 300.0
+    at_rest = np.linspace(0.0, rest_s - 0.1, 3000)
+    noise = RAD_S_PER_RPM * np.random.default_rng(5).standard_normal(3000)
+    log = Columns(
+        np.concatenate([at_rest, rest_s + moving.time_s]),
+        np.concatenate([noise, moving.speed_rad_s]),
+        np.concatenate([np.zeros(3000), moving.current_A]),
+    )
+    std = compiled(log, constants_for(), DEFAULT_PRIOR).stds[:, COULOMB]
+    assert (np.diff(std) < 1e-6 * std[:-1]).all()
