@@ -116,15 +116,23 @@ def _show(args: argparse.Namespace, document: dict[str, Any], status: int) -> in
     return status
 
 
+def _headline(document: dict[str, Any]) -> str:
+    state, reason = document["state"], document["reason"]
+    if document["alive"]:
+        since = f" since {document['since_utc']}" if document["since_utc"] else ""
+        return f"{state or 'unknown'}{since} (process {document['pid']}): {reason}"
+    if state is None:
+        return f"dead: {reason}"
+    return f"dead since {document['dead_since_utc']}; it was {state} since {document['since_utc']}: {reason}"
+
+
 def _lines(document: dict[str, Any]) -> list[str]:
     """For a person: one line of state, then what is known."""
     from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
     from rw_ekf.sinks.status_line import concise
     from rw_ekf.units import rpm_from_rad_s
 
-    shown, since = document["state"] or "unknown", document["since_utc"]
-    who = f"process {document['pid']}" if document["alive"] else f"dead since {document['dead_since_utc'] or 'ever'}"
-    lines = [f"{shown}{f' since {since}' if since else ''} ({who}): {document['reason']}"]
+    lines = [_headline(document)]
     estimate = document["estimate"]
     if estimate is not None and estimate["state"] is not None:
         current = document["current_command_A"]

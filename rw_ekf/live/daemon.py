@@ -34,7 +34,7 @@ from rw_ekf.live.timing import LoopTiming
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.numbers import plus_minus
-from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, StateNow, Tick
+from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, RunState, StateNow, Tick
 from rw_ekf.sinks.guard import GuardedSink
 from rw_ekf.sinks.learned import Learning
 from rw_ekf.sinks.recent import RecentSink
@@ -130,7 +130,7 @@ def run_daemon(
                 lambda: ParameterBelief(estimator.parameters, estimator.parameter_covariance),
                 writes=writes,
             )
-            states = RunStates(clock, logger.warning, latches=writes)
+            states = RunStates(clock, partial(_tell_state, logger), latches=writes)
             stop.on_resume(states.resume)
             judge = RunJudge(states, check, limits, 1.0 / rate_hz)
             live.judged_by(check, lambda: judge.hold)
@@ -239,6 +239,12 @@ def run_daemon(
         )
 
 
+def _tell_state(logger: Any, event: str, **context: Any) -> None:
+    """A change of state as an event: no warning where it is for the better."""
+    well = context.get("state") in (RunState.CONNECTING, RunState.TRACKING)
+    (logger.info if well else logger.warning)(event, **context)
+
+
 def _write_model(path: Path, model: WheelModel) -> None:
     """Write a model file. Raises BadInputError where the place cannot be written, or nothing could read it again."""
     refusal = refusal_of(model)
@@ -270,7 +276,7 @@ def _with_metadata(
     """Write the metadata when the first sample comes: only then is its UTC known."""
     first = True
     for reading in readings:
-        if first:
+        if first and reading.sample is not None:
             first = False
             about = RunMetadata(
                 utc_text(run.clock.utc()),

@@ -35,6 +35,10 @@ class StopSignal:
         """Take what a word to resume calls: from a signal handler, so it may do no more than assign."""
         self._resume = action
 
+    def resume(self) -> None:
+        """Say from within the program what a person says by a signal."""
+        self._resume()
+
     def request(self, why: str) -> None:
         """Ask for the stop from within the program."""
         self.requested = self.requested or why
@@ -51,7 +55,7 @@ class StopSignal:
         if threading.current_thread() is threading.main_thread():
             for number in _SIGNALS:
                 self._before[number] = signal.signal(number, self._note)
-            self._before[RESUME] = signal.signal(RESUME, lambda number, frame: self._resume())
+            self._before[RESUME] = signal.signal(RESUME, lambda number, frame: self.resume())
         return self
 
     def __exit__(

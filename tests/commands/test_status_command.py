@@ -59,7 +59,7 @@ def test_a_run_from_its_start_to_its_death(bench: Bench) -> None:
     code, document = status(config)
     assert (code, document["alive"], document["state"]) == (4, False, "TRACKING")
     assert document["dead_since_utc"] is not None
-    assert "dead since" in rw_ekf("status", "--config", config).stdout
+    assert rw_ekf("status", "--config", config).stdout.startswith("dead since ")
     assert rw_ekf("stop", "--config", config).returncode == 0
 
 
