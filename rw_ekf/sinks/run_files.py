@@ -52,7 +52,6 @@ class RunFiles:
         while any(os.path.lexists(directory / f"{stem}{ending}") for ending in (*FORMS, ".meta.yaml")):
             number += 1
             stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
-        lasting = directory / lasting_stem(configuration)
         return cls(
             log=directory / f"{stem}.csv",
             estimates=directory / f"{stem}.estimates.csv",
@@ -60,7 +59,7 @@ class RunFiles:
             start=directory / f"{stem}.start.yaml",
             model=directory / f"{stem}.model.yaml",
             replaced=directory / f"{stem}.replaced.yaml",
-            learned=lasting.with_name(f"{lasting.name}.learned.yaml"),
+            learned=learned_path(configuration),
             state=state_path(configuration),
         )
 
@@ -68,6 +67,11 @@ class RunFiles:
 def state_path(configuration: Configuration) -> Path:
     """Path of the state file of a configuration: two wheels of one name on two ports have two."""
     return Path(configuration.output.directory) / f"{lasting_stem(configuration)}.state.json"
+
+
+def learned_path(configuration: Configuration) -> Path:
+    """Path of what the runs of a configuration have learned."""
+    return Path(configuration.output.directory) / f"{lasting_stem(configuration)}.learned.yaml"
 
 
 def lasting_stem(configuration: Configuration) -> str:
