@@ -7,14 +7,15 @@ from pathlib import Path
 import pytest
 from tqdm import tqdm
 
-from tools.measure.soak import allowed_rpm, soak
+from tools.measure.soak import Plan, allowed_rpm, soak
 
 
 @pytest.mark.slow
 def test_an_hour_of_random_faults(tmp_path: Path) -> None:
     """No stale reply used, no change of state without a fault, TRACKING in a second, the limit held, truth found."""
     with tqdm(disable=True) as bar:
-        seen, outcome, told, _ = soak(1.0, 3, 30.0, tmp_path, bar)
+        soaked = soak(Plan(hours=1.0, seed=3, gap_s=30.0), tmp_path, bar)
+    seen, outcome, events = soaked.seen, soaked.outcome, soaked.events
     assert len(seen.faults) > 80
     assert seen.used > 25_000
     assert seen.stale_used == 0
@@ -23,7 +24,7 @@ def test_an_hour_of_random_faults(tmp_path: Path) -> None:
     assert max(seen.back_s) <= 1.0
     assert max(seen.excess_rpm["told"], seen.excess_rpm["blind"]) <= allowed_rpm()
     assert outcome.unwritten.failed_sinks == {}
-    assert told.events["sink_failed"] == told.events["not_written"] == 0
+    assert events["sink_failed"] == events["not_written"] == 0
     truth = seen.server.plant.parameters
     for name in ("motor_gain", "coulomb"):
         error = getattr(outcome.belief.parameters, name) - getattr(truth, name)
