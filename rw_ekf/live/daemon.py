@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,6 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.learning.start import GivenModel, start_of_run
-from rw_ekf.live.alarm_watch import alarm_watch_of
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.confirm_sign import confirming
 from rw_ekf.live.follow import following
@@ -25,16 +24,12 @@ from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.loop import run_loop
 from rw_ekf.live.process import own_process
-from rw_ekf.live.run_judge import RunJudge
-from rw_ekf.live.run_states import RunStates
-from rw_ekf.live.sign_check import SignCheck
 from rw_ekf.live.stop_signal import StopSignal
-from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.live.timing import LoopTiming
+from rw_ekf.live.watches import RunWatches, expectation_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
-from rw_ekf.numbers import plus_minus
-from rw_ekf.records import ActiveAlarm, LinkCounters, Reading, RunState, StateNow, Tick
+from rw_ekf.records import LinkCounters, Reading, StateNow
 from rw_ekf.sinks.guard import GuardedSink
 from rw_ekf.sinks.learned import Learning
 from rw_ekf.sinks.recent import RecentSink
@@ -43,16 +38,11 @@ from rw_ekf.sinks.run_files import RunFiles, Unwritten
 from rw_ekf.starting_point import FilterSetup, model_of
 from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import rad_s_from_rpm
-from rw_ekf.watch.sign_watch import SignWatch
-from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
 from rw_ekf.wheel.wheel_tag import WheelTag
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
-
-
-_SURE = 5.0  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -96,20 +86,18 @@ def run_daemon(
     began = clock.utc()
     writes = configuration.command.profile != "none"
     commander = commander_of(configuration.command) if writes else None
-    limits, rate_hz = SafetyLimits.of(configuration.limits), configuration.loop.rate_hz
-    resolution = protocol.limits.speed_step_rad_s
-    step_rad_s = max(resolution, rad_s_from_rpm(configuration.filter.speed_noise_rpm))
+    rate_hz, noise_rad_s = configuration.loop.rate_hz, rad_s_from_rpm(configuration.filter.speed_noise_rpm)
     with contextlib.ExitStack() as stack:
         stack.enter_context(PortClaim(configuration.wheel.port, clock))
         live = LiveWheel(
             opener(configuration, protocol, clock),
-            limits,
+            SafetyLimits.of(configuration.limits),
             rate_hz,
             stop,
             clock,
             writes=writes,
             note=logger.warning,
-            speed_step_rad_s=step_rad_s,
+            speed_step_rad_s=max(protocol.limits.speed_step_rad_s, noise_rad_s),
         )
         confirmed = False
         sinks: list[GuardedSink] = []
@@ -122,49 +110,15 @@ def run_daemon(
             estimator = Estimator(
                 setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift
             )
-            stribeck = estimator.constants.stribeck
-            noise = estimator.constants.speed_variance**0.5
-            check = TelemetryCheck(
-                logger.warning,
-                StuckWatch(resolution, noise, configuration.limits.silence_s, *stribeck),
-                lambda: ParameterBelief(estimator.parameters, estimator.parameter_covariance),
-                writes=writes,
-            )
-            states = RunStates(clock, partial(_tell_state, logger), latches=writes)
-            stop.on_resume(states.resume)
-            judge = RunJudge(states, check, limits, 1.0 / rate_hz)
-            live.judged_by(check, lambda: judge.hold)
-
-            def forbid(why: str) -> None:
-                states.latch(why, for_good=True)
-                live.zero_now()
-
-            sign_watch = SignWatch(start.origin.prior.parameters, stribeck.omega_s, max(resolution, noise))
-            sign = SignCheck(
-                sign_watch,
-                protocol.scale_places,
-                expectation_of(configuration, given),
-                confirmed=start.wheel.sign_confirmed,
-                forbid=forbid if writes else None,
-                found=check.found,
-                logger=logger,
-            )
-            watch = alarm_watch_of(configuration, estimator.constants, setup.inertia_kg_m2, logger, clock)
-
-            def watched(tick: Tick) -> tuple[ActiveAlarm, ...]:
-                sign.step(tick)
-                judge.commanded(tick.command)
-                return () if watch is None else watch.step(tick)
-
-            if commander is not None and not sign.confirmed:
-                commander = confirming(commander, configuration, sign_watch, max(resolution, noise), logger)
+            expectation = expectation_of(configuration, given)
+            watches = RunWatches(configuration, protocol, start, expectation, estimator, live, logger, clock)
+            stop.on_resume(watches.states.resume)
+            if commander is not None and not watches.sign.confirmed:
+                commander = confirming(commander, configuration, watches.sign_watch, watches.step_rad_s, logger)
 
             def lasts_s() -> float | None:
                 own = None if commander is None else commander.lasts_s()
                 return min((d for d in (duration_s, own) if d is not None), default=None)
-
-            def wheel_now() -> WheelTag:
-                return replace(start.wheel, sign_confirmed=sign.confirmed)
 
             run = RunContext(
                 files=files,
@@ -176,15 +130,15 @@ def run_daemon(
                 logger=logger,
                 total_s=lasts_s,
                 phase=None if commander is None else commander.phase,
-                watched=watch is not None,
-                recent=RecentSink(configuration.loop.rate_hz),
-                began=states.now,
+                watched=watches.alarms is not None,
+                recent=RecentSink(rate_hz),
+                began=watches.states.now,
                 link=lambda: live.link,
-                learning=Learning(start, wheel_now, lambda: sign.doubt),
+                learning=Learning(start, lambda: watches.wheel, lambda: watches.sign.doubt),
                 process=own_process(),
             )
             sinks = sinks_of(run)
-            logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
+            logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=rate_hz)
             with run.unwritten.tried(files.start, logger.warning):
                 _write_model(files.start, start.model)
             readings = _with_metadata(live, live.readings(lasts_s), run, configuration)
@@ -192,7 +146,7 @@ def run_daemon(
                 readings, issue = following(readings)
             else:
                 issue = partial(live.issue, commander.controller)
-            run_loop(readings, estimator, issue, sinks, watched, judge.judge)
+            run_loop(readings, estimator, issue, sinks, watches.step, watches.judge.judge)
         finally:
             confirmed = live.close()
             if not confirmed:
@@ -204,25 +158,18 @@ def run_daemon(
             for sink in sinks:
                 sink.close()
         belief = Belief(estimator.mean, estimator.covariance)
-        gain, gain_std = belief.parameters.motor_gain, belief.parameter_std.motor_gain
-        if live.halted is None and states.forbidden is None and gain + _SURE * gain_std < 0.0:
-            check.found(
-                "negative_gain",
-                f"the motor gain is estimated as {plus_minus(gain, gain_std)} rad/s^2/A, and no "
-                "wheel has a negative one: a sign in the wire map is wrong, or the readings were not the wheel's",
-            )
+        watches.find_negative_gain()
         with run.unwritten.tried(files.model, logger.warning):
             source = {"method": "filter", "log": files.log.name}
-            _write_model(files.model, model_of(belief, setup, source, wheel=wheel_now()))
+            _write_model(files.model, model_of(belief, setup, source, wheel=watches.wheel))
         ended_by = "halt" if live.halted is not None else stop.requested or "duration"
         zero = ("confirmed" if confirmed else "NOT confirmed") if writes else "left to who commands the wheel"
-        logger.info(
-            "ended", by=ended_by, state=states.now.state.value, samples=run.statistics.samples, zero_current=zero
-        )
+        now = watches.states.now
+        logger.info("ended", by=ended_by, state=now.state.value, samples=run.statistics.samples, zero_current=zero)
         return RunOutcome(
             files=files,
             setup=setup,
-            start=start.document | {"sign_confirmed": sign.confirmed},
+            start=start.document | {"sign_confirmed": watches.sign.confirmed},
             belief=belief,
             statistics=run.statistics,
             recent=run.recent,
@@ -231,18 +178,12 @@ def run_daemon(
             stopped_by=stop.requested,
             lost=live.lost,
             zero_confirmed=confirmed,
-            state=states.now,
-            alarms=() if watch is None else tuple(watch.warnings),
-            findings=tuple(check.findings),
+            state=now,
+            alarms=() if watches.alarms is None else tuple(watches.alarms.warnings),
+            findings=tuple(watches.check.findings),
             halted=live.halted,
             unwritten=run.unwritten,
         )
-
-
-def _tell_state(logger: Any, event: str, **context: Any) -> None:
-    """A change of state as an event: no warning where it is for the better."""
-    well = context.get("state") in (RunState.CONNECTING, RunState.TRACKING)
-    (logger.info if well else logger.warning)(event, **context)
 
 
 def _write_model(path: Path, model: WheelModel) -> None:
@@ -259,15 +200,6 @@ def _tag(live: LiveWheel, protocol: WheelProtocol, configuration: Configuration)
     return WheelTag.of_identity(
         live.driver.identity, protocol=section.protocol, wire_map=protocol.fingerprint, port=section.port
     )
-
-
-def expectation_of(configuration: Configuration, given: GivenModel) -> str:
-    """Say where the expected motor gain comes from."""
-    if given.model is not None:
-        return "the model says"
-    prior = configuration.filter.prior
-    named = prior is not None and prior.motor_gain is not None
-    return "filter.prior.motor_gain says" if named else "the built-in prior says"
 
 
 def _with_metadata(
