@@ -31,17 +31,10 @@ class LogText:
 
         Raises EmptyLogError where not a line is left.
         """
-        import pyarrow as pa
-
-        pieces, torn = [], None
-        try:
-            with path.open("rb") as file, pa.CompressedInputStream(pa.PythonFile(file), packing) as stream:
-                while piece := stream.read(_AT_ONCE):
-                    pieces.append(piece)
-        except (pa.ArrowException, OSError) as error:
-            torn = str(error).splitlines()[0] if str(error) else type(error).__name__
-        text = b"".join(pieces)
-        if torn is not None:
+        packed = path.read_bytes()
+        text, torn = _unpacked(packed, packing)
+        if torn is not None:  # blocks that a loss of power left empty would be taken for numbers: none of them, then
+            text, _ = _unpacked(packed.rstrip(b"\0"), packing)
             text = text[: text.rfind(b"\n") + 1]
             if not text:
                 raise EmptyLogError(
@@ -60,3 +53,17 @@ class LogText:
         import pyarrow as pa
 
         return pa.BufferReader(self.unpacked)
+
+
+def _unpacked(packed: bytes, packing: Packing) -> tuple[bytes, str | None]:
+    """As much text as there is, and what is wrong behind it."""
+    import pyarrow as pa
+
+    pieces = []
+    try:
+        with pa.CompressedInputStream(pa.BufferReader(packed), packing) as stream:
+            while piece := stream.read(_AT_ONCE):
+                pieces.append(piece)
+    except (pa.ArrowException, OSError) as error:
+        return b"".join(pieces), str(error).splitlines()[0] if str(error) else type(error).__name__
+    return b"".join(pieces), None

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -11,20 +14,29 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.logs.metadata import utc_text
 from rw_ekf.records import ActiveAlarm, StateNow, Tick
 
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
+_MOST_WAITING = 1000
+
 
 class EventsSink:
-    """Appends an event to the file as it comes; the file is made with the first, which is the state at the start."""
+    """Appends an event to the file as it comes; the file is made with the first, which is the state at the start.
+
+    It is opened for each: events are rare, and a file that was removed is made again once its directory is there. What
+    could not be written waits for the next event.
+    """
 
     def __init__(self, path: Path, clock: Clock, began: StateNow) -> None:
         """Raises BadInputError if the file cannot be made."""
         self._clock = clock
         self._state = began
         self._alarms: dict[str, ActiveAlarm] = {}
+        self._path = path
+        self._waiting: deque[bytes] = deque(maxlen=_MOST_WAITING)
+        self._closed = False
         try:
-            self._file = path.open("a", encoding="utf-8")
+            self._append({"utc": began.since_utc, "time_s": None, **_of_state(began, None)})
         except OSError as error:
             raise BadInputError(f"{path}: cannot be made ({error.strerror}): give another output.directory") from None
-        self._append({"utc": began.since_utc, "time_s": None, **_of_state(began, None)})
 
     def write(self, tick: Tick) -> None:
         """Append what changed with this tick."""
@@ -37,9 +49,9 @@ class EventsSink:
 
     def close(self) -> None:
         """Finish the file."""
-        if not self._file.closed:
+        if not self._closed:
+            self._closed = True
             self._append({"utc": self._utc(), "time_s": None, "event": "ended", "state": self._state.state.value})
-            self._file.close()
 
     def _note_alarms(self, time_s: float, on: dict[str, ActiveAlarm]) -> None:
         for name, alarm in on.items():
@@ -53,8 +65,18 @@ class EventsSink:
         return utc_text(self._clock.utc())
 
     def _append(self, event: dict[str, Any]) -> None:
-        self._file.write(json.dumps(event, allow_nan=False) + "\n")
-        self._file.flush()
+        """Write what waits and this. Raises OSError; no part of a line stays behind."""
+        self._waiting.append((json.dumps(event, allow_nan=False) + "\n").encode())
+        descriptor = os.open(self._path, _APPEND, 0o666)
+        try:
+            while self._waiting:
+                length = os.fstat(descriptor).st_size
+                if os.write(descriptor, self._waiting[0]) < len(self._waiting[0]):
+                    os.ftruncate(descriptor, length)
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
+                self._waiting.popleft()
+        finally:
+            os.close(descriptor)
 
 
 def _of_state(now: StateNow, was: StateNow | None) -> dict[str, Any]:

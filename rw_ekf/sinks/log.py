@@ -16,7 +16,7 @@ from rw_ekf.sinks.packer import Packer
 from rw_ekf.sinks.run_files import Note, Unwritten
 
 _SYNC_EVERY_S = 10.0  # so that a power cut loses little
-_TRY_EVERY_S = 60.0  # to begin a part that could not be begun
+_TRY_EVERY_S = 10.0  # to begin a part that could not be begun
 
 
 class PartFiles(NamedTuple):

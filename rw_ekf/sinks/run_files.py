@@ -120,6 +120,7 @@ class Unwritten:
         try:
             yield
         except (RwEkfError, OSError) as error:
-            self.other_files.append(path.name)
+            if path.name not in self.other_files:
+                self.other_files.append(path.name)
             if self.note(str(error)):
                 note("not_written", file=str(path), reason=str(error))
