@@ -36,6 +36,10 @@ class ReplayWheel:
         """The command logged with the sample read last; `current_A` goes nowhere."""
         return self._command
 
+    def stop_current(self) -> IssuedCommand:
+        """The command logged with the sample read last."""
+        return self.command_current(0.0)
+
     def close(self) -> None:
         """Let go of the record."""
         self._rows = iter(())

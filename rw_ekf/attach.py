@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from rw_ekf.clock import Clock
-from rw_ekf.driver import WheelDriver, WheelProtocol, WireLimits
+from rw_ekf.driver import ControlLines, WheelDriver, WheelProtocol, WireLimits
 from rw_ekf.errors import ConfigError
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
@@ -78,6 +78,7 @@ def opener(
             baud=configuration.wheel.baud,
             probe=probe and lost is None,
             exclusive=exclusive,
+            control=ControlLines(configuration.wheel.dtr, configuration.wheel.rts),
             previous=lost,
         )
 

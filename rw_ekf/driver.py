@@ -8,6 +8,12 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 from rw_ekf.clock import Clock
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
+# Why a command is not what was asked for (IssuedCommand.reason), beside the words of a wire map.
+TIMEOUT = "timeout"
+ACTED_THOUGH = "acted_though_"  # and the word of the refusal
+ZERO_BY_MODE = "zero_by_mode_idle"
+ZERO_BY_RESET = "zero_by_reset"
+
 
 @runtime_checkable
 class WheelDriver(Protocol):
@@ -22,12 +28,32 @@ class WheelDriver(Protocol):
         ...
 
     def command_current(self, current_A: float) -> IssuedCommand:
-        """Write one current. Only the guard of rw_ekf.live.guard may call this."""
+        """Write one current. Only the guard of rw_ekf.live.guard may call this.
+
+        Acknowledged: the current that is reported is in force, though it may be another than was asked for (reason).
+        """
+        ...
+
+    def stop_current(self) -> IssuedCommand:
+        """Write zero, and where the wheel refuses it let go of the current by whatever else it takes.
+
+        Acknowledged: zero is in force. Only the guard may call this.
+        """
         ...
 
     def close(self) -> None:
         """Release the line. Safe to call twice."""
         ...
+
+
+class ControlLines(NamedTuple):
+    """What the modem lines of a serial port are set to when it is opened, and stay at."""
+
+    dtr: bool = True
+    rts: bool = True
+
+
+USUAL_LINES = ControlLines()
 
 
 class WireLimits(NamedTuple):
@@ -60,12 +86,13 @@ class WheelProtocol(Protocol):
         baud: int | None = None,
         probe: bool = True,
         exclusive: bool = True,
+        control: ControlLines = USUAL_LINES,
         previous: WheelDriver | None = None,
     ) -> WheelDriver:
         """Open a wheel. Raises DriverError: no such port, busy, no permission, nobody answers.
 
-        probe: wait until it answers. exclusive: refuse a port that another process has locked. previous: the wheel that
-        was lost on this port; counters, clock and segments go on from it.
+        probe: wait until it answers. exclusive: refuse a port that another process has locked. control: what DTR and
+        RTS are set to. previous: the wheel that was lost on this port; counters, clock and segments go on from it.
         """
         ...
 

@@ -64,6 +64,20 @@ class LinkCounters:
     stale: int = 0
     damaged: int = 0
     reconnects: int = 0
+    # What replies took beyond the time of their bytes on the line, over some fifty of them [ms]: what an adapter adds.
+    reply_ms: float | None = None
+    reply_jitter_ms: float | None = None  # mean distance from it
+    reply_ms_max: float | None = None  # since the line was first opened
+
+    def note_reply(self, took_ms: float) -> None:
+        """Count in how long a reply took."""
+        if self.reply_ms is None or self.reply_jitter_ms is None or self.reply_ms_max is None:
+            self.reply_ms, self.reply_jitter_ms, self.reply_ms_max = took_ms, 0.0, took_ms
+            return
+        off_ms = took_ms - self.reply_ms
+        self.reply_ms += off_ms / 50.0
+        self.reply_jitter_ms += (abs(off_ms) - self.reply_jitter_ms) / 50.0
+        self.reply_ms_max = max(self.reply_ms_max, took_ms)
 
 
 class Outcome(StrEnum):

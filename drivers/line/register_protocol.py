@@ -10,7 +10,7 @@ from typing import Any
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
 from rw_ekf.clock import Clock
-from rw_ekf.driver import WheelDriver, WireLimits
+from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits
 
 
 class RegisterProtocol:
@@ -48,6 +48,7 @@ class RegisterProtocol:
         baud: int | None = None,
         probe: bool = True,
         exclusive: bool = True,
+        control: ControlLines = USUAL_LINES,
         previous: WheelDriver | None = None,
     ) -> WheelDriver:
         """Open a wheel on a serial port, as `open_serial_wheel`."""
@@ -59,6 +60,7 @@ class RegisterProtocol:
             baud=baud,
             probe=probe,
             exclusive=exclusive,
+            control=control,
             previous=previous if isinstance(previous, SerialWheel) else None,
         )
 

@@ -21,9 +21,14 @@ def decode_register(register: Register, data: bytes) -> dict[str, float]:
 def is_plausible(register: Register, values_si: Mapping[str, float]) -> bool:
     """Whether every value that the program uses is finite and such as a machine can have.
 
+    A speed at the very end of what a signed integer carries is none: the number is saturated, or about to go round.
+
     A float register carries infinity, NaN and 3e38 as readily as a speed, and the checksum is right. Fields of names
     that the program does not use may hold what they like.
     """
+    speed = register.field("speed")
+    if speed is not None and speed.type in ("i8", "i16", "i32") and values_si["speed"] in speed.si_range:
+        return False
     return all(
         abs(values_si[field.name]) <= BEYOND_ANY_MACHINE.get(QUANTITIES[field.name], math.inf)
         and math.isfinite(values_si[field.name])

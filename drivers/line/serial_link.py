@@ -7,22 +7,22 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import serial
 
 from drivers.line.framing import Frame, decode, encode
 from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, open_error
-from drivers.line.wire_layout import Framing, LineSettings
+from drivers.line.serial_port import PortSettings, open_serial_port
+from drivers.line.wire_layout import Framing
 from rw_ekf.clock import Clock
 from rw_ekf.records import LinkCounters
 
-# How long one look at the port blocks. Setting pyserial's timeout per request would reprogram the port every time.
-POLL_S = 0.002
 DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
-_PARITIES = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
-OpenPort = Callable[..., Any]  # takes pyserial's options, gives an open port as pyserial's are
+FRAME_BYTES = 8  # of a frame around its data, doubled escapes aside
+# What comes just after opening is of whoever was here before, or of the plug: it is let pass until the line is quiet.
+QUIET_GAP_S, LONGEST_GAP_S = 0.010, 0.100
+OpenPort = Callable[[PortSettings, float], Any]  # gives an open port as pyserial's are
 
 
 class Exchange(NamedTuple):
@@ -30,7 +30,7 @@ class Exchange(NamedTuple):
 
     data: bytes | None  # of the reply; None: no valid reply came in time
     received_by_wheel_s: float  # when the request's last byte reached the wheel, from send time and baud
-    replied_s: float  # when the reply was complete here, or the wait ended
+    replied_s: float  # when the reply's last byte was here, or the wait ended
 
 
 class SerialLink:
@@ -38,33 +38,31 @@ class SerialLink:
 
     def __init__(
         self,
-        port: str,
+        settings: PortSettings,
         framing: Framing,
-        line: LineSettings,
         reply_timeout_s: float,
         clock: Clock,
-        *,
-        baud: int | None = None,
         counters: LinkCounters | None = None,
-        exclusive: bool = True,
-        open_port: OpenPort | None = None,
+        open_port: OpenPort = open_serial_port,
     ) -> None:
-        """Open the port: anything pyserial's serial_for_url takes. reply_timeout_s: behind a request's last byte.
-
-        open_port: opens it in pyserial's place, with the same options.
-        """
-        self.port = port
+        """Open the port. reply_timeout_s: behind a request's last byte. open_port: opens it in pyserial's place."""
+        self.settings = settings
         self._clock = clock
         self.framing = framing
-        self.baud = baud if baud is not None else line.baud
-        self.byte_s = line.bits_per_byte / self.baud
+        self.byte_s = settings.line.bits_per_byte / settings.baud
         self.reply_timeout_s = reply_timeout_s
         self.counters = counters if counters is not None else LinkCounters()
         self.received_bytes = 0
         self.good_frames = 0
         self._seq = 0
         self._rest = b""
-        self._serial = self._open(line, open_port, exclusive=exclusive)
+        self._came_s = clock.monotonic()  # when bytes came last
+        self._serial = open_port(settings, max(reply_timeout_s, 0.050))
+        try:
+            self._settle()
+        except LINE_EXCEPTIONS as error:
+            self.close()
+            raise open_error(settings.port, error, settings.line.parity) from error
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """Send one frame and wait for the reply with the same seq and id and `reply_bytes` of data.
@@ -78,15 +76,20 @@ class SerialLink:
         limit_s = self.transmit_s(len(frame)) + self.reply_timeout_s
         deadline_s = started_s + (limit_s if timeout_s is None else min(limit_s, max(timeout_s, 0.0)))
         try:
+            self._drop_unfinished(started_s)
             self._drain()
             self.counters.requests += 1
             sent_s = self._clock.monotonic()
             reply = self._wait(register_id, reply_bytes, deadline_s) if self._send(frame) else None
         except LINE_EXCEPTIONS as error:
-            raise lost_error(self.port, error) from error
+            raise lost_error(self.settings.port, error) from error
+        arrived_s = sent_s + self.transmit_s(len(frame))
         if reply is None:
             self.counters.timeouts += 1
-        return Exchange(reply, sent_s + self.transmit_s(len(frame)), self._clock.monotonic())
+            return Exchange(None, arrived_s, self._clock.monotonic())
+        took_s = self._came_s - arrived_s - self.transmit_s(FRAME_BYTES + reply_bytes)
+        self.counters.note_reply(1e3 * max(took_s, 0.0))
+        return Exchange(reply, arrived_s, self._came_s)
 
     def transmit_s(self, byte_count: int) -> float:
         """How long bytes take on the line [s]."""
@@ -97,30 +100,28 @@ class SerialLink:
         with contextlib.suppress(*LINE_EXCEPTIONS):  # a port that is gone is closed
             self._serial.close()
 
-    def _open(self, line: LineSettings, open_port: OpenPort | None, *, exclusive: bool) -> Any:
-        """Open the port; exclusively, if asked for, where it is a device of this machine."""
-        options: dict[str, Any] = {"exclusive": True} if exclusive and "://" not in self.port else {}
-        if not self.port.startswith("rfc2217://"):  # which refuses to be opened with one
-            options["write_timeout"] = max(self.reply_timeout_s, 0.050)
-        try:
-            opened: Any = (open_port or partial(serial.serial_for_url, self.port))(
-                baudrate=self.baud,
-                bytesize=line.data_bits,
-                parity=_PARITIES[line.parity],
-                stopbits=line.stop_bits,
-                timeout=POLL_S,
-                **options,
-            )
-        except LINE_EXCEPTIONS as error:
-            raise open_error(self.port, error, line.parity) from error
-        return opened
+    def _settle(self) -> None:
+        """Let pass what comes just after opening."""
+        opened_s = heard_s = now_s = self._clock.monotonic()
+        while now_s - heard_s < QUIET_GAP_S and now_s - opened_s < LONGEST_GAP_S:
+            came = self._serial.read(1)
+            now_s = self._clock.monotonic()
+            if came:
+                heard_s = now_s
+                self._serial.reset_input_buffer()
+
+    def _drop_unfinished(self, now_s: float) -> None:
+        """Drop the beginning of a frame whose end has not come in the time of a reply: no later byte is its end."""
+        if len(self._rest) > 1 and now_s - self._came_s > self.reply_timeout_s:
+            self.counters.damaged += 1
+            self._rest = b""
 
     def _send(self, frame: bytes) -> bool:
         """Write a frame; False if the far end takes no bytes (then nothing of it may come later)."""
         try:
             self._serial.write(frame)
         except serial.SerialTimeoutException:
-            if "://" not in self.port:
+            if self.settings.is_local:
                 self._serial.reset_output_buffer()
             return False
         return True
@@ -155,6 +156,7 @@ class SerialLink:
             chunk += self._serial.read(min(self._serial.in_waiting, DRAIN_LIMIT_BYTES))
         if not chunk:
             return chunk
+        self._came_s = self._clock.monotonic()
         decoded = decode(self._rest + chunk, self.framing)
         self._rest = decoded.rest
         self.received_bytes += len(chunk)

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import math
-
+from drivers.line.current_writer import CurrentWriter, Written
 from drivers.line.line_errors import silent_error
-from drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
+from drivers.line.registers import decode_register, is_plausible
 from drivers.line.serial_link import Exchange, OpenPort, SerialLink
+from drivers.line.serial_port import PortSettings, open_serial_port
 from drivers.line.wheel_clock import WheelClock
 from drivers.line.wheel_registers import FLAG_RESET, conditions, registers_beside, uptime_field
-from drivers.line.wire_layout import Field, Register
-from drivers.line.wire_map import STATUS_OK, WireMap
+from drivers.line.wire_layout import Register
+from drivers.line.wire_map import WireMap
 from rw_ekf.clock import Clock
-from rw_ekf.errors import DriverError
+from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
 ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
+WRAP_WITHIN_S = 1.0
 QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
 
 _PLACES = 6  # of a host's time [s]: a microsecond is far below what a line tells
@@ -27,12 +28,13 @@ class SerialWheel:
     """A WheelDriver on a line. Made by open_serial_wheel."""
 
     def __init__(self, link: SerialLink, wire_map: WireMap, host: Clock, clock: WheelClock | None = None) -> None:
-        self.source = f"serial+{link.port}"
+        self.source = f"serial+{link.settings.port}"
         self.link: LinkCounters = link.counters
         self.identity: WheelIdentity | None = None
         self._line = link
         self._host = host
         self._map = wire_map
+        self._writer = CurrentWriter(link, wire_map, host)
         self.clock = clock if clock is not None else WheelClock()
         self._main = wire_map.speed_register
         self._others = registers_beside(self._main, wire_map)
@@ -43,6 +45,7 @@ class SerialWheel:
         self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
         self._quiet_since_s: float | None = None
         self._opened_s = self._host.monotonic()
+        self._speed: tuple[float, float] | None = None  # the last reading [rad/s], and when it came [s]
         self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
 
     def read(self, timeout_s: float) -> WheelSample | None:
@@ -52,6 +55,9 @@ class SerialWheel:
         beside = not self._crowded_out and self._read_beside(deadline_s)
         exchange = self._exchange(self._main, deadline_s)
         values = self._values(self._main, exchange)
+        if values is not None and self._has_wrapped(values["speed"], exchange.replied_s):
+            self.link.damaged += 1
+            values = None
         self._crowded_out = beside and values is None
         if values is None:
             if not beside:
@@ -89,26 +95,21 @@ class SerialWheel:
     def command_current(self, current_A: float) -> IssuedCommand:
         """Write a current [A]; what is reported is what the wire carries, and from when after the last sample it acts.
 
-        Unacknowledged means: refused (reason from the map's statuses) or no answer in time (reason "timeout"; the
-        wheel may or may not have taken it). Raises DriverError for a current the wire cannot carry or a lost line.
+        A write that was refused or not answered in time may have acted: telemetry, where it has the command, is asked
+        at once what is in force, and that is reported as acknowledged, with the reason where it is another current.
+        Unacknowledged means that nobody knows. Reasons: "timeout", or the map's name of the status; after a refusal of
+        what is in force all the same, ACTED_THOUGH and that name. Raises DriverError for a current that the wire cannot
+        carry or a lost line.
         """
-        register = self._map.current_command
-        current_A = _toward_zero(register.fields[0], current_A)
-        try:
-            data = encode_register(register, {"current_command": current_A})
-        except ValueError as error:
-            raise DriverError(f"{self.source}: {error}. Set limits.current_A to what the wheel takes") from error
-        exchange = self._line.request(register.id, data, reply_bytes=1)
-        # Sent in host time, acts in wheel time.
-        after_s = exchange.received_by_wheel_s - self._sample_at_s if self._sample_at_s is not None else 0.0
-        delay_s = round(after_s * self.clock.rate, _PLACES)
-        sent_A = rounded_si(register.fields[0], current_A)
-        if exchange.data is None:
-            return IssuedCommand(sent_A, delay_s, acknowledged=False, reason="timeout")
-        status = exchange.data[0]
-        if status != STATUS_OK:
-            return IssuedCommand(sent_A, delay_s, acknowledged=False, reason=self._map.status_name(status))
-        return IssuedCommand(sent_A, delay_s)
+        return self._issued(self._writer.command(current_A))
+
+    def stop_current(self) -> IssuedCommand:
+        """Write zero; where the wheel refuses it, set it to idle, and where it refuses that too, reset it.
+
+        As far as the map has those registers. Acknowledged is zero alone. Reasons beside those of command_current:
+        ZERO_BY_MODE, ZERO_BY_RESET. Raises DriverError for a lost line.
+        """
+        return self._issued(self._writer.stop())
 
     def close(self) -> None:
         """Release the port. Safe to call twice. Writes nothing: whoever commanded a current must have sent zero."""
@@ -124,13 +125,19 @@ class SerialWheel:
             if self._host.monotonic() >= deadline_s:
                 break
         if self._line.good_frames == 0:
-            raise silent_error(self._line.port, self._line.baud, within_s, self._line.received_bytes)
+            raise silent_error(self._line.settings.port, self._line.settings.baud, within_s, self._line.received_bytes)
         soon_s = self._host.monotonic() + 4.0 * self._line.reply_timeout_s
         if identity is not None and self.identity is None:
             self._note_identity(self._values(identity, self._exchange(identity, soon_s)), identity)
         self._read_status_if_due(soon_s)
 
     # --- what the wheel says ------------------------------------------------------------------------------------
+
+    def _issued(self, written: Written) -> IssuedCommand:
+        """A write as those above see it: sent in host time, it acts in wheel time."""
+        after_s = written.received_s - self._sample_at_s if self._sample_at_s is not None else 0.0
+        delay_s = round(after_s * self.clock.rate, _PLACES)
+        return IssuedCommand(written.current_A, delay_s, written.acknowledged, written.reason)
 
     def _exchange(self, register: Register, deadline_s: float) -> Exchange:
         """Ask for a register; at the deadline nothing is sent, for its reply would only come in the way of the next."""
@@ -148,6 +155,15 @@ class SerialWheel:
             self.link.damaged += 1
             return None
         return values
+
+    def _has_wrapped(self, speed_rad_s: float, came_s: float) -> bool:
+        """Whether the number on the wire went round its end: no wheel changes its speed so much in a second."""
+        field, last = self._map.speed_field, self._speed
+        known = field.type != "f32" and last is not None and came_s - last[1] < WRAP_WITHIN_S
+        if known and last is not None and abs(speed_rad_s - last[0]) > 0.5 * field.si_span:
+            return True
+        self._speed = speed_rad_s, came_s
+        return False
 
     def _time_s(self, values: dict[str, float], exchange: Exchange) -> float:
         """When the speed was read: by the wheel's clock, else when the request reached the wheel, since opening."""
@@ -229,29 +245,21 @@ def open_serial_wheel(
     probe: bool = True,
     previous: SerialWheel | None = None,
     exclusive: bool = True,
-    open_port: OpenPort | None = None,
+    control: ControlLines = USUAL_LINES,
+    open_port: OpenPort = open_serial_port,
 ) -> SerialWheel:
     """Open a wheel. Default timeout and baud are the wire map's.
 
     probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
-    segments go on from it. exclusive: refuse a port that another process has locked. open_port: opens it in pyserial's
-    place. Raises DriverError: no such port, busy, no permission, no answer.
+    segments go on from it. exclusive: refuse a port that another process has locked. control: what DTR and RTS are set
+    to. open_port: opens it in pyserial's place. Raises DriverError: no such port, busy, no permission, no answer.
     """
     if previous is not None:
         previous.close()
     counters = previous.link if previous is not None else None
     timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.line.reply_timeout_s
-    line = SerialLink(
-        port,
-        wire_map.framing,
-        wire_map.line,
-        timeout_s,
-        clock,
-        baud=baud,
-        counters=counters,
-        exclusive=exclusive,
-        open_port=open_port,
-    )
+    settings = PortSettings(port, baud if baud is not None else wire_map.line.baud, wire_map.line, exclusive, control)
+    line = SerialLink(settings, wire_map.framing, timeout_s, clock, counters, open_port)
     wheel = SerialWheel(line, wire_map, clock, previous.clock if previous is not None else None)
     if previous is not None:
         wheel.identity = previous.identity if previous.identity is not None else previous._expected
@@ -266,18 +274,6 @@ def open_serial_wheel(
     if previous is not None:
         wheel.link.reconnects += 1
     return wheel
-
-
-def _toward_zero(field: Field, current_A: float) -> float:
-    """The current itself, or one count less where rounding on the wire would carry it beyond: a limit is a limit."""
-    if not math.isfinite(current_A):
-        return current_A
-    try:
-        sent_A = rounded_si(field, current_A)
-    except ValueError:
-        return current_A
-    count_A = abs(field.si_per_count)
-    return sent_A - math.copysign(count_A, sent_A) if abs(sent_A) - abs(current_A) > 1e-6 * count_A else current_A
 
 
 def _whole(value: float | None) -> int | None:

@@ -97,6 +97,10 @@ class SimulatedWheel:
         self.truth.advance_to(now_s)
         return IssuedCommand(current_A, now_s - self._read_s, not self.silent, "timeout" if self.silent else None)
 
+    def stop_current(self) -> IssuedCommand:
+        """Command zero."""
+        return self.command_current(0.0)
+
     def open_again(self) -> None:
         """Be opened after its line was lost. Raises DriverError while there is none."""
         self._closed = False

@@ -7,17 +7,18 @@ so, and a read waits on that clock; frames, checksums, stale replies and reconne
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import serial
 
+from drivers.line.line_errors import open_error
 from drivers.line.register_protocol import RegisterProtocol
+from drivers.line.serial_port import POLL_S, PortSettings
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_map import WireMap
 from drivers.sim.register_server import RegisterServer
 from drivers.sim.wheel_line import WheelLine
 from rw_ekf.clock import Clock
-from rw_ekf.driver import WheelDriver
+from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver
 
 IDLE_ADVANCE_S = 0.5
 
@@ -25,10 +26,10 @@ IDLE_ADVANCE_S = 0.5
 class VirtualPort:
     """The client's end of a line, as pyserial's ports are."""
 
-    def __init__(self, cable: VirtualCable, timeout_s: float) -> None:
+    def __init__(self, cable: VirtualCable, write_timeout_s: float) -> None:
         """Raise SerialException while the cable is out."""
         self._cable = cable
-        self._timeout_s = timeout_s
+        self._write_timeout_s = write_timeout_s
         self._waiting = bytearray()
         self._open = True
         cable.check()
@@ -40,9 +41,9 @@ class VirtualPort:
         return len(self._waiting)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes, as many as come within the port's timeout."""
+        """Up to `size` bytes, as many as come within POLL_S."""
         clock = self._cable.clock
-        end_s = clock.monotonic() + self._timeout_s
+        end_s = clock.monotonic() + POLL_S
         while True:
             self._receive()
             left_s = end_s - clock.monotonic()
@@ -58,7 +59,7 @@ class VirtualPort:
         self._receive()
         line, now_s = self._cable.line, self._cable.now_s()
         if not line.takes(now_s):
-            self._cable.clock.sleep(self._timeout_s)
+            self._cable.clock.sleep(self._write_timeout_s)
             raise serial.SerialTimeoutException("Write timeout")
         line.take(bytes(content), now_s)
         return len(content)
@@ -124,12 +125,16 @@ class VirtualLineProtocol(RegisterProtocol):
         baud: int | None = None,
         probe: bool = True,
         exclusive: bool = True,
+        control: ControlLines = USUAL_LINES,
         previous: WheelDriver | None = None,
     ) -> WheelDriver:
         """Open the wheel. Raises DriverError while its cable is out."""
 
-        def open_port(**options: Any) -> VirtualPort:
-            return VirtualPort(self.cable, options["timeout"])
+        def open_port(settings: PortSettings, write_timeout_s: float) -> VirtualPort:
+            try:
+                return VirtualPort(self.cable, write_timeout_s)
+            except serial.SerialException as error:
+                raise open_error(port, error, "none") from error
 
         return open_serial_wheel(
             port,

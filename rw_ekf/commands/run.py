@@ -193,6 +193,7 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
             "damaged": link.damaged,
             "reconnects": link.reconnects,
         },
+        "reply": {"mean_ms": link.reply_ms, "jitter_ms": link.reply_jitter_ms, "max_ms": link.reply_ms_max},
         "loop": {
             "ticks": timing.ticks,
             "overruns": timing.overruns,

@@ -45,7 +45,8 @@ def execute(args: argparse.Namespace) -> int:
     _warn(report.notes)
     driver = _open(line, report, clock)
     try:
-        confirmed = CurrentGuard(driver, SafetyLimits.of(line.configuration.limits), clock).zero(_TRY_S)
+        limits = SafetyLimits.of(line.configuration.limits)
+        confirmed = CurrentGuard(driver, limits, clock, say=lambda event, text: _warn([text])).zero(_TRY_S)
     finally:
         driver.close()
     if not confirmed:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
-from rw_ekf.live.guard import CurrentGuard, SafetyLimits
+from rw_ekf.live.guard import CurrentGuard, SafetyLimits, Say
 
 _REOPEN_EVERY_S = 0.2  # cheap where the name of the device is not back yet
 _LAST_TRY_S = 2.0
@@ -29,14 +29,18 @@ class Connection:
         *,
         writes: bool,
         speed_step_rad_s: float,
+        say: Say,
     ) -> None:
-        """Open the line (DriverError if that fails) and, where this run writes at all, command zero."""
+        """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
+
+        say: takes what was found about the wheel, as an event and a sentence.
+        """
         self._open = open_wheel
         self._clock = clock
         self._note = note
         self._writes = writes
         self.driver = open_wheel(None)
-        self.guard = CurrentGuard(self.driver, limits, clock, speed_step_rad_s)
+        self.guard = CurrentGuard(self.driver, limits, clock, speed_step_rad_s, say)
         self.lost = False
         self._retry_at_s = 0.0
         self.zero()

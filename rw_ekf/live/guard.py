@@ -8,11 +8,12 @@ is judged by what the speed did: a current that should, and under which the spee
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rw_ekf.clock import Clock
-from rw_ekf.driver import WheelDriver
+from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET, WheelDriver
 from rw_ekf.errors import DriverError
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm
@@ -20,7 +21,10 @@ from rw_ekf.units import rad_s_from_rpm
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import LimitsSection
 
+Say = Callable[[str, str], None]  # an event and its sentence
+
 _ZERO_RETRY_S = 0.05
+_INSTEAD = {ZERO_BY_MODE: "its mode was set to idle instead", ZERO_BY_RESET: "it was reset instead"}
 _BRAKE_STEPS = 6.0
 BRAKE_ACCELERATES = "brake_accelerates"
 
@@ -129,12 +133,15 @@ class CurrentGuard:
         limits: SafetyLimits,
         clock: Clock,
         speed_step_rad_s: float = 0.0,
+        say: Say = lambda event, text: None,
     ) -> None:
-        """speed_step_rad_s: noise or resolution of a speed reading, whichever is larger."""
+        """speed_step_rad_s: noise or resolution of a speed reading, whichever is larger. say: takes what was found."""
         self.driver = driver
         self.limits = limits
         self._brake = BrakeCheck(limits.speed_rad_s, speed_step_rad_s)
         self._clock = clock
+        self._say = say
+        self._zero_by: str | None = None
         self._previous_A = 0.0
         self._written_at_s = clock.monotonic()
         self._speed_rad_s: float | None = None
@@ -142,10 +149,12 @@ class CurrentGuard:
         self.doubtful = False  # True: the last write was not confirmed; it may be in force or not
 
     def write(self, requested_A: float, sample: WheelSample, hold: str | None = None) -> IssuedCommand:
-        """Write what is allowed of a request made on `sample`; retried once where the wheel does not confirm.
+        """Write what is allowed of a request made on `sample`.
 
-        hold: why nothing but zero may be written now, whatever is asked for. Raises DriverError when the line is lost.
-        An unconfirmed command reports the current before it, which is the one that most likely still holds.
+        A current that nobody confirmed may be in force: it is written again only where telemetry will not say which one
+        is (the driver has asked, or the next sample tells). Zero is written again in any case. hold: why nothing but
+        zero may be written now, whatever is asked for. Raises DriverError when the line is lost. An unconfirmed command
+        reports the current before it, which is the one that most likely still holds.
         """
         if sample.speed_rad_s is not None:
             self._speed_rad_s = sample.speed_rad_s
@@ -167,13 +176,15 @@ class CurrentGuard:
             current, reason = 0.0, BRAKE_ACCELERATES
         self._brake.written(current)
         issued = self._send(current)
-        if not issued.acknowledged:
+        if not issued.acknowledged and (current == 0.0 or sample.current_command_A is None):
             issued = self._send(current)
         self._written_at_s = now
-        if not issued.acknowledged and issued.reason != "timeout" and current != 0.0:
+        if current != 0.0 and _is_refused(issued):
             # The wheel answers that it will not: the old current must not stay in its place.
             refusal, issued = issued.reason, self._send(0.0)
             reason = refusal or "refused"
+        elif current != 0.0 and issued.reason is not None:
+            reason = issued.reason
         self.doubtful = not issued.acknowledged
         if not issued.acknowledged:
             return IssuedCommand(self._previous_A, issued.delay_s, False, issued.reason or "unconfirmed")
@@ -204,4 +215,19 @@ class CurrentGuard:
             self._previous_A = in_force_A
 
     def _send(self, current_A: float) -> IssuedCommand:
-        return self.driver.command_current(current_A)
+        if current_A != 0.0:
+            return self.driver.command_current(current_A)
+        issued = self.driver.stop_current()
+        by = issued.reason if issued.reason in _INSTEAD else None
+        if by is not None and by != self._zero_by:
+            self._say(by, f"the wheel refused a current of zero: {_INSTEAD[by]}")
+        self._zero_by = by
+        return issued
+
+
+def _is_refused(issued: IssuedCommand) -> bool:
+    """Whether the wheel said that it will not have a current, and, as far as is known, has not taken it."""
+    reason = issued.reason
+    if reason is None:
+        return not issued.acknowledged
+    return reason != TIMEOUT and not reason.startswith(ACTED_THOUGH)

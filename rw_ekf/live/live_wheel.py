@@ -54,7 +54,16 @@ class LiveWheel:
 
         speed_step_rad_s: noise or resolution of a reading.
         """
-        self._connection = Connection(open_wheel, limits, clock, note, writes=writes, speed_step_rad_s=speed_step_rad_s)
+        self.check = TelemetryCheck(note, writes=writes)
+        self._connection = Connection(
+            open_wheel,
+            limits,
+            clock,
+            note,
+            writes=writes,
+            speed_step_rad_s=speed_step_rad_s,
+            say=lambda event, text: self.check.say(event, text),  # whichever judges by then
+        )
         self._silence_s = limits.silence_s
         self._period_s = 1.0 / rate_hz
         self._stop = stop
@@ -62,7 +71,7 @@ class LiveWheel:
         self._writes = writes
         self._note = note
         self.timing = LoopTiming()
-        self.judged_by(TelemetryCheck(note, writes=writes))
+        self.judged_by(self.check)
         self.halted: str | None = None  # why the run must not go on
         self.silent = False  # no telemetry for longer than limits.silence_s
         self._time = SampleTime()

@@ -102,7 +102,7 @@ class TelemetryCheck:
         """
         if sample.news is not None:
             event, text = sample.news
-            self._say(event, text)
+            self.say(event, text)
         self._note_conditions(sample.conditions)
         self._note_identity(identity)
         alive = False
@@ -120,7 +120,8 @@ class TelemetryCheck:
             return STUCK
         return IDENTITY_UNKNOWN if self._asking else None
 
-    def _say(self, event: str, text: str) -> None:
+    def say(self, event: str, text: str) -> None:
+        """Tell an event as it comes, and keep its sentence for the run's document."""
         self._note(event, text=text)
         self.found(event, text)
 
@@ -129,7 +130,7 @@ class TelemetryCheck:
             return
         for name in sorted(conditions - self._conditions):
             zero = self._writes and name in CONDITIONS_THAT_STOP
-            self._say(f"wheel_{name}", _SENTENCES[name] + (": zero was written while it did" if zero else ""))
+            self.say(f"wheel_{name}", _SENTENCES[name] + (": zero was written while it did" if zero else ""))
         for name in sorted(self._conditions - conditions):
             self._note(f"wheel_{name}_over")
         self._conditions = conditions
@@ -152,7 +153,7 @@ class TelemetryCheck:
                 f"{at_start.serial_number} as at the start. {'Zero was written and the' if self._writes else 'The'} "
                 "run ended, because its estimates are the first wheel's: start a run of its own for this wheel"
             )
-            self._say("another_wheel", text)
+            self.say("another_wheel", text)
             self.other_wheel = text
 
     def _weigh(self, watch: StuckWatch, sample: WheelSample, speed_rad_s: float) -> tuple[WheelSample, bool]:
@@ -167,7 +168,7 @@ class TelemetryCheck:
         judged = watch.add(sample.time_s, speed_rad_s, current_A, self._belief)
         if judged.news == "stuck":
             doing = "Zero is written until it moves again. " if self._writes else ""
-            self._say(
+            self.say(
                 STUCK,
                 f"the speed reading is stuck: it has read {rpm_from_rad_s(watch.value_rad_s):.6g} rpm for "
                 f"{watch.repeated_s:.2g} s, in which the wheel must have changed its speed by "

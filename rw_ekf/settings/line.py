@@ -18,7 +18,7 @@ from rw_ekf.settings.resources import is_path
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.settings.yaml_loader import YamlDocument, load_what_can_be_read
 
-_KEYS = (("wheel", "protocol"), ("wheel", "baud"), ("loop", "reply_timeout_ms"))
+_KEYS = (("wheel", "protocol"), ("wheel", "baud"), ("wheel", "dtr"), ("wheel", "rts"), ("loop", "reply_timeout_ms"))
 _ANY_LIMIT_A = 1.0  # a Configuration has one; nothing but zero is written with this one
 
 

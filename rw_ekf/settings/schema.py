@@ -46,6 +46,8 @@ class WheelSection(Section):
     stribeck_speed_rpm: float = Field(4.0, gt=0, le=1e4, description="speed scale of the Stribeck bump [rpm]")
     stribeck_law: StribeckLaw = Field("gauss", description="shape of the Stribeck bump: gauss, tustin or lorentz")
     baud: int | None = Field(None, gt=0, le=10_000_000, description="line speed; null takes the wire map's [baud]")
+    dtr: bool = Field(True, description="what the port's DTR line is set to when it is opened, and stays at")
+    rts: bool = Field(True, description="what the port's RTS line is set to when it is opened, and stays at")
 
 
 class LimitsSection(Section):

@@ -80,11 +80,13 @@ def test_the_reported_delay_is_the_wheel_s(line: tuple[SerialWheel, RegisterServ
 
 
 def test_refused_commands_come_back_with_the_status_s_name(line: tuple[SerialWheel, RegisterServer]) -> None:
-    """Out of the wheel's range and refused for a fault are not acknowledged, by name; the next good one is."""
+    """Out of the wheel's range and refused for a fault: the reason by name, and the old current as still in force."""
     wheel, server = line
-    assert wheel.command_current(1.5).reason == "out_of_range"
+    refused = wheel.command_current(1.5)
+    assert (refused.current_A, refused.reason) == (0.0, "out_of_range")
     server.fault = True
-    assert wheel.command_current(0.1).reason == "refused_in_this_mode"
+    refused = wheel.command_current(0.1)
+    assert (refused.current_A, refused.reason) == (0.0, "refused_in_this_mode")
     assert wheel.command_current(0.0).acknowledged
     server.fault = False
     issued = wheel.command_current(0.12344)
@@ -118,7 +120,7 @@ def test_a_fault_costs_samples_and_is_counted_and_passes(fault: str, line: tuple
     assert wheel.read(1.0) is None
     issued = wheel.command_current(0.1)
     assert (issued.acknowledged, issued.reason) == (False, "timeout")
-    assert wheel.link.requests <= asked + 2  # one try each: who retries, and for how long, is the loop's business
+    assert wheel.link.requests <= asked + 3  # one try each, and a look at what is in force: who retries is above
     assert getattr(wheel.link, counter) > 0
     put_faults(server)
     time.sleep(TIMEOUT_S)
@@ -494,7 +496,7 @@ def test_golden_write_and_its_reply(wire_map: WireMap) -> None:
 
 def test_rounding_on_the_wire_never_carries_a_current_beyond_what_was_asked() -> None:
     """A current between two counts goes out as the smaller one; one on a count goes out as it is."""
-    from drivers.line.serial_wheel import _toward_zero
+    from drivers.line.current_writer import _toward_zero
     from drivers.line.wire_layout import Field
 
     field = Field("current_command", "i16", scale=0.1, unit="mA")

@@ -30,6 +30,9 @@ class FastWheel:
         self.reads += 1
         return None if self.reads == LOST else WheelSample(RATE * self.clock.monotonic(), 1.0)
 
+    def stop_current(self) -> IssuedCommand:
+        return self.command_current(0.0)
+
     def command_current(self, current_A: float) -> IssuedCommand:
         raise AssertionError("this run never writes")
 

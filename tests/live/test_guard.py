@@ -30,6 +30,9 @@ class ScriptedWheel:
     def read(self, timeout_s: float) -> WheelSample | None:
         return None
 
+    def stop_current(self) -> IssuedCommand:
+        return self.command_current(0.0)
+
     def command_current(self, current_A: float) -> IssuedCommand:
         self.sent.append(current_A)
         answer = self.script.pop(0) if self.script else "ok"
@@ -60,12 +63,23 @@ def test_a_confirmed_write_is_sent_once_and_reported_as_it_went() -> None:
     assert wheel.sent == [0.2]
 
 
-def test_an_unconfirmed_write_is_retried_once() -> None:
-    """The second try is confirmed: the command counts as written."""
+def test_an_unconfirmed_write_is_retried_once_where_telemetry_does_not_tell_the_current() -> None:
+    """The second try is confirmed: the command counts. Where the next sample tells, there is no second."""
     guard, wheel, _ = guard_of("timeout")
     assert guard.write(0.2, sample()).acknowledged
     assert wheel.sent == [0.2, 0.2]
     assert not guard.doubtful
+    guard, wheel, _ = guard_of("timeout")
+    assert not guard.write(0.2, sample(command_A=0.0)).acknowledged
+    assert wheel.sent == [0.2]
+    assert guard.doubtful
+
+
+def test_a_zero_nobody_confirms_is_written_again_whatever_telemetry_tells() -> None:
+    """Zero does no harm twice."""
+    guard, wheel, _ = guard_of("timeout")
+    assert guard.write(0.0, sample(command_A=0.2)).acknowledged
+    assert wheel.sent == [0.0, 0.0]
 
 
 def test_a_write_nobody_confirms_reports_the_current_before_it() -> None:
@@ -154,15 +168,20 @@ def test_zero_never_raises_when_the_line_is_lost() -> None:
 
 
 def test_only_the_guard_and_the_replayed_record_call_command_current() -> None:
-    """In all of rw_ekf the name `command_current` is called in guard.py once, and in loop.py to ask a record."""
+    """In all of rw_ekf they are called in guard.py once, and command_current in loop.py to ask a record."""
     callers = []
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            named = isinstance(node, ast.Attribute) and node.attr == "command_current"
-            hidden = isinstance(node, ast.Constant) and node.value == "command_current"
-            if named or hidden:
-                callers.append(path.relative_to(PACKAGE).as_posix())
-    assert callers == ["live/guard.py", "live/loop.py"]
+            for name in ("command_current", "stop_current"):
+                named = isinstance(node, ast.Attribute) and node.attr == name
+                hidden = isinstance(node, ast.Constant) and node.value == name
+                if named or hidden:
+                    callers.append((name, path.relative_to(PACKAGE).as_posix()))
+    assert sorted(callers) == [
+        ("command_current", "live/guard.py"),
+        ("command_current", "live/loop.py"),
+        ("stop_current", "live/guard.py"),
+    ]
 
 
 def test_a_replayed_record_cannot_reach_a_wheel() -> None:

@@ -1,0 +1,117 @@
+"""Currents as register writes: what was refused or not answered is read back, a refused zero is enforced otherwise."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
+from drivers.line.serial_link import Exchange, SerialLink
+from drivers.line.wheel_registers import registers_beside
+from drivers.line.wire_layout import Field, Register
+from drivers.line.wire_map import STATUS_OK, WireMap
+from rw_ekf.clock import Clock
+from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
+from rw_ekf.errors import DriverError
+
+MODE, RESET = "mode", "reset"  # registers that let go of the current
+IDLE = 0.0  # the mode without one
+RESET_EVERY_S = 5.0  # a wheel is not kept from coming up by resetting it again and again
+
+
+class Written(NamedTuple):
+    """What became of a write; current_A is in force where acknowledged, since the wheel had received_s [s, host]."""
+
+    current_A: float
+    received_s: float
+    acknowledged: bool = True
+    reason: str | None = None
+
+
+class CurrentWriter:
+    """Writes the current of one wheel. Raises DriverError for a current the wire cannot carry, or a lost line."""
+
+    def __init__(self, line: SerialLink, wire_map: WireMap, host: Clock) -> None:
+        self._line = line
+        self._map = wire_map
+        self._host = host
+        main = wire_map.speed_register
+        self._telling = next((r for r in (main, *registers_beside(main, wire_map)) if r.field("current_command")), None)
+        self._reset_again_s = host.monotonic()
+
+    def command(self, current_A: float) -> Written:
+        """Write a current [A] as `SerialWheel.command_current` says."""
+        register = self._map.current_command
+        field = register.fields[0]
+        current_A = _toward_zero(field, current_A)
+        try:
+            data = encode_register(register, {"current_command": current_A})
+        except ValueError as error:
+            name = f"serial+{self._line.settings.port}"
+            raise DriverError(f"{name}: {error}. Set limits.current_A to what the wheel takes") from error
+        exchange, reason = self._write(register, data)
+        sent_A = rounded_si(field, current_A)
+        received_s = exchange.received_by_wheel_s
+        if reason is None:
+            return Written(sent_A, received_s)
+        told_A = self._told_A()
+        if told_A is None:
+            return Written(sent_A, received_s, False, reason)
+        if abs(told_A - sent_A) <= 0.5 * field.si_per_count:
+            return Written(sent_A, received_s, reason=None if reason == TIMEOUT else ACTED_THOUGH + reason)
+        return Written(told_A, received_s, reason=reason)
+
+    def stop(self) -> Written:
+        """Write zero, or let go of the current as `SerialWheel.stop_current` says."""
+        zero = self.command(0.0)
+        if zero.acknowledged and zero.current_A == 0.0:
+            return zero
+        if zero.reason != TIMEOUT:
+            for name, reason in ((MODE, ZERO_BY_MODE), (RESET, ZERO_BY_RESET)):
+                done = self._let_go(name)
+                if done is not None:
+                    return Written(0.0, done.received_by_wheel_s, reason=reason)
+        return Written(0.0, zero.received_s, False, zero.reason)
+
+    def _write(self, register: Register, data: bytes) -> tuple[Exchange, str | None]:
+        """Write a register; why it may not have acted, None where the wheel says that it did."""
+        exchange = self._line.request(register.id, data, reply_bytes=1)
+        if exchange.data is None:
+            return exchange, TIMEOUT
+        status = exchange.data[0]
+        return exchange, None if status == STATUS_OK else self._map.status_name(status)
+
+    def _told_A(self) -> float | None:
+        """The command in force by telemetry; None where the wheel does not tell it, or does not answer."""
+        if self._telling is None:
+            return None
+        data = self._line.request(self._telling.id, b"", self._telling.size).data
+        values = None if data is None else decode_register(self._telling, data)
+        return values["current_command"] if values is not None and is_plausible(self._telling, values) else None
+
+    def _let_go(self, name: str) -> Exchange | None:
+        """Let go of the current by another register; None where there is none, or it does not help."""
+        register = self._map.register(name)
+        now_s = self._host.monotonic()
+        if register is None or register.access != "write" or (name == RESET and now_s < self._reset_again_s):
+            return None
+        try:
+            data = encode_register(register, {MODE: IDLE} if name == MODE else {})
+        except ValueError:  # the map has fields there that nobody here knows
+            return None
+        if name == RESET:
+            self._reset_again_s = now_s + RESET_EVERY_S
+        exchange, reason = self._write(register, data)
+        return exchange if reason is None or self._told_A() == 0.0 else None
+
+
+def _toward_zero(field: Field, current_A: float) -> float:
+    """The current itself, or one count less where rounding on the wire would carry it beyond: a limit is a limit."""
+    if not math.isfinite(current_A):
+        return current_A
+    try:
+        sent_A = rounded_si(field, current_A)
+    except ValueError:
+        return current_A
+    count_A = abs(field.si_per_count)
+    return sent_A - math.copysign(count_A, sent_A) if abs(sent_A) - abs(current_A) > 1e-6 * count_A else current_A
