@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import serial
 
 from drivers.line.framing import Frame, decode, encode
-from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, open_error
+from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from drivers.line.serial_port import PortSettings, open_serial_port
 from drivers.line.wire_layout import Framing
 from rw_ekf.clock import Clock
@@ -62,7 +62,7 @@ class SerialLink:
             self._settle()
         except LINE_EXCEPTIONS as error:
             self.close()
-            raise open_error(settings.port, error, settings.line.parity) from error
+            raise lost_error(settings.port, error) from error
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """Send one frame and wait for the reply with the same seq and id and `reply_bytes` of data.
@@ -81,6 +81,8 @@ class SerialLink:
             self.counters.requests += 1
             sent_s = self._clock.monotonic()
             reply = self._wait(register_id, reply_bytes, deadline_s) if self._send(frame) else None
+            if reply is None and self.settings.is_local:
+                self._serial.reset_output_buffer()  # what could not be sent by now must not come at some later time
         except LINE_EXCEPTIONS as error:
             raise lost_error(self.settings.port, error) from error
         arrived_s = sent_s + self.transmit_s(len(frame))
@@ -121,8 +123,6 @@ class SerialLink:
         try:
             self._serial.write(frame)
         except serial.SerialTimeoutException:
-            if self.settings.is_local:
-                self._serial.reset_output_buffer()
             return False
         return True
 
@@ -137,17 +137,18 @@ class SerialLink:
 
     def _wait(self, register_id: int, reply_bytes: int, deadline_s: float) -> bytes | None:
         """The data of the reply, or None at the deadline."""
-        while self._clock.monotonic() < deadline_s:
+        reply: bytes | None = None
+        while reply is None and self._clock.monotonic() < deadline_s:
             frames: list[Frame] = []
             self._take(1, keep=frames)
             for frame in frames:
-                if frame.seq == self._seq and frame.id == register_id:
-                    if len(frame.data) == reply_bytes:
-                        return frame.data
-                    self.counters.damaged += 1  # e.g. our own request, echoed by a two-wire adapter
-                else:
+                if reply is not None or (frame.seq, frame.id) != (self._seq, register_id):
                     self.counters.stale += 1
-        return None
+                elif len(frame.data) == reply_bytes:
+                    reply = frame.data
+                else:
+                    self.counters.damaged += 1  # e.g. our own request, echoed by a two-wire adapter
+        return reply
 
     def _take(self, at_least: int, keep: list[Frame] | None = None) -> bytes:
         """Read what is there, waiting one poll for it; frames go to `keep`, or without it count as stale."""

@@ -13,7 +13,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -25,7 +25,7 @@ from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
 from drivers.sim.register_server import RegisterServer
 from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
-from rw_ekf.records import FAULT, WheelIdentity
+from rw_ekf.records import FAULT
 from tests.injecting import put_faults
 
 CLOCK = SystemClock()
@@ -128,30 +128,6 @@ def test_a_fault_costs_samples_and_is_counted_and_passes(fault: str, line: tuple
     assert wheel.command_current(0.0).acknowledged
 
 
-def test_a_late_reply_is_never_taken_for_a_fresh_one(line: tuple[SerialWheel, RegisterServer]) -> None:
-    """A reply that comes while the next request waits has the old seq: dropped and counted, even if no other comes."""
-    wheel, server = line
-    put_faults(server, f"delay/cycle:{TIMEOUT_S * 1.3}")
-    assert wheel.read(TIMEOUT_S) is None
-    put_faults(server, "silence")
-    wheel._status_due_s = time.monotonic() + 60.0  # the next request is for the same register
-    assert wheel.read(TIMEOUT_S) is None
-    assert wheel.link.stale == 1
-    put_faults(server)
-    asked = server.plant.time_s
-    sample = wheel.read(1.0)
-    assert sample is not None
-    assert sample.time_s >= asked - 0.01
-
-
-def test_noise_around_good_replies_costs_nothing(line: tuple[SerialWheel, RegisterServer]) -> None:
-    """Garbage before and behind every reply is skipped."""
-    wheel, server = line
-    put_faults(server, "insert/from:1:12")
-    assert all(wheel.read(1.0) is not None for _ in range(5))
-    assert wheel.command_current(0.1).acknowledged
-
-
 def test_every_third_reply_lost_loses_every_third_sample(line: tuple[SerialWheel, RegisterServer]) -> None:
     """Faults now and then do not spread to the good exchanges between them."""
     wheel, server = line
@@ -217,15 +193,6 @@ def test_a_lost_wheel_is_a_driver_error_and_can_be_opened_again(
             again.read(0.1)
 
 
-def test_a_second_opening_says_that_the_port_is_in_use(
-    line: tuple[SerialWheel, RegisterServer], wire_map: WireMap
-) -> None:
-    """Two programs on one wheel would steal each other's replies: the second one is told."""
-    port = line[0].source.removeprefix("serial+")
-    with pytest.raises(DriverError, match=r"in use by another process.*rw-ekf stop"):
-        open_serial_wheel(port, wire_map, CLOCK, TIMEOUT_S)
-
-
 def test_nothing_to_open(wire_map: WireMap, tmp_path: Path) -> None:
     """A missing port, a plain file and a dead server are named, each with what to do."""
     (tmp_path / "file").write_text("x")
@@ -288,16 +255,6 @@ def test_parity_on_a_pty_is_named(map_data: dict[str, Any], where: Where) -> Non
             assert "parity even" in str(error)  # noqa: PT017 - some kernels take it
         else:
             wheel.close()
-
-
-def test_our_own_echo_is_not_a_reply(wire_map: WireMap) -> None:
-    """A two-wire adapter echoes every request: the echo has the right seq and id but no data, and is not taken."""
-    with bare_pty(lambda received: received) as port:
-        wheel = open_serial_wheel(port, wire_map, CLOCK, 0.05, probe=False)
-        assert wheel.read(0.5) is None
-        assert not wheel.command_current(0.1).acknowledged
-        assert wheel.link.damaged >= 2
-        wheel.close()
 
 
 def test_read_never_outlasts_its_timeout(wire_map: WireMap) -> None:
@@ -404,74 +361,6 @@ def test_what_the_status_flags_mean_stands_in_the_sample(line: tuple[SerialWheel
     assert conditions_become({FAULT})
     server.fault = False
     assert conditions_become(set())
-
-
-def test_a_wheel_behind_a_socket(wire_map: WireMap) -> None:
-    """Anything serial_for_url takes works: here a wheel behind a TCP server."""
-    import socket
-
-    from drivers.sim.plant_runner import PlantRunner
-
-    listener = socket.create_server(("127.0.0.1", 0))
-    server = RegisterServer(wire_map, PlantRunner(seed=1))
-    began = time.monotonic()
-
-    def work() -> None:
-        connection, _ = listener.accept()
-        with connection:
-            while received := connection.recv(1024):
-                for reply in server.handle(received, time.monotonic() - began):
-                    connection.sendall(reply.content)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    wheel = open_serial_wheel(f"socket://127.0.0.1:{listener.getsockname()[1]}", wire_map, CLOCK, 0.3)
-    try:
-        assert wheel.identity is not None
-        assert wheel.identity != WheelIdentity()
-        assert wheel.read(1.0) is not None
-        assert wheel.command_current(0.1).acknowledged
-    finally:
-        wheel.close()
-        thread.join(5.0)
-        listener.close()
-
-
-@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial 3.5 calls them
-def test_a_wheel_behind_rfc2217(wire_map: WireMap) -> None:
-    """A telnet server with port control works too (it refuses a write timeout, and doubles the FF of every frame)."""
-    import socket
-    from types import SimpleNamespace
-
-    from serial import serial_for_url
-    from serial.rfc2217 import PortManager
-
-    from drivers.sim.plant_runner import PlantRunner
-
-    listener = socket.create_server(("127.0.0.1", 0))
-    server = RegisterServer(wire_map, PlantRunner(seed=1))
-    began = time.monotonic()
-
-    def work() -> None:
-        connection, _ = listener.accept()
-        with connection, serial_for_url("loop://") as settings:
-            manager: Any = cast(Any, PortManager)(settings, SimpleNamespace(write=connection.sendall))
-            while received := connection.recv(1024):
-                content = b"".join(manager.filter(received))
-                for reply in server.handle(content, time.monotonic() - began):
-                    connection.sendall(b"".join(manager.escape(reply.content)))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    port = f"rfc2217://127.0.0.1:{listener.getsockname()[1]}?ign_set_control"
-    wheel = open_serial_wheel(port, wire_map, CLOCK, 0.3)
-    try:
-        assert wheel.read(1.0) is not None
-        assert wheel.command_current(0.1).acknowledged
-    finally:
-        wheel.close()
-        thread.join(5.0)
-        listener.close()
 
 
 def test_the_serial_side_loads_nothing_heavy() -> None:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from rw_ekf.errors import DriverError
@@ -20,28 +19,6 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     """A wheel on a pty."""
     with served_wheel(tmp_path) as made:
         yield made
-
-
-def test_a_line_that_comes_back_is_taken_up_again_with_zero_first(bench: Bench) -> None:
-    """Unplugged for 0.8 s: one reconnect, the first write is zero, then the profile; the wheel ends at zero."""
-    back: list[int] = []
-
-    def plug() -> None:
-        back.append(len(bench.recorder.writes_A()))
-        bench.plug()
-
-    ran = run(bench, 3.2, (0.8, bench.unplug), (1.6, plug))
-    assert ran.outcome.link.reconnects == 1
-    assert not ran.outcome.lost
-    assert ran.outcome.zero_confirmed
-    writes = bench.recorder.writes_A()[back[0] :]
-    assert writes[0] == 0.0
-    assert any(abs(value) > 0.01 for value in writes[1:-1])
-    assert bench.registers.command_A == 0.0
-    assert ran.notes.events.count("link_lost") == 1
-    assert ran.notes.events.count("link_back") == 1
-    assert ran.outcome.statistics.rejected == 0
-    assert np.unique(ran.log.segment).size == 2
 
 
 @pytest.mark.slow

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import struct
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,13 +21,12 @@ from rw_ekf.course.course import WILD
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
 from tests.injecting import put_faults
-from tests.live.bench import served_wheel
+from tests.live.bench import Bench, served_wheel, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
 
 CLOCK = SystemClock()
 
-Served = Callable[..., AbstractContextManager[RegisterServer]]
 CYCLE = 137
 UNITS = {"speed": "rad/s", "current": "A", "current_command": "A", "temperature": "degC", "uptime": "s"}
 WRONG = (math.inf, -math.inf, math.nan, 3.0e38, -3.0e38)
@@ -43,12 +41,12 @@ def float_map(wire_map: WireMap) -> WireMap:
 
 
 @pytest.fixture
-def line(float_map: WireMap, served: Served, tmp_path: Path) -> Iterator[tuple[SerialWheel, RegisterServer]]:
+def line(float_map: WireMap, bench: Bench) -> Iterator[tuple[SerialWheel, RegisterServer]]:
     """An open wheel with float telemetry, and the server behind it."""
-    with served(float_map, tmp_path / "wheel") as server:
-        wheel = open_serial_wheel(str(tmp_path / "wheel"), float_map, CLOCK, 0.5)
-        yield wheel, server
-        wheel.close()
+    bench.registers.wire_map = float_map
+    wheel = open_serial_wheel(bench.port, float_map, CLOCK, 0.5)
+    yield wheel, bench.registers
+    wheel.close()
 
 
 @pytest.mark.parametrize("number", WRONG)
@@ -56,7 +54,7 @@ def line(float_map: WireMap, served: Served, tmp_path: Path) -> Iterator[tuple[S
 def test_a_reply_with_an_impossible_number_is_damaged(
     line: tuple[SerialWheel, RegisterServer], name: str, number: float
 ) -> None:
-    """Two such replies cost two samples and are counted as damaged; the third is a sample with a later time."""
+    """Row 18: two such replies cost two samples and are counted as damaged; the third is a sample with a later time."""
     wheel, server = line
     before = wheel.read(1.0)
     put_faults(server, f"value/cycle:{name}={number!r}")
@@ -75,7 +73,7 @@ def test_a_reply_with_an_impossible_number_is_damaged(
 def test_the_daemon_goes_on(
     float_map: WireMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: float
 ) -> None:
-    """In mid-run: every other sample is there, counted, logged, and the log reads."""
+    """Row 18: in mid-run: every other sample is there, counted, logged, and the log reads."""
     monkeypatch.setattr("tests.live.daemon.checked_protocol", lambda configuration: RegisterProtocol(float_map))
     with served_wheel(tmp_path) as bench:
         bench.registers.wire_map = float_map
@@ -85,6 +83,33 @@ def test_the_daemon_goes_on(
     assert math.isfinite(ran.outcome.belief.mean[0])
     assert ran.outcome.statistics.samples > 10
     assert len(ran.log) == ran.outcome.statistics.samples
+
+
+@pytest.mark.parametrize("number", ["inf", "-inf", "nan", "1715.7", "-1715.73"])
+def test_a_speed_at_the_end_of_its_integer_is_none(bench: Bench, wheel: SerialWheel, number: str) -> None:
+    """Row 18: saturated at either end of what 16 bits carry: no sample, counted as damaged; then as before."""
+    bench.fault(f"value/cycle:speed={number}")
+    assert wheel.read(1.0) is None
+    assert wheel.read(1.0) is None
+    assert wheel.link.damaged == 2
+    bench.fault("")
+    assert wheel.read(1.0) is not None
+
+
+def test_a_speed_that_goes_round_the_end_of_its_integer_is_none(bench: Bench, wheel: SerialWheel) -> None:
+    """Row 18: -16000 rpm just after 16000 rpm is a wrap and no reading; what stays so for a second is believed."""
+    bench.fault(f"value/cycle:speed={rad_s_from_rpm(16000.0)}")
+    first = wheel.read(1.0)
+    assert first is not None
+    assert first.speed_rad_s == pytest.approx(rad_s_from_rpm(16000.0))
+    bench.fault(f"value/cycle:speed={rad_s_from_rpm(-16000.0)}")
+    assert wheel.read(1.0) is None
+    assert wheel.link.damaged == 1
+    wait_for(lambda: wheel.read(0.5) is not None)
+    bench.fault("")
+    sample = wheel.read(1.0)
+    assert sample is not None
+    assert sample.speed_rad_s == pytest.approx(20.0, abs=1.5)
 
 
 def test_fields_that_nobody_uses_may_hold_anything() -> None:

@@ -1,0 +1,101 @@
+"""Opening a port: nothing is reset by it, and if something was, it is found."""
+
+from __future__ import annotations
+
+import termios
+from typing import Any
+
+import pytest
+import serial
+
+from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.line.wire_map import WireMap
+from rw_ekf.clock import SystemClock
+from rw_ekf.driver import ControlLines
+from tests.live.bench import Bench
+
+CLOCK = SystemClock()
+
+
+class Told(serial.Serial):
+    """A port that notes in which order it is set up."""
+
+    calls: list[tuple[str, Any]]
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self.calls = []
+        super().__init__(*arguments, **options)
+
+    def open(self) -> None:
+        self.calls.append(("open", None))
+        super().open()
+
+    def _update_dtr_state(self) -> None:
+        self.calls.append(("dtr", self.dtr))
+
+    def _update_rts_state(self) -> None:
+        self.calls.append(("rts", self.rts))
+
+    def set_low_latency_mode(self, low_latency_settings: bool) -> None:
+        self.calls.append(("low_latency", low_latency_settings))
+        super().set_low_latency_mode(low_latency_settings)  # on a pty: ValueError
+
+
+@pytest.mark.parametrize("lines", [ControlLines(), ControlLines(False, True), ControlLines(True, False)])
+def test_the_modem_lines_are_set_before_opening_and_not_touched_again(
+    bench: Bench, wire_map: WireMap, monkeypatch: pytest.MonkeyPatch, lines: ControlLines
+) -> None:
+    """Row 6: `open` finds both as they shall be, nothing sets them later, low latency is tried."""
+    made: list[Told] = []
+
+    def for_url(url: str, do_not_open: bool = False, **options: Any) -> Told:
+        assert do_not_open
+        made.append(Told(None, **options))
+        made[0].port = url
+        return made[0]
+
+    monkeypatch.setattr(serial, "serial_for_url", for_url)
+    wheel = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15, control=lines)
+    assert wheel.read(1.0) is not None
+    wheel.close()
+    assert made[0].calls == [("open", None), ("dtr", lines.dtr), ("rts", lines.rts), ("low_latency", True)]
+
+
+def test_closing_the_port_drops_no_line(wheel: SerialWheel) -> None:
+    """Row 6: HUPCL is off, so that the next opening raises nothing."""
+    assert not termios.tcgetattr(wheel._line._serial.fd)[2] & termios.HUPCL
+    assert wheel.read(1.0) is not None
+
+
+def test_an_opening_that_resets_the_wheel_is_found(bench: Bench, wheel: SerialWheel, wire_map: WireMap) -> None:
+    """Row 6: opened again, the wheel restarted: said, a new segment, who answers asked again; then as before."""
+    first = wheel.read(1.0)
+    assert first is not None
+    wheel.command_current(0.1)
+    bench.registers.restart()
+    again = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15, probe=False, previous=wheel)
+    assert again.identity is None
+    sample = again.read(1.0)
+    assert sample is not None
+    assert sample.news is not None
+    assert sample.news[0] == "wheel_restarted"
+    assert sample.segment > first.segment
+    assert sample.current_command_A == 0.0
+    assert again.identity is not None
+    after = again.read(1.0)
+    assert after is not None
+    assert (after.news, after.segment) == (None, sample.segment)
+    again.close()
+
+
+def test_what_comes_just_after_opening_is_let_pass(bench: Bench, wheel: SerialWheel, wire_map: WireMap) -> None:
+    """Row 6: replies to whoever was here before, and noise of the plug, are no readings of the new line."""
+    bench.fault("hold/from@0s:1h")
+    assert wheel.read(0.05) is None  # its reply is held ...
+    wheel.close()
+    bench.fault("insert/from:1:60")
+    again = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15)
+    bench.fault("")
+    assert again.read(1.0) is not None
+    assert again.link.timeouts == 0
+    again.close()

@@ -1,0 +1,94 @@
+"""Others on the port: they are kept out, or what they do is said and passes."""
+
+from __future__ import annotations
+
+import array
+import contextlib
+import fcntl
+import os
+import threading
+
+import pytest
+
+from drivers.line import serial_port
+from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from drivers.line.wire_map import WireMap
+from rw_ekf.clock import SystemClock
+from rw_ekf.errors import DriverError
+from tests.live.bench import Bench
+
+TIOCGEXCL = 0x80045440
+MODEM_MANAGER = b"AT\r\r\nAT+GCAP\rAT\x7e\x00\x78\xf0\x7e\r"
+
+
+def test_a_second_opening_says_that_the_port_is_in_use(bench: Bench, wheel: SerialWheel, wire_map: WireMap) -> None:
+    """Row 4: two programs on one wheel would steal each other's replies: the second one is told; the first goes on."""
+    with pytest.raises(DriverError, match=r"in use by another process.*rw-ekf stop"):
+        open_serial_wheel(bench.port, wire_map, SystemClock(), 0.15)
+    assert wheel.read(1.0) is not None
+
+
+def test_the_kernel_keeps_others_out_of_a_true_device(
+    bench: Bench, wire_map: WireMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Row 4: TIOCEXCL is set where the port is no pseudo terminal (here one that is taken for a device), else not."""
+
+    def exclusive(*, pseudo: bool) -> bool:
+        monkeypatch.setattr(serial_port, "_PSEUDO_TERMINALS", range(136, 144) if pseudo else range(0))
+        wheel = open_serial_wheel(bench.port, wire_map, SystemClock(), 0.15)
+        flag = array.array("i", [0])
+        fcntl.ioctl(wheel._line._serial.fd, TIOCGEXCL, flag)
+        assert wheel.read(1.0) is not None
+        wheel.close()
+        return bool(flag[0])
+
+    assert not exclusive(pseudo=True)
+    assert exclusive(pseudo=False)
+
+
+def test_one_who_reads_all_the_same_costs_samples_and_no_more(bench: Bench, wheel: SerialWheel) -> None:
+    """Row 4: a thief opens the port beside the lock: samples are missed, none is wrong; then all come again."""
+    over, stolen, missed = threading.Event(), [], 0
+    thief = os.open(bench.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+
+    def steal() -> None:
+        while not over.is_set():
+            with contextlib.suppress(BlockingIOError):
+                stolen.append(os.read(thief, 64))
+            over.wait(0.0005)
+
+    thread = threading.Thread(target=steal)
+    thread.start()
+    for _ in range(40):
+        try:
+            sample = wheel.read(0.2)
+        except DriverError as error:  # pyserial: readable, and nothing to read
+            assert "a second process reads the same port" in str(error)  # noqa: PT017
+            sample = None
+        missed += sample is None
+        assert sample is None or sample.speed_rad_s == pytest.approx(20.0, abs=1.5)
+    over.set()
+    thread.join()
+    os.close(thief)
+    assert stolen
+    assert missed > 0
+    assert all(wheel.read(1.0) is not None for _ in range(10))
+
+
+def test_what_a_modem_manager_writes_is_ignored(bench: Bench, wire_map: WireMap) -> None:
+    """Row 5: AT commands before the first frame, between frames, and answered in kind: no sample is lost to them."""
+    stranger = os.open(bench.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    os.write(stranger, MODEM_MANAGER)
+    bench.registers.faults.clear()
+    server = bench._server
+    assert server is not None
+    server.pty.write(b"\r\nERROR\r\n" + MODEM_MANAGER)
+    wheel = open_serial_wheel(bench.port, wire_map, SystemClock(), 0.15)
+    for _ in range(10):
+        os.write(stranger, MODEM_MANAGER)
+        server.pty.write(MODEM_MANAGER)
+        assert wheel.read(1.0) is not None
+        assert wheel.command_current(0.01).acknowledged
+    os.close(stranger)
+    assert wheel.read(1.0) is not None
+    wheel.close()

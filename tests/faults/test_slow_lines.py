@@ -1,0 +1,73 @@
+"""Bytes that come in blocks, and bytes that nobody takes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+
+from drivers.line.serial_wheel import SerialWheel
+from tests.live.bench import Bench, wait_for
+from tests.live.daemon import run
+from tests.live.test_line_faults import fault
+
+
+def test_an_adapter_with_a_latency_timer_is_told(bench: Bench, wheel: SerialWheel) -> None:
+    """Row 23: bytes come every 16 ms: all samples come, what replies took and its jitter are told; it ends with it."""
+    assert all(wheel.read(1.0) is not None for _ in range(20))
+    quick_ms = wheel.link.reply_ms
+    bench.fault("hold/from:16ms")
+    assert all(wheel.read(1.0) is not None for _ in range(60))
+    slow_ms, jitter_ms, longest_ms = wheel.link.reply_ms, wheel.link.reply_jitter_ms, wheel.link.reply_ms_max
+    assert None not in (quick_ms, slow_ms, jitter_ms, longest_ms)
+    assert slow_ms is not None
+    assert quick_ms is not None
+    assert slow_ms > quick_ms + 2.0
+    assert jitter_ms is not None
+    assert jitter_ms > 0.5
+    bench.fault("")
+    assert all(wheel.read(1.0) is not None for _ in range(150))
+    assert wheel.link.reply_ms is not None
+    assert wheel.link.reply_ms < slow_ms
+
+
+def test_a_reading_is_stamped_when_its_last_byte_came(bench: Bench, wheel: SerialWheel) -> None:
+    """Row 23: not when the driver got round to it: an exchange ends with the read that brought the byte."""
+    line = wheel._line
+    exchange = line.request(137, b"", wheel._main.size)
+    assert exchange.data is not None
+    assert exchange.replied_s == line._came_s
+
+
+def test_output_that_nobody_takes_ends_at_its_deadline(bench: Bench, wheel: SerialWheel) -> None:
+    """Row 24: the buffer is full: each request returns without a reply; when it is taken again, so are readings."""
+    assert wheel.read(1.0) is not None
+    bench.fault("block")
+    port = wheel._line._serial
+    wait_for(lambda: _is_full(port.fd))
+    timeouts = wheel.link.timeouts
+    assert wheel.read(0.2) is None
+    assert not wheel.command_current(0.2).acknowledged
+    assert wheel.link.timeouts >= timeouts + 2
+    bench.fault("")
+    wait_for(lambda: wheel.read(0.5) is not None)
+    assert all(wheel.read(1.0) is not None for _ in range(5))
+    assert bench.registers.command_A == 0.0  # the current that could not be sent did not come late
+
+
+def _is_full(descriptor: int) -> bool:
+    """Write until nothing more is taken."""
+    with contextlib.suppress(BlockingIOError):
+        while os.write(descriptor, bytes(512)):
+            pass
+    return True
+
+
+def test_the_daemon_whose_output_is_blocked_is_lost_and_comes_back(bench: Bench) -> None:
+    """Row 24: LOST while the far end takes nothing, then zero and TRACKING."""
+    ran = run(bench, 4.0, *fault(bench, 1.0, 2.2, "block"))
+    lost = ran.notes.states.index("LOST")
+    assert ran.notes.states[lost : lost + 3] == ["LOST", "CONNECTING", "TRACKING"]
+    assert "silence" in ran.notes.events
+    assert "telemetry_back" in ran.notes.events or "link_back" in ran.notes.events
+    assert ran.outcome.zero_confirmed
+    assert not ran.outcome.lost
