@@ -62,7 +62,7 @@ class LiveWheel:
             note,
             writes=writes,
             speed_step_rad_s=speed_step_rad_s,
-            say=lambda event, text: self.check.say(event, text),  # whichever judges by then
+            say=lambda event, text: self.check.say(event, text),  # noqa: PLW0108 - whichever judges by then
         )
         self._silence_s = limits.silence_s
         self._period_s = 1.0 / rate_hz
