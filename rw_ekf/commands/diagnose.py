@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from rw_ekf.commands.first_use import make_ready
@@ -15,6 +16,7 @@ from rw_ekf.commands.inputs import (
     read_logs,
     read_wheel_model,
     refuse_to_overwrite,
+    wheel_of_logs,
 )
 
 HELP = "find what the model lacks in a log, add it, and prove it"
@@ -75,6 +77,8 @@ def execute(args: argparse.Namespace) -> int:
             bar.update(1)
 
         found = diagnose_log(logs, configuration, model, split=args.split, advance=advance)
+        if found.model is not None:
+            found = replace(found, model=replace(found.model, wheel=wheel_of_logs(args.logs)))
         inertia = found.inertia_kg_m2
         if directory is not None:
             advance("drawing the report")

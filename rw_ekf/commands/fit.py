@@ -17,6 +17,7 @@ from rw_ekf.commands.inputs import (
     read_logs,
     read_wheel_model,
     refuse_to_overwrite,
+    wheel_of_logs,
 )
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def execute(args: argparse.Namespace) -> int:
     refusal = None
     if args.out is not None:
         source = {"method": args.method, "log": Path(log.name).name, "samples": len(log)}
-        model = model_of(belief, setup, source, noise)
+        model = model_of(belief, setup, source, noise, wheel_of_logs([args.log]))
         refusal = refusal_of(model)
         if refusal is None:
             write_text(Path(args.out), model.to_text())

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
+    from rw_ekf.wheel.wheel_tag import WheelTag
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
@@ -63,6 +64,32 @@ def given_model(configuration: Configuration, args: argparse.Namespace) -> Given
         fresh=args.fresh,
         other_wheel=args.other_wheel,
     )
+
+
+def wheel_of_logs(logs: Iterable[str]) -> WheelTag | None:
+    """Whose logs these are, by the models that their runs left beside them; None where one does not say or differs."""
+    from dataclasses import replace
+
+    tags = [_wheel_of_log(log) for log in logs]
+    known = [tag for tag in tags if tag is not None]
+    if not known or len(known) < len(tags) or any(tag.difference(known[0]) is not None for tag in known):
+        return None
+    return replace(known[0], sign_confirmed=any(tag.sign_confirmed for tag in known))
+
+
+def _wheel_of_log(log: str) -> WheelTag | None:
+    from rw_ekf.errors import ConfigError
+    from rw_ekf.logs.run_directory import model_path, start_path
+    from rw_ekf.wheel.model_file import read_model
+
+    for path in (model_path(log), start_path(log)):  # at the end more is known than at the start
+        try:
+            tag = read_model(path).wheel
+        except ConfigError:
+            continue
+        if tag is not None:
+            return tag
+    return None
 
 
 def read_logs(paths: list[str], columns: str | None) -> list[WheelLog]:

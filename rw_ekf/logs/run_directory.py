@@ -37,3 +37,9 @@ def start_path(log: str | Path) -> Path:
     """Path of the model that a run started from: run.csv -> run.start.yaml."""
     stem = stem_of(log)
     return stem.with_name(f"{stem.name}.start.yaml")
+
+
+def model_path(log: str | Path) -> Path:
+    """Path of the model at the end of a run: run.csv -> run.model.yaml."""
+    stem = stem_of(log)
+    return stem.with_name(f"{stem.name}.model.yaml")

@@ -13,12 +13,14 @@ import pytest
 import yaml
 
 from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.commands.inputs import wheel_of_logs
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.learning.learned_file import read_learned
 from rw_ekf.replay import replay_log, setup_of_run
 from rw_ekf.wheel.model_file import read_model
 from tests.faults.rig import BEGAN, LineWheel
+from tests.live.bench import rw_ekf
 from tests.live.daemon import Ran
 
 
@@ -236,6 +238,23 @@ def test_a_model_of_another_wheel_does_not_drive(wheel: LineWheel, tmp_path: Pat
     assert ran_well(driven)
     beside = other.run(10.0, named=model, command={"profile": "none"})
     assert len(said(beside, "model_of_another_wheel")) == 1
+
+
+def test_what_fit_and_diagnose_make_of_a_log_is_its_wheel_s(wheel: LineWheel, tmp_path: Path) -> None:
+    """Row 28: run, fit or diagnose, run: the model in between says whose it is; of logs of two wheels nobody's."""
+    (log,) = (p for p in (wheel.directory / "runs").glob("*_wheel.csv"))
+    out = tmp_path / "fitted.yaml"
+    done = rw_ekf("fit", str(log), "--out", str(out), timeout=300)
+    assert done.returncode == 0, done.stderr
+    tag = read_model(out).wheel
+    assert tag == read_learned(wheel.learned).wheel
+    with pytest.raises(BadInputError, match="serial number 1, and serial number 2 answers"):
+        LineWheel(tmp_path, serial_number=2).run(5.0, named=str(out))
+    LineWheel(tmp_path, serial_number=2).run(5.0, output={"directory": str(tmp_path / "others")})
+    (other,) = (tmp_path / "others").glob("*_wheel.csv")
+    assert wheel_of_logs([str(log)]) == tag
+    assert wheel_of_logs([str(log), str(other)]) is None
+    assert wheel_of_logs([str(log), str(out)]) is None
 
 
 def test_a_model_that_names_no_wheel_is_taken_with_a_note(wheel: LineWheel) -> None:
