@@ -45,6 +45,8 @@ class Learned:
 
 def read_learned(path: Path) -> Learned:
     """Read a learned file. Raises ConfigError, one sentence, where it is torn, changed, of another schema or none."""
+    if path.exists() and not path.is_file() and not path.is_dir():  # to open a pipe would be to wait for ever
+        raise ConfigError(f"{path}: is no regular file")
     document = load_yaml(path)
     model = model_from_data(document.data, document.where)
     source = model.source

@@ -109,6 +109,12 @@ def directory_instead(path: Path) -> None:
     (path / "file").write_text("of somebody", encoding="utf-8")
 
 
+def pipe(path: Path) -> None:
+    """A pipe that nobody writes to stands in its place."""
+    path.unlink()
+    os.mkfifo(path)
+
+
 def dangling(path: Path) -> None:
     """A link to nowhere stands in its place."""
     path.unlink()
@@ -123,13 +129,14 @@ def dangling(path: Path) -> None:
         (lambda path: path.write_bytes(os.urandom(3000)), "UTF-8|YAML"),
         (directory_instead, "directory"),
         (dangling, "no such file"),
+        (pipe, "no regular file"),
         (edited(r"motor_gain: \{value: [\d.]+", "motor_gain: {value: 15.3"), "was changed after it was written"),
         (edited(r"coulomb: \{value: [\d.]+", "coulomb: {value: 1.0e+09"), "no machine is like that"),
         (edited(r"viscous: \{value: [\d.]+", "viscous: {value: .nan"), "finite"),
         (edited("rw_ekf.model/1", "rw_ekf.model/7"), "this version of rw_ekf reads"),
         (edited("serial_number: 1,", "serial_number: 2,"), "was changed after it was written"),
     ],
-    ids=["torn", "empty", "noise", "directory", "link", "edited", "bounds", "nan", "schema", "serial"],
+    ids=["torn", "empty", "noise", "directory", "link", "pipe", "edited", "bounds", "nan", "schema", "serial"],
 )
 def test_a_spoilt_file_is_not_gone_on_from(wheel: LineWheel, spoil: Callable[[Path], None], words: str) -> None:
     """Row 28: torn, edited, unreadable or absurd: from the configuration, the reason said, a good run, a good file."""
