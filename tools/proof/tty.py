@@ -30,6 +30,7 @@ CONFIGURATION = """\
 wheel: {{port: {link}, name: proof, baud: {baud}}}
 limits: {{current_A: 0.6, slew_A_per_s: 10000, speed_rpm: 8000}}
 loop: {{rate_hz: {rate_hz}, reply_timeout_ms: {timeout_ms}}}
+command: {{confirm_sign: false}}
 output: {{directory: {directory}}}
 simulation:
   {{motor_gain: {motor_gain!r}, viscous: {viscous!r}, coulomb: {coulomb!r}, static: {static!r},
