@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as a request to stop, and a wait that they cut short; SIGUSR1 as a word to resume."""
+"""SIGINT, SIGTERM, SIGHUP, SIGQUIT: a request to stop, and a wait that they cut short; SIGUSR1: a word to resume."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ from typing import Self
 
 from rw_ekf.clock import Clock
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 RESUME = signal.SIGUSR1
 
 
+def stops_heeded() -> list[signal.Signals]:
+    """The signals that end a run: SIGHUP is none of them where it was ignored at the start, as `nohup` has it."""
+    return [n for n in STOPS if not (n is signal.SIGHUP and signal.getsignal(n) is signal.SIG_IGN)]
+
+
 class StopSignal:
-    """While open, the three signals only set `requested`, RESUME calls what `on_resume` gave; leaving restores all.
+    """While open, signals to stop only set `requested`, RESUME calls what `on_resume` gave; leaving restores all.
 
     A handler that raised could cut a write to the wheel in half; one that set a threading.Event could deadlock with the
     wait it interrupts. So the handler assigns, and writes one byte to a pipe that the wait watches.
@@ -53,7 +58,7 @@ class StopSignal:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for number in _SIGNALS:
+            for number in stops_heeded():
                 self._before[number] = signal.signal(number, self._note)
             self._before[RESUME] = signal.signal(RESUME, lambda number, frame: self.resume())
         return self

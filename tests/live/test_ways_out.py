@@ -32,7 +32,7 @@ def test_the_end_of_the_duration_leaves_the_wheel_at_zero(bench: Bench) -> None:
     assert bench.registers.command_A == 0.0
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT"])
 def test_a_signal_ends_the_run_in_order(bench: Bench, name: str) -> None:
     """The signal, and a second one behind it: exit status 0, the wheel at zero, the whole document printed."""
     with program("run", "--config", str(bench.config()), "--json") as daemon:
