@@ -38,11 +38,11 @@ _POLL_S = 0.2
 _CHILD = """
 import json, sys
 sys.path[:], names = json.loads(sys.argv[1])
-from rw_ekf.compile_ahead import compile_all, die_with_parent
+from rw_ekf.compile_ahead import compile_all
+from rw_ekf.parent import die_with_parent
 die_with_parent()
 compile_all(names)
 """
-_PR_SET_PDEATHSIG = 1  # prctl(2)
 
 
 def kernel(name: str) -> Kernel:
@@ -70,15 +70,6 @@ def compile_all(names: Sequence[str]) -> None:
     """Compile here, one after the other; what the child process does."""
     for name in names:
         kernel(name).compile()
-
-
-def die_with_parent() -> None:
-    """Ask Linux to kill this process when its parent dies, even of SIGKILL; elsewhere it just ends a little later."""
-    import ctypes
-    import signal
-
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def compile_in_children(names: Sequence[str], tick: Callable[[int], object]) -> bool:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import faulthandler
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +14,7 @@ from rw_ekf.records import RunState
 
 if TYPE_CHECKING:
     from rw_ekf.live.daemon import RunOutcome
+    from rw_ekf.live.oversight import Heartbeat
     from rw_ekf.settings.schema import Configuration
 
 HELP = "attach to a wheel: estimate, log and publish until a signal"
@@ -22,6 +26,16 @@ SAFE_STATUS = 5
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_run_options(parser)
+    parser.add_argument(
+        "--supervise",
+        action="store_true",
+        help="stay beside the run as a parent that writes zero and starts it again when it crashes or hangs",
+    )
+    parser.add_argument(
+        "--keep-safe",
+        action="store_true",
+        help="begin in SAFE where the run before crashed in SAFE: for a start that no person made",
+    )
     parser.add_argument(
         "--resume",
         action="store_true",
@@ -74,11 +88,45 @@ def execute(args: argparse.Namespace) -> int:
             else:
                 sys.stdout.write(resumed.text + "\n")
             return 0 if resumed.left_safe else 1
-    return run_and_report(configuration, args)
+    if args.supervise:
+        return _supervised(configuration, args)
+    return run_and_report(configuration, args, keep_safe=args.keep_safe)
 
 
-def run_and_report(configuration: Configuration, args: argparse.Namespace) -> int:
-    """Run the daemon and print what it came to.
+def _supervised(configuration: Configuration, args: argparse.Namespace) -> int:
+    """The supervisor; and each run that it starts, which comes here too, in a process of its own."""
+    from rw_ekf.attach import checked_protocol
+    from rw_ekf.clock import SystemClock
+    from rw_ekf.console import logger
+    from rw_ekf.errors import BadInputError, RwEkfError
+    from rw_ekf.live.supervisor import Patience, Supervisor
+
+    if "NOTIFY_SOCKET" in os.environ:
+        raise BadInputError("--supervise: systemd watches this process already (NOTIFY_SOCKET is set): leave it out")
+    log = logger(args.log_format).bind(wheel=configuration.wheel.name)
+    protocol = checked_protocol(configuration)
+    born = Supervisor(configuration, protocol, log, SystemClock(), Patience.of(configuration)).supervise()
+    if isinstance(born, int):
+        return born
+    if args.duration is not None:
+        args.duration = max(args.duration - born.elapsed_s, 1.0 / configuration.loop.rate_hz)
+    try:
+        return run_and_report(
+            configuration, args, heartbeat=born.heartbeat, keep_safe=args.keep_safe or born.before > 0
+        )
+    except RwEkfError:
+        born.heartbeat.told()
+        raise
+
+
+def run_and_report(
+    configuration: Configuration,
+    args: argparse.Namespace,
+    *,
+    heartbeat: Heartbeat | None = None,
+    keep_safe: bool = False,
+) -> int:
+    """Run the daemon and print what it came to. keep_safe: begin in SAFE where the run before crashed in SAFE.
 
     Exit status 1 if the link was lost, or the wheel silent, to the end, if the wheel did not confirm the last zero, or
     if a part of what it was to leave could not be written; 5 if the run ended in SAFE, or because another wheel came.
@@ -87,17 +135,29 @@ def run_and_report(configuration: Configuration, args: argparse.Namespace) -> in
     from rw_ekf.live.stop_signal import StopSignal
 
     with StopSignal() as stop:
+        with contextlib.suppress(OSError, ValueError, RuntimeError, AttributeError):  # where there is no standard error
+            faulthandler.enable()  # a crash in compiled code says where
         from rw_ekf.attach import checked_protocol
         from rw_ekf.clock import SystemClock
         from rw_ekf.commands.inputs import given_model
         from rw_ekf.console import abandon_output, logger
         from rw_ekf.live.daemon import run_daemon
+        from rw_ekf.live.oversight import Oversight
+        from rw_ekf.live.published import crashed_in_safe
+        from rw_ekf.live.systemd import systemd_of
+        from rw_ekf.sinks.run_files import state_path
 
         protocol = checked_protocol(configuration)
         given = given_model(configuration, args)
         clock = SystemClock()
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
-        outcome = run_daemon(configuration, protocol, given, args.duration, log, stop, clock)
+        if heartbeat is not None:
+            heartbeat.on_orphaned(stop, log)
+        oversight = Oversight(
+            tuple(watchdog for watchdog in (heartbeat, systemd_of(os.environ, clock)) if watchdog is not None),
+            crashed_in_safe(state_path(configuration)) if keep_safe else None,
+        )
+        outcome = run_daemon(configuration, protocol, given, args.duration, log, stop, clock, oversight)
         warnings = _warnings(outcome)
         try:
             _print(outcome, warnings, json=args.json)

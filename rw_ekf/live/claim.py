@@ -41,6 +41,7 @@ class Claim:
     start_ticks: int | None
     names: tuple[str, ...]  # the first is the one of the configuration
     device: str | None  # where that led when the claim was made
+    supervises: bool = False  # it drives nothing itself: it starts who does
 
     def means(self, names: frozenset[str]) -> bool:
         """Whether one of `names` is this claim's port. Where its own name leads now counts; else where it led."""
@@ -71,11 +72,11 @@ class Claim:
         return f"lock file {self.path} of user {user_name(self.file.st_uid)}"
 
 
-def claim_path(port: str) -> Path:
-    """Path of this user's claim for a port."""
+def claim_path(port: str, *, supervises: bool = False) -> Path:
+    """Path of this user's claim for a port, and of a supervisor's beside that of the daemon it starts."""
     name = own_name(port)
     digest = hashlib.sha256((device_of(name) or name).encode()).hexdigest()[:16]
-    return _directory() / f"rw-ekf-{os.geteuid()}-{digest}.lock"
+    return _directory() / f"rw-ekf-{os.geteuid()}-{digest}{'.supervisor' if supervises else ''}.lock"
 
 
 def held_claims(names: frozenset[str], clock: Clock) -> list[Claim]:
@@ -94,12 +95,13 @@ def is_held(claim: Claim) -> bool:
 
 
 class PortClaim:
-    """Held while a daemon runs. The lock dies with the process, however it dies."""
+    """Held while a daemon runs, or its supervisor. The lock dies with the process, however it dies."""
 
-    def __init__(self, port: str, clock: Clock) -> None:
+    def __init__(self, port: str, clock: Clock, *, supervises: bool = False) -> None:
         self._clock = clock
         self.port = port
-        self.path = claim_path(port)
+        self.path = claim_path(port, supervises=supervises)
+        self._supervises = supervises
         self._descriptor: int | None = None
 
     def __enter__(self) -> Self:
@@ -111,7 +113,8 @@ class PortClaim:
                 raise self._taken(_read_claim(self.path, descriptor).pid, os.geteuid())
             for other in held_claims(names_of(self.port), self._clock):
                 facts = other.holder() if other.path != self.path else None
-                if facts is not None:  # under another name, or another user's
+                if facts is not None and not (other.supervises and facts.pid == os.getppid()):
+                    # Under another name, or another user's; our own supervisor's is there for us.
                     raise self._taken(facts.pid, facts.uid)
             name = own_name(self.port)
             device = device_of(name)
@@ -119,6 +122,7 @@ class PortClaim:
                 **own_process(),
                 "names": [name, *aliases_of(device)],
                 "device": device,
+                "supervises": self._supervises,
             }
             try:
                 os.fchmod(descriptor, 0o644)  # another user may read who it is; only we write
@@ -133,9 +137,18 @@ class PortClaim:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Give the port up; nothing where that has been done."""
         if self._descriptor is not None:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._descriptor, 0)
+            self.leave_to_parent()
+
+    def leave_to_parent(self) -> None:
+        """In a forked child: the claim is the parent's alone, and dies with it."""
+        if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
 
@@ -231,6 +244,7 @@ def _read_claim(path: Path, descriptor: int) -> Claim:
         _whole(found.get("start_ticks")),
         tuple(n for n in names if isinstance(n, str)) if isinstance(names, list) else (),
         device if isinstance(device, str) else None,
+        found.get("supervises") is True,
     )
 
 

@@ -23,6 +23,7 @@ from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.loop import run_loop
+from rw_ekf.live.oversight import ALONE, Oversight
 from rw_ekf.live.process import own_process
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.timing import LoopTiming
@@ -75,11 +76,12 @@ def run_daemon(
     logger: Any,
     stop: StopSignal,
     clock: Clock,
+    oversight: Oversight = ALONE,
 ) -> RunOutcome:
     """Attach, estimate, log, publish.
 
     Raises DriverError if the wheel cannot be reached at the start, BadInputError if the model given is of another one.
-    Zero current is sent on every way out; `stop` ends the run in order.
+    Zero current is sent on every way out; `stop` ends the run in order. oversight: who is told of completed turns.
     """
     from rw_ekf.attach import opener
 
@@ -99,7 +101,7 @@ def run_daemon(
             note=logger.warning,
             speed_step_rad_s=max(protocol.limits.speed_step_rad_s, noise_rad_s),
         )
-        confirmed = False
+        confirmed = in_order = False
         sinks: list[GuardedSink] = []
         try:
             files = RunFiles.of_run(configuration, began)
@@ -113,6 +115,8 @@ def run_daemon(
             expectation = expectation_of(configuration, given)
             watches = RunWatches(configuration, protocol, start, expectation, estimator, live, logger, clock)
             stop.on_resume(watches.states.resume)
+            if oversight.begin_safe is not None:
+                watches.states.latch(oversight.begin_safe)
             if commander is not None and not watches.sign.confirmed:
                 commander = confirming(commander, configuration, watches.sign_watch, watches.step_rad_s, logger)
 
@@ -136,6 +140,7 @@ def run_daemon(
                 link=lambda: live.link,
                 learning=Learning(start, lambda: watches.wheel, lambda: watches.sign.doubt),
                 process=own_process(),
+                in_order=lambda: in_order,
             )
             sinks = sinks_of(run)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=rate_hz)
@@ -146,7 +151,8 @@ def run_daemon(
                 readings, issue = following(readings)
             else:
                 issue = partial(live.issue, commander.controller)
-            run_loop(readings, estimator, issue, sinks, watches.step, watches.judge.judge)
+            run_loop(readings, estimator, issue, sinks, watches.step, watches.judge.judge, oversight.turned)
+            in_order = True
         finally:
             confirmed = live.close()
             if not confirmed:
@@ -157,6 +163,7 @@ def run_daemon(
                 )
             for sink in sinks:
                 sink.close()
+        oversight.over()
         belief = Belief(estimator.mean, estimator.covariance)
         watches.find_negative_gain()
         with run.unwritten.tried(files.model, logger.warning):

@@ -15,6 +15,7 @@ from rw_ekf.live.port_name import device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, ProcessHandle, facts_of, has_open, processes_with, user_name
 
 _KILL_WITHIN_S = 2.0
+_SUPERVISOR_WITHIN_S = 10.0  # it waits for its daemon, and writes zero itself where that hangs
 _LOOK_EVERY_S = 0.02
 
 
@@ -31,18 +32,21 @@ class HolderReport:
 def stop_holder(port: str, clock: Clock, within_s: float = 5.0) -> HolderReport:
     """End every daemon that drives the wheel at `port`: SIGTERM, and SIGKILL where that has not helped within_s [s].
 
-    Found by its claim, under any name of the port, or else by the port that it has open. A process is signalled only
-    if the kernel bears out that it is a daemon of this program. Never raises.
+    Supervisors first, so that none starts its daemon again. Found by its claim, under any name of the port, or else by
+    the port that it has open. A process is signalled only if the kernel bears out that it is a daemon of this program.
+    Never raises.
     """
     report = HolderReport()
     device = device_of(own_name(port))
     claims = held_claims(names_of(port), clock)
-    for claim in claims:
+    for claim in sorted(claims, key=lambda claim: not claim.supervises):
         holder = claim.holder()
-        if holder is None:
+        if holder is None and is_held(claim):
             report.notes.append(_not_believed(claim))
-        elif holder.pid != os.getpid():
-            _end(holder, lambda claim=claim: is_held(claim), device, clock, within_s, report)  # type: ignore[misc]
+        elif holder is not None and holder.pid != os.getpid():
+            patience_s = _SUPERVISOR_WITHIN_S if claim.supervises else within_s
+            its_port = None if claim.supervises else device  # a supervisor may have none open, and open it later
+            _end(holder, lambda claim=claim: is_held(claim), its_port, clock, patience_s, report)  # type: ignore[misc]
     for pid in processes_with(device) if device is not None else []:
         facts = facts_of(pid)
         if facts is None or pid in report.ended:
@@ -54,13 +58,19 @@ def stop_holder(port: str, clock: Clock, within_s: float = 5.0) -> HolderReport:
 
 def holders_of(port: str, clock: Clock) -> list[ProcessFacts]:
     """Every other daemon that drives the wheel at `port`, by its claim or by the port that it has open."""
-    found = {claim.pid: claim.holder() for claim in held_claims(names_of(port), clock)}
+    found = {claim.pid: claim.holder() for claim in held_claims(names_of(port), clock) if not claim.supervises}
     device = device_of(own_name(port))
     for pid in processes_with(device) if device is not None else []:
         facts = facts_of(pid)
         if facts is not None and facts.drives:
             found.setdefault(pid, facts)
     return [facts for facts in found.values() if facts is not None and facts.pid != os.getpid()]
+
+
+def supervisors_of(port: str, clock: Clock) -> list[ProcessFacts]:
+    """Every other process that starts a daemon on `port` again when it dies."""
+    found = [claim.holder() for claim in held_claims(names_of(port), clock) if claim.supervises]
+    return [facts for facts in found if facts is not None and facts.pid != os.getpid()]
 
 
 def tell(facts: ProcessFacts, number: signal.Signals) -> bool:

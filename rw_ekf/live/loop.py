@@ -21,8 +21,11 @@ def run_loop(
     sinks: Sequence[Sink],
     watch: Watch = lambda tick: (),
     judge: Judge = lambda reading, estimate: None,
+    turned: Callable[[StateNow | None], None] = lambda state: None,
 ) -> None:
     """Run until the readings end. Time is each sample's own; no clock is read here.
+
+    turned: told the state at the end of every turn, behind all sinks.
 
     A turn without a sample is judged and shown to the sinks, with the sample and the estimate of before; there is none
     to show before the first sample.
@@ -46,6 +49,7 @@ def run_loop(
         if tick is not None:
             for sink in sinks:
                 sink.write(tick)
+        turned(state)
 
 
 def readings_of_record(driver: WheelDriver) -> Iterator[Reading]:

@@ -144,6 +144,10 @@ class ProcessHandle:
     ) -> None:
         os.close(self._descriptor)
 
+    def fileno(self) -> int:
+        """A descriptor that is readable once the process has ended."""
+        return self._descriptor
+
     def send(self, number: signal.Signals) -> None:
         """Send a signal; nothing where it has ended. Raises PermissionError."""
         try:

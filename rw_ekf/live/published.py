@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.live.process import facts_of
+from rw_ekf.records import RunState
 
 SCHEMA = "rw_ekf.state/1"
 
@@ -43,3 +44,11 @@ def read_published(path: Path) -> Published | None:
         return None
     facts = facts_of(pid)
     return Published(document, facts is not None and facts.start_ticks == document.get("start_ticks"))
+
+
+def crashed_in_safe(path: Path) -> str | None:
+    """Why the run that left a state file was in SAFE when it died without an end in order; None where it was not."""
+    found = read_published(path)
+    if found is None or found.alive or found.run_state != RunState.SAFE or found.document.get("ended_utc") is not None:
+        return None
+    return str(found.document.get("reason"))

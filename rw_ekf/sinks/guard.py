@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from rw_ekf.clock import Clock
-from rw_ekf.records import Sink, Tick
+from rw_ekf.records import Sink, StateNow, Tick
 from rw_ekf.sinks.run_files import Note, Unwritten
 
 _BUDGET_S = 0.02  # for which a turn waits for a queue that is full; once, until there is room again
@@ -20,7 +20,7 @@ class Queue(NamedTuple):
     """How a sink that may be slow gets its ticks: in a thread of its own."""
 
     ticks: int  # as many may wait
-    every_s: float = 0.0  # above 0: the newest tick alone, so often by the run's clock, and the last one
+    every_s: float = 0.0  # above 0: the newest tick alone, so often by the run's clock, at a change of state, the last
     lost: Callable[[int], None] = lambda ticks: None  # told how many were lost before the tick that comes next
 
 
@@ -41,6 +41,7 @@ class GuardedSink:
         self._lost = 0
         self._behind = False
         self._due_s = 0.0
+        self._state: StateNow | None = None  # that was handed over last
         self._is_due = self._closing = self._closed = False
         self._wake = threading.Condition()
         self._thread: threading.Thread | None = None
@@ -57,8 +58,9 @@ class GuardedSink:
             with self._wake:
                 self._waiting.clear()
                 self._waiting.append((0, tick))
-                if now >= self._due_s:
+                if now >= self._due_s or tick.state is not self._state:
                     self._due_s, self._is_due = now + self._rule.every_s, True
+                    self._state = tick.state
                     self._wake.notify_all()
         else:
             self._put(tick, self._rule.ticks)

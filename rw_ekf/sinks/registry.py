@@ -45,6 +45,7 @@ class RunContext:
     began: StateNow
     link: Callable[[], LinkCounters]
     process: Mapping[str, int | None]  # pid and start_ticks: for all time the name of one process
+    in_order: Callable[[], bool] = lambda: True  # whether the run, when it is over, has not crashed
     total_s: Callable[[], float | None] = lambda: None
     phase: Phase | None = None
     watched: bool = True  # whether there can be alarms
@@ -79,7 +80,7 @@ def _state(run: RunContext) -> tuple[Sink, Queue]:
         "log": run.files.log.name,
         **run.process,
     }
-    publisher = Publisher(about, run.clock, run.link, run.watched)
+    publisher = Publisher(about, run.clock, run.link, run.watched, run.in_order)
     return StateFileSink(run.files.state, publisher, run.began, run.unwritten), Queue(1, every_s=_STATE_EVERY_S)
 
 

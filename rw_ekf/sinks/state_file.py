@@ -24,6 +24,7 @@ class Publisher:
     clock: Clock
     link: Callable[[], LinkCounters]
     watched: bool  # whether there can be alarms
+    in_order: Callable[[], bool] = lambda: True  # whether the run has come to its end, and not to a crash
 
 
 class StateFileSink:
@@ -44,8 +45,8 @@ class StateFileSink:
         self._publish(None)
 
     def close(self) -> None:
-        """Say that the run has ended, and how it stood then."""
-        self._publish(utc_text(self._publisher.clock.utc()))
+        """Say that the run has ended, and how it stood then; of one that crashed only how it stood."""
+        self._publish(utc_text(self._publisher.clock.utc()) if self._publisher.in_order() else None)
 
     def _publish(self, ended_utc: str | None) -> None:
         publisher, tick = self._publisher, self._last
