@@ -25,6 +25,8 @@ _SETTLING_TURNS = 4
 _LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 _NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that moved meanwhile
 _LEAST_DAMPING = 0.02
+_STANDSTILL_TURNS = 10
+_COMPARABLE = 6.0  # log-likelihood: along different trajectories values differ by that for no reason
 _SMALL_STEP = 0.05  # standard deviations
 
 
@@ -187,3 +189,25 @@ def _gauss_newton(
         model = start.with_vector(start.vector + damping * start.limited(step))
     assert best is not None
     return best
+
+
+def at_standstill(fit: Fit) -> Fit:
+    """The fit taken on by full steps until it stands still; as it was where it does not, or loses much by it.
+
+    Near rest a trajectory that has not settled yet may make a model likelier, by a few units, than the one that the
+    model itself asks for. A fit that keeps the likeliest turn may then end away from where its steps vanish.
+    """
+    linearised, model, noise, correction = fit.linearised, fit.model, fit.noise, fit.likelihood.correction
+    for _ in range(_STANDSTILL_TURNS):
+        trajectory = smoothed_trajectory(linearised, correction, noise)
+        model = model.with_vector(model.vector + model.limited(correction))
+        linearised = linearise(linearised.record, model, trajectory, noise, fit.omit)
+        found = likelihood(linearised, fit.prior, noise)
+        noise, correction = found.noise, found.correction
+        if bool(np.all(np.abs(correction) < _SMALL_STEP * np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300)))):
+            here = value_of(linearised, noise)
+            if here.value < fit.likelihood.value - _COMPARABLE:
+                return fit
+            here = replace(here, covariance=found.covariance, correction=correction)
+            return Fit(model, fit.prior, here, linearised, fit.omit)
+    return fit

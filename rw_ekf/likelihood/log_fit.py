@@ -23,7 +23,7 @@ from rw_ekf.filter.consistency import Consistency, consistency_of
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.fitting import Fit, at_standstill
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.noise_posterior import NoisePosterior, noise_posterior
 from rw_ekf.likelihood.one_step import Record, state_vector
@@ -56,13 +56,17 @@ class LogFit:
     @property
     def converged(self) -> bool:
         """Whether the last step is small against what is not known."""
-        std = np.sqrt(np.maximum(np.diag(self.noises.covariance), 1.0e-300))
-        return bool(np.all(np.abs(self.noises.correction) < _SETTLED * std))
+        return _is_small(self.noises)
 
     @property
     def left_out(self) -> int:
         """Readings that no noise explains."""
         return int(self.fit.omit.sum())
+
+
+def _is_small(noises: NoisePosterior) -> bool:
+    std = np.sqrt(np.maximum(np.diag(noises.covariance), 1.0e-300))
+    return bool(np.all(np.abs(noises.correction) < _SETTLED * std))
 
 
 def fit_log(
@@ -100,6 +104,9 @@ def fit_log(
     fit = robust_fit(record, model, known, noise, starts)
     advance()
     noises = noise_posterior(fit)
+    if not _is_small(noises):
+        fit = at_standstill(fit)
+        noises = noise_posterior(fit)
     found = fit.model.vector + fit.model.limited(noises.correction)
     fitted = bare.with_vector(found[:size])
     std = np.sqrt(np.maximum(np.diag(noises.covariance)[:size], 0.0))
