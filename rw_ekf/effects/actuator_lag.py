@@ -18,15 +18,11 @@ class ActuatorLag(CurrentEffect):
     equation = "tau dI/dt = I_command - I"
     source = "inductance and resistance of the winding behind a current controller: a first-order loop"
     coefficient = Coefficient("time_constant_s", "s", 0.0, 60.0, "time constant of the current loop")
+    lacking = (lacks_current,)  # a coast-down has no current to lag behind
     excitation = "many changes of current: `rw-ekf excite P2`"
     confounded: ClassVar[dict[str, str]] = {
         "transport_delay": "current steps read at a rate faster than one over the lag"
     }
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """A coast-down has no current to lag behind."""
-        return super().untestable(facts) or lacks_current(facts)
 
     @staticmethod
     def smallest(facts: RecordFacts) -> float:

@@ -23,6 +23,7 @@ class CoulombTemperature(StaticEffect):
     source = "preload of the bearing that follows the expansion of shaft and housing; the boundary film"
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of Coulomb friction per kelvin")
     needs = ("temperature_degC",)
+    lacking = (lacks_temperature,)
     excitation = "reversals, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
     shown_against = "temperature"
     confounded: ClassVar[dict[str, str]] = {
@@ -42,11 +43,6 @@ class CoulombTemperature(StaticEffect):
     def largest(facts: RecordFacts) -> float:
         """20 % per kelvin: twice what the most viscous lubricant does (ASTM D341), and dry friction does less."""
         return 0.2
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Without temperature logged, or with one that hardly changes."""
-        return super().untestable(facts) or lacks_temperature(facts)
 
     @staticmethod
     def contribution(

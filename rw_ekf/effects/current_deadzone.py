@@ -17,6 +17,7 @@ class CurrentDeadzone(StaticEffect):
     equation = "f = k sgn(I) min(|I|, a)"
     source = "blanking time of a switching amplifier, dry friction between motor and rotor"
     coefficient = Coefficient("width_A", "A", 0.0, 1.0e6, "largest current without torque")
+    lacking = (lacks_current,)
     excitation = "currents of both signs at several levels, and coast-downs: `rw-ekf excite identification`"
     shown_against = "current"
     confounded: ClassVar[dict[str, str]] = {"motor_saturation": "strong currents beside weak ones"}
@@ -36,11 +37,6 @@ class CurrentDeadzone(StaticEffect):
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """From a fifth of a percent of the strongest current to ten percent."""
         return [Candidate(facts.top_current_A * share) for share in (0.002, 0.01, 0.03, 0.1)]
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Without a current."""
-        return super().untestable(facts) or lacks_current(facts)
 
     @staticmethod
     def contribution(

@@ -21,6 +21,7 @@ class FrictionLag(FrictionMemoryEffect):
     equation = "tau dF/dt = sgn(omega) [c + (s - c) g(|omega|/omega_s)] - F"
     source = "[L17 (7)]; Walrath 1984"
     coefficient = Coefficient("time_constant_s", "s", 0.0, _LONGEST_S, "time constant with which dry friction follows")
+    lacking = (lacks_reversal,)  # friction that never changes has nothing to lag behind
     excitation = "reversals, fast ones and creep through zero: `rw-ekf excite identification`"
     confounded: ClassVar[dict[str, str]] = {
         "presliding_hysteresis": "creep through zero: a bristle yields by an angle, a lag by a time",
@@ -44,11 +45,6 @@ class FrictionLag(FrictionMemoryEffect):
         """A fifth of to ten sample periods, or of tenths of the time to brake through omega_s where that is longer."""
         time = max(facts.period_s, 0.1 * facts.stribeck_speed_rad_s / dry_scale(facts))
         return [Candidate(min(time * ratio, _LONGEST_S)) for ratio in (0.2, 0.5, 1.0, 3.0, 10.0)]
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Friction that never changes has nothing to lag behind."""
-        return super().untestable(facts) or lacks_reversal(facts)
 
     @staticmethod
     def flow(

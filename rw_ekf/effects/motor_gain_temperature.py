@@ -25,6 +25,7 @@ class MotorGainTemperature(StaticEffect):
     source = "remanence of the magnets, resistance where a voltage drives"
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of motor gain per kelvin")
     needs = ("temperature_degC",)
+    lacking = (lacks_current, lacks_temperature)
     excitation = "strong currents, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
     shown_against = "temperature"
     confounded: ClassVar[dict[str, str]] = {
@@ -41,11 +42,6 @@ class MotorGainTemperature(StaticEffect):
     def largest(facts: RecordFacts) -> float:
         """5 % per kelvin: magnets lose 0.02 to 0.2 % (IEC 60404-8-1), copper gains 0.39 %."""
         return 0.05
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Without a current, without temperature logged, or with one that hardly changes."""
-        return super().untestable(facts) or lacks_current(facts) or lacks_temperature(facts)
 
     @staticmethod
     def contribution(

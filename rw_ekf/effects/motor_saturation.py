@@ -17,6 +17,7 @@ class MotorSaturation(StaticEffect):
     equation = "f = a |I| k I"
     source = "iron that saturates: less flux per ampere at strong currents"
     coefficient = Coefficient("slope_1_A", "1/A", 0.0, 1.0e6, "relative loss of motor gain per ampere")
+    lacking = (lacks_current,)
     excitation = "short strong currents beside weak ones: `rw-ekf excite identification`"
     shown_against = "current"
     confounded: ClassVar[dict[str, str]] = {
@@ -33,11 +34,6 @@ class MotorSaturation(StaticEffect):
     def largest(facts: RecordFacts) -> float:
         """Where the torque at the top current would be none at all."""
         return 1.0 / max(facts.top_current_A, 1.0e-12)
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Without a current."""
-        return super().untestable(facts) or lacks_current(facts)
 
     @staticmethod
     def contribution(

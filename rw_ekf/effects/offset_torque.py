@@ -17,6 +17,7 @@ class OffsetTorque(StaticEffect):
     equation = "f = a"
     source = "offset of the current amplifier, Coulomb friction unequal by direction, a steady torque from outside"
     coefficient = Coefficient("torque_rad_s2", "rad/s^2", -1.0e6, 1.0e6, "constant torque; above 0 slows forward")
+    lacking = (lacks_reversal,)  # one way only, an offset is Coulomb friction
     excitation = "turning both ways: `rw-ekf excite P2`"
     shown_against = "speed"
     confounded: ClassVar[dict[str, str]] = {"viscous_asymmetry": "several speeds, fast and slow, in both directions"}
@@ -30,11 +31,6 @@ class OffsetTorque(StaticEffect):
     def largest(facts: RecordFacts) -> float:
         """What the motor can just hold, or three times the friction: a wheel under more could not be driven at all."""
         return largest_torque(facts)
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """One way only, an offset is Coulomb friction."""
-        return super().untestable(facts) or lacks_reversal(facts)
 
     @staticmethod
     def contribution(

@@ -31,6 +31,7 @@ class PreslidingHysteresis(FrictionMemoryEffect):
     source = "[L17 (4), (5)]; Dahl 1977, Canudas de Wit et al. 1995"
     coefficient = Coefficient("deflection_rad", "rad", 0.0, _LARGEST, "deflection of the bristle at break-away")
     constants = (Coefficient("damping", "", 0.0, 10.0, "damping ratio of the wheel on its bristle"),)
+    lacking = (lacks_reversal,)  # a wheel that never passes zero keeps its bristle bent
     excitation = "creep through zero and currents below break-away, both ways: `rw-ekf excite identification`"
     confounded: ClassVar[dict[str, str]] = {
         "friction_lag": "creep through zero: a bristle yields by an angle, a lag by a time",
@@ -63,11 +64,6 @@ class PreslidingHysteresis(FrictionMemoryEffect):
         """The other dampings too: a step along the reference hardly tells them apart, a fit does."""
         others = [damping for damping in _DAMPINGS if damping != candidate.shape[0]]
         return super().starts(candidate, found) + [candidate._replace(shape=(other, 0.0, 0.0)) for other in others]
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """A wheel that never passes zero keeps its bristle bent."""
-        return super().untestable(facts) or lacks_reversal(facts)
 
     @staticmethod
     def flow(

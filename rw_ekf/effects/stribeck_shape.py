@@ -28,6 +28,7 @@ class StribeckShape(StribeckEffect):
     source = "[CK13 (1)], [F12, introduction]"
     coefficient = Coefficient("speed_rad_s", "rad/s", 1.0e-9, 1.0e6, "Stribeck speed, in place of the configured one")
     constants = (Coefficient("law", "", 0.0, 2.0, "code of the law: 0 gauss, 1 tustin, 2 lorentz", whole=True),)
+    lacking = (lacks_reversal,)
     excitation = "dwells at half to five Stribeck speeds (2 to 20 rpm of a wheel): `rw-ekf excite identification`"
     confounded: ClassVar[dict[str, str]] = {
         "presliding_hysteresis": "dwells at half to five Stribeck speeds without reversal: a bristle is at rest there",
@@ -71,11 +72,6 @@ class StribeckShape(StribeckEffect):
     def starts(cls, candidate: Candidate, found: float) -> list[Candidate]:
         """Every law: they are near each other, so that each deserves a fit."""
         return [candidate._replace(shape=(float(law), 0.0, 0.0)) for law in sorted(_LAW_NAMES)]
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Without a passage through low speed."""
-        return super().untestable(facts) or lacks_reversal(facts)
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

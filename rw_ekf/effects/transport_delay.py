@@ -17,6 +17,7 @@ class TransportDelay(DelayEffect):
     equation = "I(t) = I_command(t - a)"
     source = "commands that wait on the line or in the drive, readings stamped late"
     coefficient = Coefficient("delay_s", "s", 0.0, 60.0, "delay beyond the one that the log states")
+    lacking = (lacks_current,)
     excitation = "many changes of current: `rw-ekf excite P2`"
     confounded: ClassVar[dict[str, str]] = {
         "actuator_lag": "current steps read at a rate faster than one over the delay"
@@ -36,11 +37,6 @@ class TransportDelay(DelayEffect):
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """From a fifth of a period to five."""
         return [Candidate(facts.period_s * ratio) for ratio in (0.2, 0.5, 1.0, 2.0, 5.0)]
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Without a current."""
-        return super().untestable(facts) or lacks_current(facts)
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

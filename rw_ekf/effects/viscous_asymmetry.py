@@ -17,6 +17,7 @@ class ViscousAsymmetry(StaticEffect):
     equation = "f = a |omega|"
     source = "preload and flow of lubricant that differ by the direction of turning"
     coefficient = Coefficient("difference_1_s", "1/s", -1.0e3, 1.0e3, "viscous friction more forward, less backward")
+    lacking = (lacks_reversal,)  # one way only, the difference is viscous friction
     excitation = "high speed in both directions: `rw-ekf excite identification`"
     shown_against = "speed"
     confounded: ClassVar[dict[str, str]] = {"offset_torque": "several speeds, fast and slow, in both directions"}
@@ -30,11 +31,6 @@ class ViscousAsymmetry(StaticEffect):
     def largest(facts: RecordFacts) -> float:
         """Friction at top speed drives in neither direction: the difference is no more than all of it."""
         return friction_at(facts, top_speed(facts)) / top_speed(facts)
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """One way only, the difference is viscous friction."""
-        return super().untestable(facts) or lacks_reversal(facts)
 
     @staticmethod
     def contribution(

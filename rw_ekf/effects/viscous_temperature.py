@@ -24,6 +24,7 @@ class ViscousTemperature(StaticEffect):
     source = "viscosity of the lubricant"
     coefficient = Coefficient("slope_1_K", "1/K", -1.0, 1.0, "relative change of viscous friction per kelvin")
     needs = ("temperature_degC",)
+    lacking = (lacks_temperature,)
     excitation = "high speed, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
     shown_against = "temperature"
     confounded: ClassVar[dict[str, str]] = {
@@ -41,11 +42,6 @@ class ViscousTemperature(StaticEffect):
     def largest(facts: RecordFacts) -> float:
         """20 % per kelvin: a cold lubricant halves its viscosity in 7 K (ASTM D341), 10 % per kelvin."""
         return 0.2
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Without temperature logged, or with one that hardly changes."""
-        return super().untestable(facts) or lacks_temperature(facts)
 
     @staticmethod
     def contribution(

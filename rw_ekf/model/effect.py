@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -86,6 +86,7 @@ class Effect(ABC):
     coefficient: ClassVar[Coefficient]
     constants: ClassVar[tuple[Coefficient, ...]] = ()  # shape constants, at most three, in the order of Shape
     needs: ClassVar[tuple[str, ...]] = ()  # channels that must be logged
+    lacking: ClassVar[tuple[Callable[[RecordFacts], str | None], ...]] = ()  # what a log may lack to show it, and why
     excitation: ClassVar[str]  # what a log must contain for the effect to be seen, and the profile that has it
     confounded: ClassVar[dict[str, str]] = {}  # other ids it can be mistaken for -> what separates the two
     local_in_time: ClassVar[bool] = False  # sought on the whole record
@@ -170,7 +171,9 @@ class Effect(ABC):
     def untestable(cls, facts: RecordFacts) -> str | None:
         """Why this log cannot show the effect at all; None if it can."""
         missing = [name for name in cls.needs if name not in facts.channels]
-        return f"needs {', '.join(missing)}, which is not logged" if missing else None
+        if missing:
+            return f"needs {', '.join(missing)}, which is not logged"
+        return next((why for lacks in cls.lacking if (why := lacks(facts)) is not None), None)
 
     @staticmethod
     @abstractmethod

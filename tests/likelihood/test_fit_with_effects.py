@@ -94,7 +94,7 @@ def test_a_coefficient_known_for_certain_to_be_nothing_changes_nothing() -> None
 
 @pytest.mark.parametrize("seed", [3, 9])
 def test_a_fit_ends_where_its_steps_vanish(seed: int) -> None:
-    """A trajectory that passed was likelier than the one the model asks for: the fit goes on from there and converges."""
+    """A passing trajectory was likelier than the one the model asks for: the fit goes on from there, and converges."""
     _, truth, start, std, shape = CASES["actuator_lag"]
     effects = EffectSet((Term.of(CATALOGUE["actuator_lag"], shape, start, std),))
     _, found = both_fits(course_of("actuator_lag", seed, 0.03), effects)
