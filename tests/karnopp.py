@@ -13,7 +13,7 @@ from numba import njit
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.state import FrictionParameters
-from tests.truth import OMEGA_S
+from tools.measure.runs import OMEGA_S
 
 _BAND_RAD_S = 1.0e-3
 

@@ -7,7 +7,6 @@ error is below 1e-5 rad/s (tests/model/test_flow.py holds it against scipy), far
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,18 +14,12 @@ from numba import njit
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.course.course import Course
-from rw_ekf.course.free_run import free_run
-from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
-from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE, FilterConstants, filter_constants
-from rw_ekf.model.friction import LAW_CODES, Stribeck
+from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import NO_EFFECTS
+from tools.measure.runs import OMEGA_S, Run, bound_from
 
-OMEGA_S = 4.0 * RAD_S_PER_RPM
 FINE_STEP_S = 2.0e-4
-PUBLISHED = ("P1", "P2", "S1", "S2", "S3", "S4", "S5")
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -131,22 +124,6 @@ def fine_trajectory(
     return out
 
 
-@dataclass(frozen=True)
-class Run:
-    """A simulated run of a published profile: what is true and what was read, (n,) each."""
-
-    time_s: Float64Array
-    current_A: Float64Array
-    speed_rad_s: Float64Array
-    reading_rad_s: Float64Array
-    parameters: FrictionParameters
-
-    @property
-    def course(self) -> Course:
-        """The run as the filter sees it."""
-        return Course.of(self.time_s, self.reading_rad_s, self.current_A)
-
-
 @lru_cache(maxsize=400)
 def _true_run(
     profile: str, profile_seed: int, parameters: FrictionParameters, rate_hz: float, law: str
@@ -173,32 +150,6 @@ def run_of(
     return Run(time_s, current_A, speed, speed + noise_rpm * RAD_S_PER_RPM * noise, parameters)
 
 
-def constants_for(noise_rpm: float = 1.0, law: str = "gauss", acceleration_rpm: float | None = None) -> FilterConstants:
-    """Filter constants with the default process noise, or one in rpm per sqrt(s)."""
-    quiet = DEFAULT_ACCELERATION_NOISE if acceleration_rpm is None else acceleration_rpm * RAD_S_PER_RPM
-    return filter_constants(OMEGA_S, law, speed_noise_rad_s=noise_rpm * RAD_S_PER_RPM, acceleration_noise=quiet)
-
-
-def prior_drawn_around(truth: FrictionParameters, seed: int, share: float = 0.5) -> Belief:
-    """The default prior, its mean drawn around the truth with `share` of its own standard deviation."""
-    spread = np.linalg.cholesky(DEFAULT_PRIOR.parameter_covariance)
-    mean = np.zeros(5)
-    mean[1:] = np.array(truth) + share * spread @ np.random.default_rng(1000 + seed).standard_normal(4)
-    return Belief(mean, DEFAULT_PRIOR.covariance.copy())
-
-
-def sensitivity(course: Course, first_speed_rad_s: float, parameters: FrictionParameters, law: str) -> Float64Array:
-    """Slopes of a whole free run by its first speed and the four parameters, (n, 5)."""
-    start, stribeck = np.array([[first_speed_rad_s, *parameters]]), Stribeck(OMEGA_S, LAW_CODES[law])
-    first, last = np.array([0]), np.array([course.samples - 1])
-    return free_run(course, NO_EFFECTS, stribeck, start, first, last, with_jacobian=True).jacobian
-
-
-def cramer_rao_std(run: Run, noise_rpm: float, law: str = "gauss") -> Float64Array:
-    """Lower bound of the standard deviations of k, b, c, s from one run, its first speed unknown, no prior."""
-    return bound_from(sensitivity(run.course, run.speed_rad_s[0], run.parameters, law), noise_rpm)
-
-
 def cramer_rao_std_fine(run: Run, noise_rpm: float, law: str = "gauss") -> Float64Array:
     """The same bound from central differences of the fine-step truth: nothing of the estimator in it."""
     steps = np.array([1e-3, 1e-6, 1e-4, 1e-4])
@@ -216,12 +167,3 @@ def cramer_rao_std_fine(run: Run, noise_rpm: float, law: str = "gauss") -> Float
     ]
     jacobian[:, 0] = (starts[0] - starts[1]) / 2.0e-3
     return bound_from(jacobian, noise_rpm)
-
-
-def bound_from(jacobian: Float64Array, noise_rpm: float) -> Float64Array:
-    """Square roots of the diagonal of the inverse information, parameters only; scaled before inversion."""
-    weighted = jacobian / (noise_rpm * RAD_S_PER_RPM)
-    scale = np.linalg.norm(weighted, axis=0)
-    scale[scale == 0.0] = 1.0
-    information = (weighted / scale).T @ (weighted / scale)
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(information, rcond=1e-13)))[1:] / scale[1:])

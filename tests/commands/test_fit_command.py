@@ -18,7 +18,7 @@ from rw_ekf.wheel.table import EffectSet
 from tests.commands.documents import is_number, replay_document
 from tests.commands.logs import coast_log, experiments_log, plant_columns, profile_log, write_columns
 from tests.live.bench import document_of
-from tests.truth import OMEGA_S
+from tools.measure.runs import OMEGA_S
 
 TRUTH = dict(zip(PARAMETER_NAMES, CK13_STATISTICAL, strict=True))
 

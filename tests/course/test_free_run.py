@@ -13,7 +13,8 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
-from tests.truth import OMEGA_S, run_of
+from tests.truth import run_of
+from tools.measure.runs import OMEGA_S
 
 STATIC = EffectSet(tuple(Term.of(CATALOGUE[name]) for name in ("quadratic_drag", "offset_torque", "motor_saturation")))
 

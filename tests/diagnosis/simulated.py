@@ -24,7 +24,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import OMEGA_S
+from tools.measure.runs import OMEGA_S
 
 RATE_HZ = 10.0
 MAX_GAP_S = 2.0

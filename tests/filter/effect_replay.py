@@ -22,7 +22,7 @@ from rw_ekf.records import Estimate, IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.table import EffectSet
 from tests.filter.replay import Columns
-from tests.truth import OMEGA_S, constants_for
+from tools.measure.runs import OMEGA_S, constants_for
 
 WHEEL = RecordFacts(
     first_s=0.0, last_s=90.0, period_s=0.1, top_speed_rad_s=60.0, top_current_A=0.15, friction=CK13_STATISTICAL,

@@ -17,7 +17,8 @@ from rw_ekf.statistics import RunStatistics
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.commands.logs import write_log
 from tests.filter.replay import OUTCOMES, Columns, compiled, online
-from tests.truth import Run, constants_for, prior_drawn_around, run_of
+from tests.truth import run_of
+from tools.measure.runs import Run, constants_for, prior_drawn_around
 
 TRUTH = np.array(CK13_STATISTICAL)
 GATE = chi_square_1_quantile(0.9999)

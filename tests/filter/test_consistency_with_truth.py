@@ -24,16 +24,8 @@ from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.interval import Pieces
 from rw_ekf.wheel.transition import factor_covariance, transition
-from tests.truth import (
-    OMEGA_S,
-    PUBLISHED,
-    constants_for,
-    cramer_rao_std,
-    cramer_rao_std_fine,
-    fine_trajectory,
-    prior_drawn_around,
-    run_of,
-)
+from tests.truth import cramer_rao_std_fine, fine_trajectory, run_of
+from tools.measure.runs import OMEGA_S, PUBLISHED, constants_for, cramer_rao_std, prior_drawn_around
 
 pytestmark = pytest.mark.xdist_group("monte carlo")  # runs are filtered once
 

@@ -31,7 +31,8 @@ from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import interval
 from tests.filter.effect_replay import believed, both, in_use, rough_log
 from tests.filter.replay import OUTCOMES
-from tests.truth import OMEGA_S, constants_for, prior_drawn_around, run_of
+from tests.truth import run_of
+from tools.measure.runs import OMEGA_S, constants_for, prior_drawn_around
 
 Injected = tuple[str, str, EffectSet, Float64Array]
 

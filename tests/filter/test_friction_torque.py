@@ -19,7 +19,7 @@ from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from tests.filter.effect_replay import believed, in_use
 from tests.ticks import tick_of
-from tests.truth import constants_for
+from tools.measure.runs import constants_for
 
 CURRENT_A, SPEED, HEAT_DEGC = 0.12, 7.0, 31.0
 SHORT_S = 1.0e-8

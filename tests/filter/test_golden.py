@@ -9,7 +9,8 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.records import Outcome
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.filter.replay import OUTCOMES, Columns, compiled, online
-from tests.truth import constants_for, run_of
+from tests.truth import run_of
+from tools.measure.runs import constants_for
 
 LAWS = ("gauss", "tustin", "lorentz")
 

@@ -10,7 +10,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from tests.filter.replay import Columns, compiled
-from tests.truth import constants_for
+from tools.measure.runs import constants_for
 
 B = 0.02
 

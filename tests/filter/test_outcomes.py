@@ -16,7 +16,7 @@ from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
-from tests.truth import constants_for
+from tools.measure.runs import constants_for
 
 SPEED = 50.0
 

@@ -14,7 +14,8 @@ from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.filter.replay import compiled
 from tests.filter.test_golden import rough_log
-from tests.truth import constants_for, prior_drawn_around, run_of
+from tests.truth import run_of
+from tools.measure.runs import constants_for, prior_drawn_around
 
 
 def rauch_tung_striebel(run: FilterRun, speed_variance: float) -> tuple[Float64Array, Float64Array]:

@@ -17,7 +17,8 @@ from rw_ekf.model.state import CK13_STATISTICAL, COULOMB, MOTOR_GAIN, PARAMETERS
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.filter.replay import Columns, compiled, online
 from tests.karnopp import holding_current_A, karnopp
-from tests.truth import OMEGA_S, constants_for, prior_drawn_around, run_of
+from tests.truth import run_of
+from tools.measure.runs import OMEGA_S, constants_for, prior_drawn_around
 
 DAY_S = 86_400.0
 TRUE = np.array(CK13_STATISTICAL)

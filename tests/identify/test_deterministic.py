@@ -11,7 +11,8 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.identify.deterministic import deterministic
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import OMEGA_S, run_of
+from tests.truth import run_of
+from tools.measure.runs import OMEGA_S
 
 
 def test_dedicated_stretches_give_gain_and_drag() -> None:

@@ -13,7 +13,8 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.identify.least_squares import LeastSquaresResult, least_squares
 from rw_ekf.model.state import CK13_DETERMINISTIC, CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import constants_for, cramer_rao_std, fine_trajectory, prior_drawn_around, run_of
+from tests.truth import fine_trajectory, run_of
+from tools.measure.runs import constants_for, cramer_rao_std, prior_drawn_around
 
 TRUTH = np.array(CK13_STATISTICAL)
 

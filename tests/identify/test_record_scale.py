@@ -11,7 +11,8 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.identify.record_scale import measure, speed_noise_of
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import PUBLISHED, Run, fine_trajectory, run_of
+from tests.truth import fine_trajectory, run_of
+from tools.measure.runs import PUBLISHED, Run
 
 
 @pytest.mark.parametrize("noise_rpm", [1.0, 5.0])

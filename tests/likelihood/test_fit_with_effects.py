@@ -16,7 +16,7 @@ from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.table import EffectSet
 from tests.diagnosis.simulated import simulated
-from tests.truth import constants_for
+from tools.measure.runs import constants_for
 
 # effect as the plant is told, true coefficient, where the fit starts, how far off that may be, shape
 CASES: dict[str, tuple[str, float, float, float, Shape]] = {

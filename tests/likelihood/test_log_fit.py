@@ -13,7 +13,8 @@ from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.log_fit import LogFit, fit_log
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from tests.likelihood.wandering import wandering_setup
-from tests.truth import constants_for, cramer_rao_std, run_of
+from tests.truth import run_of
+from tools.measure.runs import constants_for, cramer_rao_std
 
 pytestmark = pytest.mark.xdist_group("wandering")  # the records are looked at once
 

@@ -12,7 +12,8 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.likelihood.log_fit import fit_log
 from rw_ekf.likelihood.noise_posterior import NoisePosterior
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.truth import constants_for, fine_trajectory, run_of
+from tests.truth import fine_trajectory, run_of
+from tools.measure.runs import constants_for
 
 pytestmark = pytest.mark.xdist_group("noises")  # fits are made once
 

@@ -16,7 +16,8 @@ from rw_ekf.model.friction import GAUSS, LAW_CODES, FrictionCurve
 from rw_ekf.wheel.interval import Pieces
 from rw_ekf.wheel.transition import interval
 from tests.counting import lines_of
-from tests.truth import OMEGA_S, fine_flow
+from tests.truth import fine_flow
+from tools.measure.runs import OMEGA_S
 
 B, C, S = 0.00322, 0.5863, 0.6037
 DRAWS = 60

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from rw_ekf.model.friction import GAUSS, LAW_CODES, LORENTZ, TUSTIN, acceleration, far_limit, stribeck, stribeck_slope
-from tests.truth import OMEGA_S
+from tools.measure.runs import OMEGA_S
 
 B, C, S = 0.00322, 0.5863, 0.6037
 CURRENT_A, MOTOR_GAIN = 0.05, 15.205

@@ -5,7 +5,7 @@
 
 The wheel is that of drivers.sim.plant_batch, which integrates in fine steps of its own. NEES is the squared error of
 the four parameters in the metric of the filter's covariance (4 is ideal, less is cautious); errors "in bounds" are RMS
-errors over the Cramer-Rao bound of the same run. Exit status 1 if a mark is missed.
+errors over the Cramer-Rao bound of the same run. Exit status 1 if a mark is missed. Speed: `tools.measure.speed`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import platform
 import sys
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -28,51 +27,19 @@ from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
-from rw_ekf.course.free_run import FreeRun, free_run
-from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief, with_prior_table
-from rw_ekf.filter.constants import FilterConstants, filter_constants
-from rw_ekf.filter.estimator import Estimator
+from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.log_fit import fit_log
 from rw_ekf.likelihood.noise_posterior import NoisePosterior
-from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_COUNT, PARAMETER_NAMES, PARAMETERS, SPEED, STATIC
-from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import NO_EFFECTS
+from tools.measure.runs import PUBLISHED, Run, constants_for, cramer_rao_std, prior_drawn_around
+from tools.measure.table import Row, at_most, show
 
-PROFILES = ("P1", "P2", "S1", "S2", "S3", "S4", "S5")
 TRUTH = np.array(CK13_STATISTICAL)
-OMEGA_S = 4.0 * RAD_S_PER_RPM
 LOW_SPEED = 100.0 * RAD_S_PER_RPM
-MILLION = 1_000_000
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table; `met` is None where there is no mark."""
-
-    what: str
-    value: str
-    mark: str = ""
-    met: bool | None = None
-
-
-@dataclass(frozen=True)
-class Run:
-    """A simulated run: what is true and what was read."""
-
-    time_s: Float64Array
-    current_A: Float64Array
-    speed_rad_s: Float64Array
-    reading_rad_s: Float64Array
-
-    @property
-    def course(self) -> Course:
-        """As the filter sees it."""
-        return Course.of(self.time_s, self.reading_rad_s, self.current_A)
 
 
 @lru_cache(maxsize=512)
@@ -87,40 +54,8 @@ def truth_of(profile: str, seed: int) -> tuple[Float64Array, Float64Array, Float
 def run_of(profile: str, seed: int, noise_rpm: float = 1.0) -> Run:
     """One run with fresh noise."""
     time_s, current_A, speed = truth_of(profile, seed if profile in {"P1", "P2"} else 1)
-    noise = np.random.default_rng([seed, PROFILES.index(profile)]).standard_normal(time_s.size)
+    noise = np.random.default_rng([seed, PUBLISHED.index(profile)]).standard_normal(time_s.size)
     return Run(time_s, current_A, speed, speed + noise_rpm * RAD_S_PER_RPM * noise)
-
-
-def constants_for(noise_rpm: float = 1.0) -> FilterConstants:
-    """Default process noise, given reading noise."""
-    return filter_constants(OMEGA_S, speed_noise_rad_s=noise_rpm * RAD_S_PER_RPM)
-
-
-def prior_for(seed: int) -> Belief:
-    """The default prior, its mean drawn around the truth with half its own standard deviation."""
-    covariance = DEFAULT_PRIOR.parameter_covariance
-    drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1000 + seed).standard_normal(PARAMETER_COUNT)
-    return Belief.of_known(TRUTH + 0.5 * drawn, covariance)
-
-
-def run_of_truth(course: Course, first_speed_rad_s: float, *, with_jacobian: bool = False) -> FreeRun:
-    """The default wheel run free over a whole course."""
-    start, first, last = (
-        np.array([[first_speed_rad_s, *CK13_STATISTICAL]]),
-        np.array([0]),
-        np.array([course.samples - 1]),
-    )
-    stribeck = Stribeck(OMEGA_S, GAUSS)
-    return free_run(course, NO_EFFECTS, stribeck, start, first, last, keep_path=True, with_jacobian=with_jacobian)
-
-
-def bounds_of(run: Run, noise_rpm: float) -> Float64Array:
-    """Cramer-Rao standard deviations of k, b, c, s, (4,); the first speed is unknown."""
-    jacobian = run_of_truth(run.course, float(run.speed_rad_s[0]), with_jacobian=True).jacobian
-    scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    information = (jacobian / scale).T @ (jacobian / scale)
-    bounds = np.sqrt(np.diag(np.linalg.pinv(information, rcond=1e-13))) / scale * noise_rpm * RAD_S_PER_RPM
-    return np.asarray(bounds[1:], dtype=np.float64)
 
 
 def rms(values: Iterable[float] | Float64Array) -> float:
@@ -128,24 +63,19 @@ def rms(values: Iterable[float] | Float64Array) -> float:
     return math.sqrt(float(np.mean(np.square(np.asarray(list(values), dtype=np.float64)))))
 
 
-def at_most(what: str, value: float, mark: float, unit: str = "") -> Row:
-    """A row whose value may not exceed its mark."""
-    return Row(what, f"{value:.3g}{unit}", f"<= {mark:g}{unit}", value <= mark)
-
-
 def measure_filter(runs: int, advance: tqdm[Any]) -> list[Row]:
     """NEES, errors in bounds, low-speed error and smoothing, per profile at 1 rpm."""
     rows, constants = [], constants_for()
-    for profile in PROFILES:
+    for profile in PUBLISHED:
         nees, errors, low, whole, smoothed = [], [], [], [], []
         for seed in range(runs):
-            run, prior = run_of(profile, seed), prior_for(seed)
+            run, prior = run_of(profile, seed), prior_drawn_around(CK13_STATISTICAL, seed)
             found = filter_log(
                 run.course, constants, prior.mean, prior.covariance, keep_states=True, keep_history=profile == "P1"
             )
             error = found.mean[PARAMETERS] - TRUTH
             nees.append(float(error @ np.linalg.solve(found.covariance[PARAMETERS, PARAMETERS], error)))
-            errors.append(error / bounds_of(run, 1.0))
+            errors.append(error / cramer_rao_std(run, 1.0))
             off = (found.states[:, SPEED] - run.speed_rad_s) / RAD_S_PER_RPM
             low.append(rms(off[np.abs(run.speed_rad_s) < LOW_SPEED]))
             if profile == "P1":
@@ -197,9 +127,9 @@ def measure_batch(runs: int, advance: tqdm[Any]) -> list[Row]:
         errors, converged = [], 0
         for seed in range(runs):
             run = run_of("P2", seed, noise_rpm)
-            found = least_squares(run.course, constants_for(noise_rpm), prior_for(seed))
+            found = least_squares(run.course, constants_for(noise_rpm), prior_drawn_around(CK13_STATISTICAL, seed))
             converged += found.converged
-            errors.append((np.array(found.parameters) - TRUTH) / bounds_of(run, noise_rpm))
+            errors.append((np.array(found.parameters) - TRUTH) / cramer_rao_std(run, noise_rpm))
             advance.update()
         share = converged / runs
         name = f"least squares, P2, {noise_rpm:g} rpm"
@@ -259,65 +189,6 @@ def measure_noise(runs: int, advance: tqdm[Any]) -> list[Row]:
     return rows
 
 
-def measure_online(advance: tqdm[Any]) -> list[Row]:
-    """Online against compiled on the same log, and the time of an online tick."""
-    rows = []
-    for profile in ("P1", "S2"):
-        run, constants = run_of(profile, 1), constants_for()
-        found = filter_log(run.course, constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, keep_states=True)
-        estimator = Estimator(constants, DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
-        worst, ticks = 0.0, []
-        for i in range(run.time_s.size):
-            sample = WheelSample(float(run.time_s[i]), float(run.reading_rad_s[i]))
-            started = time.perf_counter()
-            result = estimator.step(sample)
-            estimator.command_issued(IssuedCommand(float(run.current_A[i])))
-            ticks.append(time.perf_counter() - started)
-            worst = max(worst, float(np.max(np.abs(np.array(result.values) - found.states[i]) / found.stds[i])))
-        rows.append(at_most(f"{profile}  online against compiled, worst difference in sigma", worst, 1e-6))
-        middle, late = (1e6 * float(np.quantile(ticks, q)) for q in (0.5, 0.999))
-        rows.append(Row(f"{profile}  online tick, median and 99.9 %", f"{middle:.0f} and {late:.0f} us"))
-        advance.update()
-    return rows
-
-
-def long_run(name: str) -> tuple[Float64Array, Float64Array]:
-    """Times and currents of a million samples at 10 Hz."""
-    time_s = np.linspace(0.0, 0.1 * (MILLION - 1), MILLION)
-    if name == "sine 0.1 A, 30 s":
-        return time_s, 0.1 * np.sin(2.0 * np.pi * time_s / 30.0)
-    if name == "at rest":
-        return time_s, np.zeros(MILLION)
-    _, current = sample_profile(make_profile(name, seed=1), 10.0)
-    return time_s, np.resize(np.array(current), MILLION)
-
-
-def measure_kernel(advance: tqdm[Any]) -> list[Row]:
-    """Nanoseconds per sample of the compiled pass, best of three."""
-    rows = []
-    for name in ("identification", "sine 0.1 A, 30 s", "P1", "P2", "S1", "at rest"):
-        time_s, current_A = long_run(name)
-        speed = run_of_truth(Course.of(time_s, np.zeros(MILLION), current_A), 0.0).path_rad_s
-        reading = speed + RAD_S_PER_RPM * np.random.default_rng(1).standard_normal(MILLION)
-        course = Course.of(time_s, reading, current_A)
-        best = math.inf
-        for _ in range(3):
-            started = time.perf_counter()
-            filter_log(course, constants_for(), DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance)
-            best = min(best, time.perf_counter() - started)
-        rows.append(Row(f"compiled pass, 1e6 samples, {name}", f"{1e9 * best / MILLION:.0f} ns/sample"))
-        advance.update()
-    return rows
-
-
-def show(rows: list[Row]) -> None:
-    """Print the table: what, value, mark, and whether it is met."""
-    wide, narrow = max(len(row.what) for row in rows), max(len(row.value) for row in rows)
-    for row in rows:
-        verdict = {None: "", True: "ok", False: "MISSED"}[row.met]
-        print(f"{row.what:<{wide}}  {row.value:>{narrow}}  {row.mark:<16}  {verdict}".rstrip())
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Measure and print; exit status 1 if a mark is missed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
@@ -327,7 +198,7 @@ def main(arguments: list[str] | None = None) -> int:
     share = 0.2 if options.quick else 1.0
     runs, trials = max(2, round(share * options.runs)), max(3, round(share * 120))
     batch, noise = max(2, round(share * 2 * options.runs)), max(2, round(share * 20))
-    total = runs * len(PROFILES) + trials + 2 * batch + 3 * noise + 2 + 6
+    total = runs * len(PUBLISHED) + trials + 2 * batch + 3 * noise
     started = time.perf_counter()
     with tqdm(total=total, unit="run", file=sys.stderr) as advance:
         rows = [
@@ -335,8 +206,6 @@ def main(arguments: list[str] | None = None) -> int:
             *measure_robustness(trials, advance),
             *measure_batch(batch, advance),
             *measure_noise(noise, advance),
-            *measure_online(advance),
-            *measure_kernel(advance),
         ]
     print(f"{runs} runs per profile, Python {platform.python_version()}, {time.perf_counter() - started:.0f} s\n")
     show(rows)
