@@ -9,29 +9,19 @@ import math
 from typing import Any
 
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
-from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC
+from rw_ekf.model.state import COULOMB, SPEED
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import EffectTable
-from rw_ekf.wheel.transition import _REACH, _SPREAD, factor_covariance
+from rw_ekf.wheel.transition import _REACH, _SPREAD, factor_covariance, reflection
 
 
 def turn_root(x: Any, L: Any, current: float, n: int) -> None:
     """Turn the root L (n, n) so that its first column is the direction in which |k I| - s varies (filter.md eq. 7).
 
-    Householder's reflection; rows n and n + 1 of L are scratch. The turned root is left in rows n + 2 onwards.
+    Rows n and n + 1 of L are scratch. The turned root is left in rows n + 2 onwards.
     """
-    push = math.copysign(current, x[MOTOR_GAIN] * current)
-    norm = 0.0
-    for j in range(n):
-        L[n, j] = push * L[MOTOR_GAIN, j] - L[STATIC, j]
-        norm += L[n, j] * L[n, j]
-    norm = math.sqrt(norm)
-    L[n, 0] += norm if L[n, 0] > -0.5 * norm else -norm
-    length = 0.0
-    for j in range(n):
-        length += L[n, j] * L[n, j]
-    double = 2.0 / length if length > 0.0 else 0.0
+    double = reflection(x, L, current, n)
     for i in range(n):
         dot = 0.0
         for j in range(n):

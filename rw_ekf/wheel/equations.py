@@ -23,6 +23,7 @@ make_jitable(
         flow.flow,
         interval.interval_after,
         transition.factor_covariance,
+        transition.reflection,
         transition._rests_for_sure,
         transition.divided_difference,
         transition.interval,

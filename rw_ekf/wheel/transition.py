@@ -51,6 +51,25 @@ def factor_covariance(P: Any, L: Any) -> None:
             L[i, j] = value / root if root > 0.0 else 0.0
 
 
+def reflection(x: Any, L: Any, current: float, n: int) -> float:
+    """Householder's reflection I - d v v' that turns the first column of L (n, n) to where |k I| - s varies.
+
+    v is left in row n of L, and d is returned; 0 where nothing is to be turned.
+    """
+    push = math.copysign(current, x[MOTOR_GAIN] * current)
+    norm = 0.0
+    for j in range(n):
+        L[n, j] = push * L[MOTOR_GAIN, j] - L[STATIC, j]
+        norm += L[n, j] * L[n, j]
+    norm = math.sqrt(norm)
+    # Any sign will do that does not cancel; one that rounding decides, where the first element is zero, will not.
+    L[n, 0] += norm if L[n, 0] > -0.5 * norm else -norm
+    length = 0.0
+    for j in range(n):
+        length += L[n, j] * L[n, j]
+    return 2.0 / length if length > 0.0 else 0.0
+
+
 def _rests_for_sure(x: Any, P: Any, pieces: Pieces, start: int, stop: int) -> bool:
     """Whether every point that a divided difference would try comes to rest within the interval and stays.
 
@@ -81,20 +100,7 @@ def divided_difference(
     `L` (7, 5) is scratch: the root, the reflection's vector v, and the differences D.
     """
     factor_covariance(P, L)
-    # Householder's reflection I - 2 v v' / v'v turns L's first column into the direction in which |k I| - s varies.
-    current = pieces.current_A[stop - 1]
-    push = math.copysign(current, x[MOTOR_GAIN] * current)
-    norm = 0.0
-    for j in range(STATE_SIZE):
-        L[_REFLECTION, j] = push * L[MOTOR_GAIN, j] - L[STATIC, j]
-        norm += L[_REFLECTION, j] * L[_REFLECTION, j]
-    norm = math.sqrt(norm)
-    # Any sign will do that does not cancel; one that rounding decides, where the first element is zero, will not.
-    L[_REFLECTION, 0] += norm if L[_REFLECTION, 0] > -0.5 * norm else -norm
-    length = 0.0
-    for j in range(STATE_SIZE):
-        length += L[_REFLECTION, j] * L[_REFLECTION, j]
-    double = 2.0 / length if length > 0.0 else 0.0
+    double = reflection(x, L, pieces.current_A[stop - 1], STATE_SIZE)
     q0, q1, q2, q3, q4 = 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(STATE_SIZE):
         q0 += L[SPEED, j] * L[_REFLECTION, j]
