@@ -77,6 +77,7 @@ def fit_log(
     effects: EffectSet = NO_EFFECTS,
     *,
     stribeck_speed_std: float = 0.0,
+    until_still: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> LogFit:
     """Fit the four parameters to all of `course` from `start`; constants give R to begin with and the Stribeck curve.
@@ -85,6 +86,7 @@ def fit_log(
     model with them. Their shapes stay.
     stribeck_speed_std: where the Stribeck speed is a guess, how far it may be off [rad/s]; it is then fitted too, and
     what is not known of it is in the parameters' covariance. The readings must not be all missing.
+    until_still: go on where the steps have not vanished yet; the noises alone can do without.
     """
     noise = float(np.sqrt(constants.speed_variance))
     everything = np.ones(course.samples, dtype=bool)
@@ -104,7 +106,7 @@ def fit_log(
     fit = robust_fit(record, model, known, noise, starts)
     advance()
     noises = noise_posterior(fit)
-    if not _is_small(noises):
+    if until_still and not _is_small(noises):
         fit = at_standstill(fit)
         noises = noise_posterior(fit)
     found = fit.model.vector + fit.model.limited(noises.correction)
