@@ -78,6 +78,7 @@ def main() -> int:
 def kill_often(directory: Path, times: int, seed: int) -> Toll:
     """Let so many daemons live for a random while, one after the other in `directory`."""
     toll, rng = Toll(), random.Random(seed)
+    looked_at: set[str] = set()
     runs = directory / "runs"
     with _wheel(directory) as config:
         for _ in tqdm(range(times), unit="kills", disable=None):
@@ -89,7 +90,7 @@ def kill_often(directory: Path, times: int, seed: int) -> Toll:
                     time.sleep(rng.uniform(0.0, _RUN_S))
                 os.kill(pid, signal.SIGKILL)
             toll.kills += 1
-            look(runs, toll)
+            look(runs, toll, looked_at)
             _forget_runs(runs)
     return toll
 
@@ -146,25 +147,17 @@ def _await_rows(runs: Path) -> None:
 
 def _forget_runs(runs: Path) -> None:
     """Remove the files of runs that were looked at; what outlives a run stays."""
-    _await_compression(runs)
     for path in runs.iterdir() if runs.is_dir() else ():
         if not path.name.endswith((".state.json", ".learned.yaml")):
-            path.unlink()
+            path.unlink(missing_ok=True)  # what compresses the dead daemon's parts may still be at work
 
 
-def _await_compression(runs: Path) -> None:
-    """Wait until what the dead daemon had begun to compress is done, or nothing has changed for a while."""
-    for _ in range(100):
-        if not list(runs.glob(".*.tmp.zst")):
-            return
-        time.sleep(0.02)
-
-
-def look(runs: Path, toll: Toll) -> None:
-    """Read every file in a directory of runs, and count."""
+def look(runs: Path, toll: Toll, looked_at: set[str]) -> None:
+    """Read every file in a directory of runs, but those of runs `looked_at`, and count."""
     if not runs.is_dir():
         return
     names = sorted(path.name for path in runs.iterdir())
+    names = [name for name in names if not any(name.lstrip(".").startswith(f"{stem}.") for stem in looked_at)]
     toll.temporaries += sum(name.startswith(".") and not name.endswith(".zst") for name in names)
     for name in names:
         try:
@@ -175,6 +168,7 @@ def look(runs: Path, toll: Toll) -> None:
     for stem in sorted({part.stem for part in parts}):
         _look_at_run(runs / f"{stem}.csv", toll)
         _look_at_rows(runs / f"{stem}.estimates.csv", toll)
+        looked_at.add(stem)
 
 
 def _look_at(path: Path) -> None:
