@@ -115,15 +115,19 @@ def _shipped_or_own(name: str) -> str:
 
 
 def refuse_to_overwrite(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:
-    """Raise BadInputError where an output is the same file as an input: a log from hardware cannot be had again."""
-    from rw_ekf.errors import BadInputError
+    """Raise BadInputError where an output is an input, or a part of one: a log from hardware cannot be had again.
 
-    read = [Path(name) for name in inputs if name is not None]
+    Nor must an output take the name of a log whose first part has been compressed: it would stand for that part.
+    """
+    from rw_ekf.errors import BadInputError
+    from rw_ekf.logs.parts import parts_of
+
+    named = [Path(name) for name in inputs if name is not None]
+    read = [file for path in named for file in (path, *parts_of(path).files)]
     for name in outputs:
-        if name is None or not Path(name).exists():
+        if name is None:
             continue
-        for path in read:
-            if path.exists() and path.samefile(name):
-                raise BadInputError(
-                    f"{name}: is also read by this command and would be lost: name another file to write"
-                )
+        place = Path(name)
+        same_name = not place.exists() and place.absolute() in [path.absolute() for path in named]
+        if same_name or (place.exists() and any(path.exists() and path.samefile(place) for path in read)):
+            raise BadInputError(f"{name}: is also read by this command and would be lost: name another file to write")

@@ -33,6 +33,7 @@ from rw_ekf.settings.yaml_loader import YamlDocument, load_yaml
 
 SHAPED_PROFILES = frozenset({"sine", "steps", "random-sines"})  # those that use amplitude_A and bias_A
 _PLACE = re.compile(r":(\d+):(\d+): ")
+_PACKED = (".zst", ".gz")  # what the first part of a run's log may have become
 _PATH_KEYS = (("wheel", "protocol"), ("filter", "model"), ("command", "log"))
 
 
@@ -217,7 +218,7 @@ def _timing_findings(document: YamlDocument, loop: LoopSection, limits: LimitsSe
 
 
 def _missing_file(document: YamlDocument, path: tuple[str, str], file: str) -> list[str]:
-    if Path(file).is_file():
+    if any(Path(f"{file}{packed}").is_file() for packed in ("", *_PACKED)):
         return []
     return [f"{document.where(path)}: {path[0]}.{path[1]}: no such file: {file}"]
 
