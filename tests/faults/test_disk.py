@@ -129,7 +129,7 @@ def test_a_disk_without_any_room_and_then_with_room_again(bench: Bench) -> None:
     assert "Traceback" not in errors
     unwritten = document["unwritten"]
     assert unwritten["log_rows"] >= 10
-    assert unwritten["other_files"] == []
+    assert all(name.endswith(".learned.yaml") for name in unwritten["other_files"])  # where its minute fell there
     read = read_log(log)
     assert len(read) == document["logs"][0]["samples"] - unwritten["log_rows"]
     assert len(np.unique(read.segment)) >= 2  # what was in force in between is not known
