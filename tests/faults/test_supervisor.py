@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.faults.supervised import is_there, kill, running
-from tests.live.bench import Bench, driven, rw_ekf, served_wheel
+from tests.live.bench import Bench, driven, rw_ekf
 
 CRASH = """
 import os, signal
@@ -24,13 +23,6 @@ def bad(self, tick):
 StatisticsSink.write = bad
 """
 QUICKLY = "import rw_ekf.live.supervisor as s\ns._FIRST_PAUSE_S = 0.01\n"
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    """A wheel on a pty."""
-    with served_wheel(tmp_path) as made:
-        yield made
 
 
 def test_a_daemon_that_is_killed_leaves_the_wheel_at_zero_and_runs_again(bench: Bench) -> None:

@@ -17,7 +17,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.live.systemd import SystemdWatchdog, systemd_of
 from rw_ekf.records import RunState, StateNow
 from tests.faults.supervised import kill, running
-from tests.live.bench import Bench, rw_ekf, served_wheel
+from tests.live.bench import Bench, rw_ekf
 
 CONNECTING = StateNow(RunState.CONNECTING, "2000-01-01T00:00:00Z", "the line has been opened")
 HANG = """
@@ -30,13 +30,6 @@ def held(self, tick):
         time.sleep(0.01)
 StatisticsSink.write = held
 """
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    """A wheel on a pty."""
-    with served_wheel(tmp_path) as made:
-        yield made
 
 
 class Listener:
