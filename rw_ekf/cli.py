@@ -22,6 +22,7 @@ VERBS = {
     "export": "export",
     "stop": "stop",
     "status": "status",
+    "install-service": "install_service",
 }
 
 
