@@ -6,6 +6,7 @@ with mistakes is read as far as it goes: the line from it, everything else that 
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ def read_line(path: str | Path) -> LineConfiguration:
         if value is None:
             continue
         if key == "protocol" and isinstance(value, str) and is_path(value):
-            value = str((Path(document.path).resolve().parent / Path(value).expanduser()).absolute())
+            value = str((Path(document.path).resolve().parent / os.path.expanduser(value)).absolute())
         trial = kept | {section: kept.get(section, {}) | {key: value}}
         try:
             Configuration.model_validate(trial)

@@ -8,6 +8,7 @@ a path but a name for pyserial, and is left alone.
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -130,7 +131,7 @@ def _with_resolved_paths(document: YamlDocument) -> dict[Any, Any]:
         table = data.get(section)
         value = table.get(key) if isinstance(table, dict) else None
         if isinstance(value, str) and value and (key != "protocol" or is_path(value)):
-            table[key] = str((base / Path(value).expanduser()).absolute())  # type: ignore[index]
+            table[key] = str((base / os.path.expanduser(value)).absolute())  # type: ignore[index]
     return data
 
 
@@ -218,7 +219,8 @@ def _timing_findings(document: YamlDocument, loop: LoopSection, limits: LimitsSe
 
 
 def _missing_file(document: YamlDocument, path: tuple[str, str], file: str) -> list[str]:
-    if any(Path(f"{file}{packed}").is_file() for packed in ("", *_PACKED)):
+    # isfile: false also for what no file can be called
+    if any(os.path.isfile(f"{file}{packed}") for packed in ("", *_PACKED)):
         return []
     return [f"{document.where(path)}: {path[0]}.{path[1]}: no such file: {file}"]
 

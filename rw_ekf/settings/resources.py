@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from rw_ekf.errors import ConfigError
@@ -30,7 +31,7 @@ def config_resource(name: str) -> Path:
     """Path of the shipped file `name` (".yaml" may be left out). Raises ConfigError listing the available names."""
     file_name = name if name.endswith(".yaml") else f"{name}.yaml"
     path = config_directory() / file_name
-    if Path(file_name).name != file_name or not path.is_file():
+    if Path(file_name).name != file_name or not os.path.isfile(path):
         names = ", ".join(available_resources()) or "none"
         raise ConfigError(f"no shipped file is called {name!r}; available: {names}")
     return path
@@ -45,7 +46,7 @@ def protocol_path(protocol: str) -> Path:
     """Find the wire map: `protocol` is a name from config/ or a path. Raises ConfigError if there is no such file."""
     if not is_path(protocol):
         return config_resource(protocol)
-    path = Path(protocol).expanduser()
-    if path.is_file():
+    path = Path(os.path.expanduser(protocol))
+    if os.path.isfile(path):  # false also for what no file can be called
         return path
     raise ConfigError(f"{protocol}: no such wire map; give a path, or one of: {', '.join(available_resources())}")
