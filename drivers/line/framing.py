@@ -116,7 +116,7 @@ def decode(buffer: bytes, framing: Framing | None = None) -> Decoded:
 
 def _body(buffer: bytes, position: int, framing: Framing) -> tuple[bytes | None, int, bool]:
     """The body from `position` with doubled escapes undone, where it ends, and whether that (or a fault) was seen."""
-    limit = position + _MAX_ENCODED_BYTES
+    limit = position + _MAX_ENCODED_BYTES - 2  # the start is behind us
     parts = bytearray()
     while True:
         escape = buffer.find(framing.escape, position, limit)

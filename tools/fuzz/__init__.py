@@ -1,0 +1,1 @@
+"""Bytes that nobody meant, through whatever reads bytes: frames, registers, YAML, logs, model files."""
