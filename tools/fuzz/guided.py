@@ -28,7 +28,7 @@ def main() -> int:
         directory = Path(tempfile.mkdtemp(prefix=f"fuzz-{name}-"))
         for number, content in enumerate(target.seeds):
             (directory / f"seed{number}").write_bytes(content)
-        options.append(str(directory))
+        options += [f"-artifact_prefix={directory}/", str(directory)]
     atheris.Setup([sys.argv[0], *options], target.run)
     atheris.Fuzz()
     return 0
