@@ -136,6 +136,37 @@ class Conditions(NamedTuple):
     angle_rad: float
 
 
+class FilterTrouble(StrEnum):
+    """What is wrong with a filter (docs/filter.md#health)."""
+
+    NOT_FINITE = "not_finite"  # a state or a variance is no number
+    NOT_POSITIVE = "covariance_not_positive"
+    RAN_AWAY = "ran_away"  # a parameter, or the speed, where no wheel is
+    DIVERGED = "diverged"  # innovations of one sign, many times their sigma, for a minute
+    LOCKED_OUT = "locked_out"  # every reading refused for long
+    UNPHYSICAL = "unphysical"  # a motor gain or a Coulomb friction below zero, by five sigma
+
+
+class FilterReset(StrEnum):
+    """What was reset."""
+
+    NOTHING = "nothing"
+    SPEED = "speed"  # seeded from the reading
+    PARAMETERS = "parameters"  # the last good ones with wider sigmas, and the speed
+    ALL = "all"  # everything as at the start
+
+
+@dataclass(frozen=True, slots=True)
+class FilterHealth:
+    """What is wrong with the filter, from the sample at which it was noticed until it is well again."""
+
+    trouble: FilterTrouble
+    reset: FilterReset
+    text: str  # one sentence
+    time_s: float  # of that sample
+    beyond_mending: bool  # reset so often of late that only a person helps
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """What the filter says after a sample. `innovation` is None where there was no speed to compare with."""
@@ -150,6 +181,7 @@ class Estimate:
     hidden: HiddenState | None = None
     conditions: Conditions | None = None
     covariance: Float64Array | None = field(default=None, compare=False, repr=False)  # (n, n), hidden states last
+    health: FilterHealth | None = None  # None where all is well
     friction: Callable[[float | None], Believed] | None = field(default=None, compare=False, repr=False)
 
     def friction_torque_rad_s2(self, speed_rad_s: float | None = None) -> Believed:

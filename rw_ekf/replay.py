@@ -20,6 +20,7 @@ from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, consistency_of
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.filter.physician import findings, troubles_of
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.learning.carry import carried_over
@@ -27,7 +28,7 @@ from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import sampling_of
-from rw_ekf.records import IssuedCommand, WheelSample
+from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
 from rw_ekf.settings.load import configuration_of
 from rw_ekf.starting_point import (
     FilterSetup,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 _JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
 _JUDGED_PLAIN = 2_000  # the same in plain Python
 _FEW_SAMPLES = 20
+_BREAKAGES = 3  # of the filter's arithmetic in one log: more is no accident
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ def replay_log(
                 setup.effect_drift,
                 keep_states=with_columns,
                 keep_history=smooth,
+                mends=True,
             )
         _refuse_runaway(run)
         belief = _beside_other_stribeck_speeds(course, setup, run) if not online else Belief(run.mean, run.covariance)
@@ -110,6 +113,7 @@ def replay_log(
         *log.warnings,
         *setup.notes,
         *_remarks(course, log, setup, statistics),
+        *findings(troubles_of(run.mended)),
         *consistency.warnings(),
     ]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
@@ -159,6 +163,9 @@ def _refuse_runaway(run: FilterRun) -> None:
     worst = float(np.nanmax(np.abs(run.innovation_rad_s), initial=0.0))
     if not worst <= WILD or not np.isfinite(run.covariance).all():
         raise FilterError(f"a prediction missed by {worst:.3g} rad/s")
+    broken = [why for why in troubles_of(run.mended) if why not in (FilterTrouble.DIVERGED, FilterTrouble.LOCKED_OUT)]
+    if len(broken) > _BREAKAGES:
+        raise FilterError(f"the filter had to be reset {len(broken)} times: {'; '.join(findings(broken))}")
 
 
 def _beside_other_stribeck_speeds(course: Course, setup: FilterSetup, run: FilterRun) -> Belief:
@@ -175,7 +182,9 @@ def _beside_other_stribeck_speeds(course: Course, setup: FilterSetup, run: Filte
     for sign in (-1.0, 1.0):
         omega_s = middle * math.exp(sign * math.sqrt(3.0) * spread)
         there = setup.constants.with_stribeck_speed(omega_s)
-        other = filter_log(course, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
+        other = filter_log(
+            course, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift, mends=True
+        )
         parts.append((1.0 / 6.0, other.mean, other.covariance))
     mean = sum((weight * x for weight, x, _ in parts), np.zeros_like(run.mean))
     covariance = sum((w * (P + np.outer(x - mean, x - mean)) for w, x, P in parts), np.zeros_like(run.covariance))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
+from rw_ekf.model.state import MOTOR_GAIN, SPEED, STATE_SIZE
 
 # The widest that drift makes a parameter: the sigmas of the default prior, relative to the size of each, and a margin,
 # so that a filter that has just begun is not at the ceiling.
@@ -93,18 +93,21 @@ def set_ceiling(ceiling: Any, P: Any, constants: Any, effect_drift: Any) -> None
     n = P.shape[0]
     for j in range(n):
         ceiling[j] = math.inf
+    known = STATE_SIZE + effect_drift.size
+    for j in range(MOTOR_GAIN, known):
+        ceiling[j] = _MARGIN * P[j, j]
     rate = constants.relative_drift
     if rate <= 0.0:
         return
-    ceiling[MOTOR_GAIN] = _WIDEST_GAIN**2 * constants.motor_gain_drift / rate
-    ceiling[VISCOUS] = _WIDEST_VISCOUS**2 * constants.viscous_drift / rate
-    ceiling[COULOMB] = _WIDEST_COULOMB**2 * constants.coulomb_drift / rate
-    ceiling[STATIC] = _WIDEST_STATIC**2 * constants.static_drift / rate
-    known = STATE_SIZE + effect_drift.size
-    for j in range(STATE_SIZE, known):
-        ceiling[j] = effect_drift[j - STATE_SIZE] / rate
+    wide = (
+        _WIDEST_GAIN**2 * constants.motor_gain_drift,
+        _WIDEST_VISCOUS**2 * constants.viscous_drift,
+        _WIDEST_COULOMB**2 * constants.coulomb_drift,
+        _WIDEST_STATIC**2 * constants.static_drift,
+    )
     for j in range(MOTOR_GAIN, known):
-        ceiling[j] = _MARGIN * max(ceiling[j], P[j, j])
+        drift = wide[j - MOTOR_GAIN] if j < STATE_SIZE else effect_drift[j - STATE_SIZE]
+        ceiling[j] = max(ceiling[j], _MARGIN * drift / rate)
 
 
 def cap_variance(P: Any, ceiling: Any) -> None:

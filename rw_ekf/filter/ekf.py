@@ -16,7 +16,6 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.covariance import (
-    cap_variance,
     drop_settled,
     predict_covariance_full,
     seed_speed,
@@ -73,8 +72,8 @@ class WheelEkf(ExtendedKalmanFilter):
         self._band = float(dead_band(self.P, constants.speed_variance, constants.acceleration_density))
         self._stillness = [0.0] * STILLNESS_SIZE
         start_following(self._stillness, self._band)
-        self._ceiling = np.zeros(n)
-        set_ceiling(self._ceiling, self.P, constants, self.table.drift)
+        self.ceiling = np.zeros(n)
+        set_ceiling(self.ceiling, self.P, constants, self.table.drift)
 
     def check(self) -> None:
         """Raise FilterError where the belief is not a Gaussian any more."""
@@ -114,17 +113,11 @@ class WheelEkf(ExtendedKalmanFilter):
             noise = np.array((self._speed_noise(dt), *self._parameter_noise(dt)))
             predict_covariance_full(self.P, self.F, noise, self._work)
             drop_settled(self.P, self.table.hidden)
-            self._keep_below_ceiling()
             return
         # The speed's share depends on the predicted speed itself, so that it is added after filterpy's F P F' + Q.
         np.fill_diagonal(self.Q, (0.0, *self._parameter_noise(dt)))
         self.predict(u=surroundings)
         self.P[SPEED, SPEED] += self._speed_noise(dt)
-        self._keep_below_ceiling()
-
-    def _keep_below_ceiling(self) -> None:
-        if (self.P.diagonal() > self._ceiling).any():
-            cap_variance(self.P, self._ceiling)
 
     def _speed_noise(self, dt: float) -> float:
         """Variance that the predicted speed gains in dt [s], by noise and by neglected curvature."""
@@ -142,7 +135,6 @@ class WheelEkf(ExtendedKalmanFilter):
         """Let the parameters wander for dt [s] without touching the speed."""
         for i, variance in enumerate(self._parameter_noise(dt), start=1):
             self.P[i, i] += variance
-        self._keep_below_ceiling()
 
     def follow(self, dt: float) -> None:
         """Note the speed that is believed dt [s] later, for where it stands still (stillness.py)."""
@@ -152,8 +144,15 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def seed_speed(self, speed_rad_s: float, current_A: float = 0.0) -> None:
         """Start the speed, and hidden states, afresh from a reading; the parameters and their covariance stay."""
-        seed_speed(self.x, self.P, speed_rad_s, self.constants.speed_variance)
+        self._start_speed(speed_rad_s, current_A)
         follow(self._stillness, speed_rad_s, self._band, 0.0)
+
+    def wait_for_speed(self, current_A: float = 0.0) -> None:
+        """Forget the speed, until it is seeded."""
+        self._start_speed(0.0, current_A)
+
+    def _start_speed(self, speed_rad_s: float, current_A: float) -> None:
+        seed_speed(self.x, self.P, speed_rad_s, self.constants.speed_variance)
         if self.table.hidden:
             seed_hidden(self.x, self.P, self.table, current_A, self.constants.stribeck.omega_s)
 
@@ -164,8 +163,6 @@ class WheelEkf(ExtendedKalmanFilter):
 
     def compare(self, speed_rad_s: float) -> tuple[float, float]:
         """Innovation [rad/s] and its variance [rad^2/s^2] for a reading, before any update."""
-        if not math.isfinite(speed_rad_s):
-            raise FilterError(f"a speed of {speed_rad_s} rad/s reached the filter")
         variance = float(self.P[SPEED, SPEED] + self.constants.speed_variance)
         return float(speed_rad_s - self.x[SPEED]), variance
 

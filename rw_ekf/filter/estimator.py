@@ -16,6 +16,7 @@ from rw_ekf.errors import FilterError
 from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.ekf import WheelEkf
+from rw_ekf.filter.physician import Physician, findings
 from rw_ekf.filter.surroundings import Gatherer
 from rw_ekf.model.state import PARAMETERS, STATE_SIZE, FrictionParameters
 from rw_ekf.records import (
@@ -61,6 +62,7 @@ class Estimator:
             constants = constants._replace(speed_variance=constants.speed_variance + effects.reading_variance)
         self.constants = constants
         self.ekf = WheelEkf(constants, mean, covariance, effects, drift)
+        self._physician = Physician(self.ekf)
         self._gatherer = Gatherer(remembers=self.ekf.table.delay_at != ABSENT)
         self._last: WheelSample | None = None
         self._seeded = False
@@ -88,6 +90,11 @@ class Estimator:
         """Their covariance, (4, 4), a copy."""
         return np.array(self.ekf.P[PARAMETERS, PARAMETERS])
 
+    @property
+    def findings(self) -> list[str]:
+        """What had to be reset so far, and why, in sentences; empty where the filter was always well."""
+        return findings(self._physician.troubles.elements())
+
     def command_issued(self, command: IssuedCommand) -> None:
         """Note the current that goes into force after the last sample; without a call the old one holds.
 
@@ -101,28 +108,52 @@ class Estimator:
             self._gatherer.schedule.issue(self._last.time_s, command.current_A, command.delay_s)
 
     def step(self, sample: WheelSample) -> Estimate:
-        """Bring the belief to the sample's time and weigh its speed. Raises FilterError on a belief that broke."""
+        """Bring the belief to the sample's time and weigh its speed.
+
+        A belief that broke, or a filter that is lost, is reset, and the estimate's `health` says so. Raises FilterError
+        on a speed that is infinite.
+        """
         last = self._last
         dt = sample.time_s - last.time_s if last is not None else 1.0
         new_segment = last is not None and sample.segment != last.segment
         has_speed = sample.speed_rad_s is not None and not math.isnan(sample.speed_rad_s)
+        if sample.speed_rad_s is not None and math.isinf(sample.speed_rad_s):
+            raise FilterError(f"a speed of {sample.speed_rad_s} rad/s reached the filter")
         what = decisions.timing(dt, self._seeded, new_segment, has_speed, self.constants.max_gap_s)
         if what in (decisions.REPEATED, decisions.BACKWARD):
             return self._estimate(sample, what, None)
         before = self.ekf.speed_rad_s
-        continuous = self._predict(sample, dt, new_segment=new_segment)
-        if has_speed and not self._seeded:
-            what = decisions.RESEEDED if self._ever_seeded else decisions.FIRST
-            self._seed(sample)
-        predicted = self.ekf.speed_rad_s
+        innovation, predicted, continuous = None, math.nan, False
+        try:
+            continuous = self._predict(sample, dt, new_segment=new_segment)
+            if has_speed and not self._seeded:
+                what = decisions.RESEEDED if self._ever_seeded else decisions.FIRST
+                self._seed(sample)
+            predicted = self.ekf.speed_rad_s
+            if what == decisions.UPDATED:
+                what, innovation = self._weigh(sample)
+        except (ArithmeticError, ValueError):  # where compiled arithmetic leaves NaN
+            self.ekf.x[:] = math.nan
         self._gatherer.note(sample, 0.5 * (before + predicted) if continuous else 0.0, dt)
         self._last = sample
-        innovation = None
-        if what == decisions.UPDATED:
-            what, innovation = self._weigh(sample)
-        if continuous:
+        elapsed = 0.0 if last is None or new_segment else dt
+        if self._is_reset(sample, what, innovation, elapsed):
+            what = decisions.RESEEDED if has_speed else decisions.MISSING
+        elif continuous:
             self.ekf.follow(dt)
         return self._estimate(sample, what, innovation, predicted)
+
+    def _is_reset(self, sample: WheelSample, what: int, innovation: Innovation | None, dt: float) -> bool:
+        """Whether the filter had to be reset after a sample; then it starts from its speed, or waits for one."""
+        if not self._physician.examine(sample.time_s, what, innovation, dt):
+            return False
+        if sample.speed_rad_s is None or math.isnan(sample.speed_rad_s):
+            self.ekf.wait_for_speed(self._gatherer.schedule.in_force_A)
+            self._seeded = False
+            decisions.forget(self._gate_memory)
+        else:
+            self._seed(sample)
+        return True
 
     def _predict(self, sample: WheelSample, dt: float, *, new_segment: bool) -> bool:
         """Bring the belief to the sample's time; False where the speed has to start afresh."""
@@ -171,7 +202,6 @@ class Estimator:
         self, sample: WheelSample, what: int, innovation: Innovation | None, predicted: float = math.nan
     ) -> Estimate:
         ekf, table, names = self.ekf, self.ekf.table, self._effect_names
-        ekf.check()
         values, stds = ekf.x.tolist(), ekf.std.tolist()
         effects: dict[str, Believed] = {}
         if names:
@@ -199,5 +229,6 @@ class Estimator:
             hidden=hidden,
             conditions=conditions,
             covariance=covariance,
+            health=self._physician.health,
             friction=partial(friction_torque, ekf.x.copy(), covariance, table, self.constants.stribeck, at),
         )

@@ -32,6 +32,7 @@ class FilterRun(NamedTuple):
     innovation_rad_s: Float64Array  # (n,) NaN where there was none
     innovation_variance: Float64Array  # (n,)
     outcome: NDArray[np.int8]  # (n,) codes of rw_ekf.filter.decisions
+    mended: NDArray[np.int8]  # (n,) why the filter was reset at a sample, a code of rw_ekf.filter.health; mostly WELL
     states: Float64Array  # (n, m) or (0, m)
     stds: Float64Array  # (n, m) or (0, m)
     history: History
@@ -48,6 +49,7 @@ class FilterRun(NamedTuple):
             innovation_rad_s=np.empty(n),
             innovation_variance=np.empty(n),
             outcome=np.empty(n, np.int8),
+            mended=np.zeros(n, np.int8),
             states=np.empty((kept, m)),
             stds=np.empty((kept, m)),
             history=History.zeros(n if history else 0, m),

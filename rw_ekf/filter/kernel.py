@@ -20,6 +20,7 @@ from rw_ekf.filter import constants as _constants
 from rw_ekf.filter import covariance as _covariance
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
+from rw_ekf.filter import health as _health
 from rw_ekf.filter import stillness as _stillness
 from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.covariance import (
@@ -35,6 +36,7 @@ from rw_ekf.filter.decisions import (
     BACKWARD,
     FIRST,
     MEMORY_SIZE,
+    MISSING,
     REPEATED,
     RESEEDED,
     UPDATED,
@@ -46,6 +48,19 @@ from rw_ekf.filter.decisions import (
     within_reach,
 )
 from rw_ekf.filter.filter_run import FilterRun, History
+from rw_ekf.filter.health import (
+    HEALTH_SIZE,
+    WELL,
+    breakage,
+    examine,
+    is_diverged,
+    keep,
+    lay_grounds,
+    learns,
+    mend,
+    notice,
+    start_health,
+)
 from rw_ekf.filter.stillness import (
     STILLNESS_SIZE,
     away_from_reference,
@@ -67,11 +82,22 @@ make_jitable(
         timing, forget, elapse, most_acceleration, within_reach, gating,
         cap_variance, drop_settled, predict_covariance, predict_covariance_full, seed_speed, set_ceiling, update_joseph,
         away_from_reference, dead_band, follow, start_following, unlearn_shift,
+        breakage, examine, is_diverged, keep, lay_grounds, learns, mend, notice, start_health,
     ]
 )  # fmt: skip
 
 # Everything that is compiled into the pass: its cache is stale when one of them changes.
-_MODULES = [*EQUATIONS, _course, _constants, _covariance, _decisions, _filter_run, _stillness, sys.modules[__name__]]
+_MODULES = [
+    *EQUATIONS,
+    _course,
+    _constants,
+    _covariance,
+    _decisions,
+    _filter_run,
+    _health,
+    _stillness,
+    sys.modules[__name__],
+]
 
 
 def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Float64Array, noise: Float64Array) -> None:
@@ -88,17 +114,20 @@ def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Flo
 make_jitable([_record])
 
 
-def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun) -> None:
+def _filter_pass(
+    constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun, mends: bool
+) -> None:
     """Filter a whole log in place; see `filter_log`. Histories of zero rows are not written.
 
-    Without effects (a state of five) table is None, and neither temperature nor angle is read.
+    mends: whether a broken filter is reset, as online. Without effects (a state of five) table is None, and neither
+    temperature nor angle is read.
     Each test of `table` stands alone: numba then leaves out the branch, and with it two thirds of the compiler's time.
     """
     time_s, speed_rad_s, segment = course.time_s, course.speed_rad_s, course.segment
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     current_A = pieces.current_A
     temperature_degC, angle_rad = course.temperature_degC, course.angle_rad
-    x, P, innovation, innovation_variance, outcome, states, stds, history = run
+    x, P, innovation, innovation_variance, outcome, mended, states, stds, history = run
     n_samples = time_s.size
     n = x.size
     R = constants.speed_variance
@@ -120,12 +149,17 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
     start_following(stillness, band)
     ceiling = np.zeros(n)
     set_ceiling(ceiling, P, constants, np.zeros(0) if table is None else table.drift)
+    health = np.zeros(HEALTH_SIZE)
+    start_health(health)
+    learning = mends and learns(P)
+    grounds = lay_grounds(x, P, ceiling)
     last = 0  # the sample the state belongs to
     for i in range(n_samples):
         speed = speed_rad_s[i]
         has_speed = not math.isnan(speed)
         innovation[i] = math.nan
         innovation_variance[i] = math.nan
+        mended[i] = WELL
         dt = time_s[i] - time_s[last] if i > 0 else 1.0
         new_segment = segment[i] != segment[last]
         what = timing(dt, seeded, new_segment, has_speed, constants.max_gap_s)
@@ -182,7 +216,6 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                 drop_settled(P, hidden)
             else:
                 predict_covariance(P, row, noise, work)
-            cap_variance(P, ceiling)
             if not continuous and has_speed:
                 what = RESEEDED if ever_seeded else FIRST
                 seed_speed(x, P, speed, R)
@@ -215,7 +248,32 @@ def _filter_pass(constants: FilterConstants, table: EffectTable | None, course: 
                     if keep_all:
                         row[:] = 0.0
                         _record(history, i, x, P, row, noise)
-            if continuous:
+            verdict = WELL
+            residual, S = 0.0, 1.0
+            if not math.isnan(innovation[i]):
+                residual, S = innovation[i], innovation_variance[i]
+            if learning and notice(health, x, P, what, residual, S, constants.gate, elapsed):
+                cap_variance(P, ceiling)
+                verdict = examine(health, x, P, grounds, what)
+            if verdict != WELL:
+                mended[i] = verdict
+                mend(health, verdict, x, P, grounds)
+                seed_speed(x, P, speed if has_speed else 0.0, R)
+                if has_speed:
+                    follow(stillness, speed, band, 0.0)
+                seeded = has_speed
+                ever_seeded = ever_seeded or has_speed
+                what = RESEEDED if has_speed else MISSING
+                if table is not None:
+                    held = max(piece_start[i] - 1, first_piece[i])
+                    if hidden > 0:
+                        held = min(held, current_A.size - 1)
+                        seed_hidden(x, P, table, current_A[held], constants.stribeck.omega_s)
+                forget(gate_memory)
+                if keep_all:
+                    row[:] = 0.0
+                    _record(history, i, x, P, row, noise)
+            elif continuous:
                 shift = follow(stillness, x[SPEED], band, dt)
                 if shift != 0.0:
                     unlearn_shift(P, shift)
@@ -245,6 +303,7 @@ def _example(*, with_effects: bool) -> tuple[Any, ...]:
         NO_EFFECTS.table() if with_effects else None,
         Course.of(series, series, series),
         FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0),
+        False,
     )
 
 

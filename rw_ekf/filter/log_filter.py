@@ -24,11 +24,13 @@ def filter_log(
     *,
     keep_states: bool = False,
     keep_history: bool = False,
+    mends: bool = False,
 ) -> FilterRun:
     """Run the filter over `course` from the belief (mean (m,), covariance (m, m)); neither is changed.
 
     m is 5, and with `effects` their coefficients and hidden states more; drift: the coefficients' variance rates. The
-    speed of `mean` is replaced by the first reading. Raises FilterError when the input or the result is not finite.
+    speed of `mean` is replaced by the first reading. mends: reset a filter that breaks, as the daemon does
+    (docs/filter.md, "Health"). Raises FilterError when the input or the result is not finite.
     """
     if not np.isfinite(course.pieces.current_A).all() or np.isinf(course.speed_rad_s).any():
         raise FilterError(
@@ -41,9 +43,9 @@ def filter_log(
     if effects.reading_variance > 0.0:
         constants = constants._replace(speed_variance=constants.speed_variance + effects.reading_variance)
     if table.size > STATE_SIZE:
-        filter_pass_with_effects(constants, table, course, run)
+        filter_pass_with_effects(constants, table, course, run, mends)
     else:
-        filter_pass(constants, None, course, run)
+        filter_pass(constants, None, course, run, mends)
     if not (np.isfinite(run.mean).all() and np.isfinite(run.covariance).all()):
         raise FilterError(
             f"the filter's state is no longer finite after {course.samples} samples: {run.mean}. Look for wild values "

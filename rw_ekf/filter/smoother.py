@@ -14,8 +14,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
+from rw_ekf.filter import health as _health
 from rw_ekf.filter.decisions import UPDATED
 from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.health import WELL
 from rw_ekf.model import state as _state
 from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel import compiled
@@ -46,6 +48,9 @@ def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> Non
         for j in range(n):
             means[i, j] = smoothed[j]
             stds[i, j] = np.sqrt(max(spread[j, j], 0.0))
+        if run.mended[i] != WELL:  # nothing of the past is in what follows
+            adjoint[:] = 0.0
+            information[:, :] = 0.0
         # Back through F, which differs from identity in its first row: F' a = a + (row - e_0) a_0.
         first = adjoint[SPEED]
         adjoint[SPEED] = 0.0
@@ -66,7 +71,9 @@ def _example() -> tuple[Any, ...]:
     return FilterRun.empty(np.zeros(STATE_SIZE), np.eye(STATE_SIZE), 0), whole, whole
 
 
-smooth_pass = compiled.compile_cached(_smooth_pass, [_state, _decisions, _filter_run, sys.modules[__name__]], _example)
+smooth_pass = compiled.compile_cached(
+    _smooth_pass, [_state, _decisions, _filter_run, _health, sys.modules[__name__]], _example
+)
 
 
 def smooth_log(run: FilterRun) -> tuple[Float64Array, Float64Array]:

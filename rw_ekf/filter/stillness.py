@@ -20,7 +20,7 @@ _REFERENCE = 2  # to linearise about [rad/s]
 _IN_USE = 3  # 1 while it is
 STILLNESS_SIZE = 4
 
-_LATE_S = 60.0  # time constant of "of late"
+_PER_LATE_S = 1.0 / 60.0  # one over the time constant of "of late"
 _MEAN_S = 30.0  # and of the mean that the reference is before it is used
 _NOISES = 5.0  # half the band, in noises of a reading ...
 _WANDERINGS = 8.0  # ... and in what acceleration noise moves a speed in one second
@@ -53,7 +53,7 @@ def follow(memory: Any, speed: float, band: float, dt: float) -> float:
     By how much the reference moved while it was in use [rad/s].
     """
     shift = 0.0
-    moved = memory[_MOVED] / (1.0 + dt / _LATE_S)
+    moved = memory[_MOVED] * max(1.0 - dt * _PER_LATE_S, 0.0)
     off = abs(speed - memory[_ANCHOR])
     if off > band:
         if memory[_IN_USE] == 1.0:

@@ -187,7 +187,7 @@ def run_daemon(
             zero_confirmed=confirmed,
             state=now,
             alarms=() if watches.alarms is None else tuple(watches.alarms.warnings),
-            findings=tuple(watches.check.findings),
+            findings=(*watches.check.findings, *estimator.findings),
             halted=live.halted,
             unwritten=run.unwritten,
         )

@@ -43,6 +43,11 @@ class RunJudge:
         if held is not None and reading.link is LinkState.ANSWERED:
             danger = danger or _DANGERS.get(held)
         trouble = None if held is None else f"zero is held: {held}"
+        health = None if estimate is None else estimate.health
+        if health is not None:
+            trouble = trouble or health.text
+            if health.beyond_mending:
+                danger = danger or health.text
         return self._states.step(Turn(reading.link, used, trouble, danger))
 
     def commanded(self, command: IssuedCommand | None) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rw_ekf.model.state import STATE_NAMES
-from rw_ekf.records import Outcome, Tick
+from rw_ekf.records import FilterReset, Outcome, Tick
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,13 +23,16 @@ class ArraySink:
         import numpy as np
 
         from rw_ekf.filter import decisions
+        from rw_ekf.filter.physician import TROUBLES
 
         self._codes = {outcome: getattr(decisions, outcome.name) for outcome in Outcome}
+        self._troubles = {trouble: code for code, trouble in TROUBLES.items()}
         self._row = 0
         self._advance = advance
         self.outcome: NDArray[np.int8] = np.zeros(n, np.int8)
         self.innovation: Float64Array = np.full(n, np.nan)
         self.variance: Float64Array = np.full(n, np.nan)
+        self.mended: NDArray[np.int8] = np.zeros(n, np.int8)
         self.states: Float64Array = np.zeros((n, size))
         self.stds: Float64Array = np.zeros((n, size))
 
@@ -38,6 +41,9 @@ class ArraySink:
         i = self._row
         estimate = tick.estimate
         self.outcome[i] = self._codes[estimate.outcome]
+        health = estimate.health
+        if health is not None and health.time_s == estimate.time_s and health.reset is not FilterReset.NOTHING:
+            self.mended[i] = self._troubles[health.trouble]
         self.states[i] = estimate.values
         self.stds[i] = estimate.stds
         if estimate.innovation is not None:
@@ -55,4 +61,6 @@ class ArraySink:
         from rw_ekf.filter.filter_run import FilterRun, History
 
         none = History.zeros(0, len(mean))
-        return FilterRun(mean, covariance, self.innovation, self.variance, self.outcome, self.states, self.stds, none)
+        return FilterRun(
+            mean, covariance, self.innovation, self.variance, self.outcome, self.mended, self.states, self.stds, none
+        )

@@ -104,5 +104,5 @@ def both(
     course = Course.of(
         log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment, temperature, angle
     )  # fmt: skip
-    run = filter_log(course, constants, belief.mean, belief.covariance, effects, drift, keep_states=True)
+    run = filter_log(course, constants, belief.mean, belief.covariance, effects, drift, keep_states=True, mends=True)
     return results, run

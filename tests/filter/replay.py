@@ -53,4 +53,6 @@ def compiled(columns: Columns, constants: FilterConstants, belief: Belief, *, ke
     """The compiled pass over the same columns, states kept."""
     log = columns.complete()
     course = Course.of(log.time_s, log.speed_rad_s, log.current_A, log.delay_s, log.segment)
-    return filter_log(course, constants, belief.mean, belief.covariance, keep_states=True, keep_history=keep_history)
+    return filter_log(
+        course, constants, belief.mean, belief.covariance, keep_states=True, keep_history=keep_history, mends=True
+    )

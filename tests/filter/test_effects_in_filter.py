@@ -176,8 +176,8 @@ def test_the_five_states_alone_are_the_general_pass_unrolled(profile: str) -> No
     """The pass for a model without effects, kept for its speed, and the general one agree to the last bit."""
     course, constants = run_of(profile, 3).course, constants_for()
     runs = [FilterRun.empty(DEFAULT_PRIOR.mean, DEFAULT_PRIOR.covariance, course.samples, states=True) for _ in "ab"]
-    filter_pass(constants, None, course, runs[0])
-    filter_pass_with_effects(constants, NO_EFFECTS.table(), course, runs[1])
+    filter_pass(constants, None, course, runs[0], True)
+    filter_pass_with_effects(constants, NO_EFFECTS.table(), course, runs[1], True)
     assert np.array_equal(runs[0].states, runs[1].states)
     assert np.array_equal(runs[0].stds, runs[1].stds)
     assert np.array_equal(runs[0].outcome, runs[1].outcome)

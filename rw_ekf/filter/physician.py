@@ -1,0 +1,132 @@
+"""The health of an online filter: examined after every sample, reset where it is broken, told in sentences."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.filter import health
+from rw_ekf.filter.covariance import cap_variance
+from rw_ekf.filter.ekf import WheelEkf
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN
+from rw_ekf.records import FilterHealth, FilterReset, FilterTrouble, Innovation
+
+TROUBLES = {
+    health.NOT_FINITE: FilterTrouble.NOT_FINITE,
+    health.NOT_POSITIVE: FilterTrouble.NOT_POSITIVE,
+    health.RAN_AWAY: FilterTrouble.RAN_AWAY,
+    health.DIVERGED: FilterTrouble.DIVERGED,
+    health.LOCKED_OUT: FilterTrouble.LOCKED_OUT,
+}
+_RESETS = {
+    health.NOTHING: FilterReset.NOTHING,
+    health.SPEED_ONLY: FilterReset.SPEED,
+    health.PARAMETERS_WIDENED: FilterReset.PARAMETERS,
+    health.ALL_AFRESH: FilterReset.ALL,
+}
+_SAID = {
+    FilterTrouble.NOT_FINITE: "the filter's state was no longer a number",
+    FilterTrouble.NOT_POSITIVE: "the filter's covariance was no longer positive",
+    FilterTrouble.RAN_AWAY: "the filter's state had run away to where no wheel is",
+    FilterTrouble.DIVERGED: (
+        "the readings kept missing the filter's predictions on one side: the wheel has changed, or does what the model "
+        "does not know"
+    ),
+    FilterTrouble.LOCKED_OUT: "every reading was refused for long",
+    FilterTrouble.UNPHYSICAL: (
+        "the motor gain or the Coulomb friction is negative by five sigma: a sign in the wire map is wrong, or the "
+        "readings are not the wheel's"
+    ),
+}
+_DONE = {
+    FilterReset.NOTHING: "nothing was reset",
+    FilterReset.SPEED: "the speed was taken from the reading",
+    FilterReset.PARAMETERS: "the last good parameters were taken with wider sigmas",
+    FilterReset.ALL: "everything began again from the start",
+}
+_SURE = 5.0  # sigmas
+
+
+class Physician:
+    """Keeps one filter's history of resets."""
+
+    def __init__(self, ekf: WheelEkf) -> None:
+        self._ekf = ekf
+        self._memory = [0.0] * health.HEALTH_SIZE
+        health.start_health(self._memory)
+        self._learns = health.learns(ekf.P)
+        self._grounds = health.lay_grounds(ekf.x, ekf.P, ekf.ceiling)
+        self._last: FilterHealth | None = None
+        self.troubles: Counter[FilterTrouble] = Counter()  # that led to a reset
+
+    def examine(self, time_s: float, what: int, innovation: Innovation | None, dt: float) -> bool:
+        """Reset what is broken; True where anything was, and the speed has to be seeded anew.
+
+        what: outcome of the sample; dt [s] since the one before.
+        """
+        ekf, memory = self._ekf, self._memory
+        if not self._learns:
+            ekf.check()
+            return False
+        residual, variance = (
+            (0.0, 1.0) if innovation is None else (innovation.innovation_rad_s, innovation.std_rad_s**2)
+        )
+        verdict = health.WELL
+        if health.notice(memory, ekf.x, ekf.P, what, residual, variance, ekf.constants.gate, dt):
+            cap_variance(ekf.P, ekf.ceiling)
+            verdict = health.examine(memory, ekf.x, ekf.P, self._grounds, what)
+        if verdict == health.WELL:
+            self._last = self._still_wrong(time_s)
+            return False
+        reset = _RESETS[health.mend(memory, verdict, ekf.x, ekf.P, self._grounds)]
+        trouble = TROUBLES[verdict]
+        self.troubles[trouble] += 1
+        self._last = self._found(trouble, reset, time_s)
+        return True
+
+    @property
+    def health(self) -> FilterHealth | None:
+        """At the last sample; None where all is well."""
+        return self._last
+
+    def _still_wrong(self, time_s: float) -> FilterHealth | None:
+        memory, last = self._memory, self._last
+        if health.is_recovering(memory):
+            return last
+        trouble = None
+        if health.is_refusing(memory):
+            trouble = FilterTrouble.LOCKED_OUT
+        elif health.is_diverged(memory):
+            trouble = FilterTrouble.DIVERGED
+        elif self._is_unphysical():
+            trouble = FilterTrouble.UNPHYSICAL
+        if trouble is None or (last is not None and last.trouble is trouble):
+            return None if trouble is None else last
+        return self._found(trouble, FilterReset.NOTHING, time_s)
+
+    def _is_unphysical(self) -> bool:
+        x, P = self._ekf.x, self._ekf.P
+        return any(x[i] < 0.0 and x[i] * x[i] > _SURE * _SURE * P[i, i] for i in (MOTOR_GAIN, COULOMB))
+
+    def _found(self, trouble: FilterTrouble, reset: FilterReset, time_s: float) -> FilterHealth:
+        hopeless = health.is_beyond_mending(self._memory)
+        text = f"{_SAID[trouble]}; {_DONE[reset]}"
+        if hopeless:
+            text += ", again and again: only a person can help"
+        return FilterHealth(trouble, reset, text, time_s, hopeless)
+
+
+def troubles_of(mended: NDArray[np.int8]) -> list[FilterTrouble]:
+    """What led to the resets of a run (`FilterRun.mended`), in order."""
+    return [TROUBLES[int(code)] for code in mended[mended != health.WELL]]
+
+
+def findings(troubles: Iterable[FilterTrouble]) -> list[str]:
+    """What a run has to say of the resets of its filter, a sentence for each trouble."""
+    return [
+        f"{_SAID[trouble]}; the filter was reset ({times} time{'s' if times > 1 else ''})"
+        for trouble, times in Counter(troubles).items()
+    ]
