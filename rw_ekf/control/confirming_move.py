@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.records import Controller, Tick, WheelSample
+from rw_ekf.records import Controller, RunState, Tick, WheelSample
 from rw_ekf.watch.sign_watch import SignWatch
 
 _PULSE_S = 1.0
@@ -78,6 +78,9 @@ class ConfirmingMove:
         """Return the current [A] to ask for after this tick's sample."""
         if not self.active:
             return self._profile(tick)
+        if tick.state is not None and tick.state.state is RunState.SAFE:
+            self._begin_anew()  # only zero is written: nothing that is asked for could be seen
+            return 0.0
         sample = tick.sample
         if self._last is not None:
             same = sample.segment == self._last.segment
@@ -94,6 +97,12 @@ class ConfirmingMove:
         if self._away and self._is_faster(sample.speed_rad_s):
             self._spent = True
         return 0.0 if self._spent else self._side * self.current_A
+
+    def _begin_anew(self) -> None:
+        self._last = None
+        self._pulses = self._at_this_current = 0
+        self._spent = self._cut = False
+        self.current_A = self.first_A
 
     @property
     def _pulse_s(self) -> float:

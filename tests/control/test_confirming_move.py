@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from rw_ekf.control.confirming_move import ConfirmingMove, MoveLimits
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.records import IssuedCommand, WheelSample
+from rw_ekf.records import IssuedCommand, RunState, StateNow, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.watch.sign_watch import SignWatch
 from tests.ticks import tick_of
@@ -20,6 +21,7 @@ from tests.watch.test_stuck_watch import STRIBECK, Wheel
 DELAY_S = 0.01
 PROFILE_A = 0.123  # what the profile behind the move asks for
 SPEED_LIMIT_RAD_S = 440.0
+SAFE = StateNow(RunState.SAFE, "2000-01-01T00:00:00Z", "until a person resumes")
 
 
 class Moved(NamedTuple):
@@ -52,8 +54,12 @@ def move(
     slew_A_per_s: float = 5.0,
     rate_hz: float = 10.0,
     outside: float = 0.0,
+    safe_s: float = 0.0,
 ) -> Moved:
-    """A move to its end. The scales are the wire map's against the wheel's; outside: a torque per inertia [rad/s^2]."""
+    """A move to its end. The scales are the wire map's against the wheel's; outside: a torque per inertia [rad/s^2].
+
+    safe_s: so long the run is in SAFE.
+    """
     noise_rad_s, period_s = noise_rpm * RAD_S_PER_RPM, 1.0 / rate_hz
     rng = np.random.default_rng(seed)
     watch = SignWatch(DEFAULT_PRIOR.parameters, STRIBECK, noise_rad_s)
@@ -63,7 +69,9 @@ def move(
     began, fastest, flows, commanded, largest, time_s = speed, abs(speed), 0.0, 0.0, 0.0, 0.0
     while not ended:
         sample = WheelSample(time_s, speed_scale * (speed + rng.normal(0.0, noise_rad_s)))
-        asked = commander(tick_of(sample))
+        held = time_s < safe_s
+        asked = commander(replace(tick_of(sample), state=SAFE if held else None))
+        assert not (held and asked)
         if ended:
             assert asked == PROFILE_A
             break
@@ -227,3 +235,11 @@ def test_time_that_the_wheel_s_clock_does_not_give_passes_all_the_same() -> None
         turns += 1
         commander(tick_of(WheelSample(5.0, 50.0, segment=turns)))
         assert turns < 200
+
+
+def test_a_run_that_begins_in_safe_is_moved_after_it() -> None:
+    """Half a minute of SAFE, in which only zero is written, spends nothing of the move and raises no current."""
+    at_once, later = move(drawn(3)), move(drawn(3), safe_s=30.0)
+    assert later.verdict == at_once.verdict == "right"
+    assert later.largest_A == at_once.largest_A
+    assert later.lasted_s < at_once.longest_s
