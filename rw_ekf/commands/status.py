@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.clock import SystemClock
-    from rw_ekf.live.holder import holders_of
+    from rw_ekf.live.holder import holders_of, supervisors_of
     from rw_ekf.live.published import read_published
     from rw_ekf.settings.load import load_configuration
     from rw_ekf.sinks.run_files import state_path
@@ -47,6 +47,8 @@ def execute(args: argparse.Namespace) -> int:
         document["reason"] += f" (published {age_s:.0f} s ago: the daemon hangs, or its disk does)"
         return _show(args, document, OTHER_STATUS)
     if not found.alive:
+        for facts in supervisors_of(configuration.wheel.port, clock):
+            document["reason"] += f" ({facts.described} supervises it, and starts it again)"
         return _show(args, document, DEAD_STATUS)
     return _show(args, document, TRACKING_STATUS if found.run_state == "TRACKING" else OTHER_STATUS)
 
@@ -142,7 +144,8 @@ def _lines(document: dict[str, Any]) -> list[str]:
         lines.append("  " + ", ".join(f"{n} {concise(state[n], std[n])} {STATE_UNITS[n]}" for n in PARAMETER_NAMES))
     link = document["link"]
     if link is not None:
-        counts = ", ".join(f"{value} {name}" for name, value in link.items() if name != "state")
+        shown = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
+        counts = ", ".join(f"{value} {name}" for name, value in shown.items() if name != "state")
         lines.append(f"  line {link['state'] or 'opened'}: {counts}")
     lines += [f"  alarm: {alarm['text']}" for alarm in document["alarms"]]
     return [*lines, f"  log {document['log']}"] if document["log"] else lines

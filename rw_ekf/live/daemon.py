@@ -161,9 +161,10 @@ def run_daemon(
                     port=configuration.wheel.port,
                     do="the wheel may still carry its last current: run `rw-ekf stop --config F`, or cut its power",
                 )
+            if in_order:
+                oversight.over()
             for sink in sinks:
                 sink.close()
-        oversight.over()
         belief = Belief(estimator.mean, estimator.covariance)
         watches.find_negative_gain()
         with run.unwritten.tried(files.model, logger.warning):

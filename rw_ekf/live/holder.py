@@ -15,7 +15,7 @@ from rw_ekf.live.port_name import device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, ProcessHandle, facts_of, has_open, processes_with, user_name
 
 _KILL_WITHIN_S = 2.0
-_SUPERVISOR_WITHIN_S = 10.0  # it waits for its daemon, and writes zero itself where that hangs
+_SUPERVISOR_WITHIN_S = 30.0  # it waits for its daemon, and writes zero itself where that hangs
 _LOOK_EVERY_S = 0.02
 
 

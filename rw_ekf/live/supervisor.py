@@ -50,8 +50,8 @@ class Patience:
     @classmethod
     def of(cls, configuration: Configuration) -> Patience:
         """A line over a network is opened with pyserial's own patience, which is five seconds and more."""
-        turn_s = 20.0 if "://" in configuration.wheel.port else 5.0
-        return cls(turn_s=max(turn_s, 10.0 / configuration.loop.rate_hz))
+        line_s = 20.0 if "://" in configuration.wheel.port else 5.0
+        return cls(turn_s=max(line_s, 10.0 / configuration.loop.rate_hz), stop_s=line_s)
 
 
 class Birth(NamedTuple):

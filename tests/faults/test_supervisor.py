@@ -236,3 +236,27 @@ def test_the_supervisor_stays_light(bench: Bench) -> None:
         run.child()
         loaded = Path(f"/proc/{run.pid}/maps").read_text()
         assert not any(name in loaded for name in ("numpy", "scipy", "llvmlite", "pyarrow"))
+
+
+def test_between_two_runs_the_port_stays_taken_and_stop_ends_it(bench: Bench) -> None:
+    """Row 27: in the pause before a new start `status` says dead and who starts it again, no other run gets the port.
+
+    `stop` ends the supervisor, and nothing is started; then the port is free, and a run by hand tracks.
+    """
+    with running(
+        bench, "--supervise", sabotage="import rw_ekf.live.supervisor as s\ns._FIRST_PAUSE_S = 600.0\n"
+    ) as run:
+        first = run.child()
+        kill(first)
+        run.wait(lambda: len(run.said("restart")) == 1)
+        status = rw_ekf("status", "--config", run.config)
+        assert status.returncode == 4
+        assert f"process {run.pid} of user" in status.stdout
+        assert "starts it again" in status.stdout
+        refused = rw_ekf("run", "--config", run.config)
+        assert (refused.returncode, f"process {run.pid}" in refused.stderr) == (1, True)
+        stopped = rw_ekf("stop", "--config", run.config)
+        assert (stopped.returncode, run.ended()) == (0, 0)
+        assert "zero current confirmed" in stopped.stdout
+    with running(bench) as run:
+        assert run.child(besides=(first,)) == run.pid
