@@ -8,5 +8,4 @@ from drivers.sim.register_server import RegisterServer
 
 def put_faults(server: RegisterServer, text: str = "") -> None:
     """The wheel has these faults and no others, as `rw-ekf simulate --fault` takes them; without a text it has none."""
-    server.faults.clear()
     server.faults.put(*parse_faults([text] if text else []))

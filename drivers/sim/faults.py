@@ -151,7 +151,7 @@ class FaultAtWork:
 
 
 class FaultInjector:
-    """The faults of one wheel. `put` and `clear` may be called by another thread than the one that serves the wheel."""
+    """The faults of one wheel. `put` may be called by another thread than the one that serves the wheel."""
 
     def __init__(self, faults: Iterable[Fault] = (), seed: int = 0) -> None:
         self._seed = seed
@@ -161,16 +161,12 @@ class FaultInjector:
         self.put(*faults)
 
     def put(self, *faults: Fault) -> None:
-        """Add faults to those at work."""
-        added = []
+        """Let these faults be at work and no others, from one moment to the next."""
+        made = []
         for fault in faults:
-            added.append(FaultAtWork(fault, f"{self._seed}/{self._count}/{fault.kind}"))
+            made.append(FaultAtWork(fault, f"{self._seed}/{self._count}/{fault.kind}"))
             self._count += 1
-        self._at_work = (*self._at_work, *added)
-
-    def clear(self) -> None:
-        """Take all faults away."""
-        self._at_work = ()
+        self._at_work = tuple(made)
 
     def struck(self) -> dict[str, int]:
         """How often each kind has struck so far, of the faults that are there."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -140,7 +141,7 @@ def test_a_clock_that_jumps_begins_a_segment_and_nothing_else(bench: Bench, jump
 def test_a_zero_that_is_confirmed_late_makes_no_healthy_reading_wrong(bench: Bench) -> None:
     """Zeros taken at once and confirmed a second later: the interval is unknown, a new segment, nothing rejected."""
     taken = {"profile": "steps", "amplitude_A": 0.4, "period_s": 60.0, "bias_A": 0.0}
-    deaf = *fault(bench, 1.0, 2.2, "silence"), *fault(bench, 2.2, 2.6, "silence/cycle")
+    deaf = [(at_s, partial(bench.fault, text)) for at_s, text in ((1.0, "silence"), (2.2, "silence/cycle"), (2.6, ""))]
     ran = run(bench, 3.8, *deaf, command=taken)
     assert ran.outcome.statistics.rejected == 0
     assert ran.log.segment.max() == 1
