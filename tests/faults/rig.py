@@ -20,6 +20,7 @@ from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
+from tests.injecting import put_faults
 from tests.live.bench import CURRENT_COMMAND, wire_map_of, write_config
 from tests.live.daemon import Notes, Ran
 
@@ -35,6 +36,8 @@ class LineWheel:
     serial_number: int = 1
     speed_rad_s: float = 0.0
     noise_rpm: float = 1.0
+    faults: str = ""  # as `rw-ekf simulate --fault` takes them, in the wheel's time
+    resumes_at_s: float | None = None  # when a person says so, by the daemon's clock
     written_A: list[float] = field(default_factory=list)
     speeds_rad_s: list[float] = field(default_factory=list)  # the true ones, whenever a current was written
 
@@ -67,6 +70,7 @@ class LineWheel:
                 self.speeds_rad_s.append(plant.speed_rad_s)
 
         server = RegisterServer(wire_map, plant, serial_number=self.serial_number, first_uptime_s=100.0, watch=watch)
+        put_faults(server, self.faults)
         spoken = checked_protocol(configuration)
         protocol = VirtualLineProtocol(wire_map_of(configuration.wheel.protocol), server, clock)
         protocol.fingerprint, protocol.scale_places = spoken.fingerprint, spoken.scale_places
@@ -78,6 +82,8 @@ class LineWheel:
             other_wheel=other_wheel,
         )
         with StopSignal() as stop:
+            if self.resumes_at_s is not None:
+                clock.at(self.resumes_at_s, stop.resume)
             outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, clock)
         return Ran(outcome, notes)
 

@@ -1,0 +1,83 @@
+"""A wheel that is not heard, not seen as it is, or not the one it was a moment ago: driven no further than is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rw_ekf.commands.run import exit_status
+from tests.faults.rig import LineWheel
+
+SINE = {"profile": "sine", "amplitude_A": 0.3, "period_s": 8.0, "bias_A": 0.0, "confirm_sign": False}
+
+
+def wheel(directory: Path, faults: str, resumes_at_s: float | None = None) -> LineWheel:
+    """A wheel that turns, with its faults."""
+    return LineWheel(directory, speed_rad_s=20.0, faults=faults, resumes_at_s=resumes_at_s)
+
+
+@pytest.mark.parametrize(
+    ("for_s", "states"),
+    [
+        (0.3, ["TRACKING", "DEGRADED", "TRACKING"]),
+        (1.0, ["TRACKING", "DEGRADED", "LOST", "CONNECTING", "TRACKING"]),
+        (10.0, ["TRACKING", "DEGRADED", "LOST", "SAFE"]),
+    ],
+)
+def test_silence_from_a_blink_to_a_latch(tmp_path: Path, for_s: float, states: list[str]) -> None:
+    """Row 15: DEGRADED, LOST with zero, SAFE by its length; back by itself, but for the last: zero to the end."""
+    made = wheel(tmp_path, f"silence@10s:{for_s}s")
+    ran = made.run(40.0, command=SINE)
+    assert ran.notes.states == states
+    assert exit_status(ran.outcome) == (5 if states[-1] == "SAFE" else 0)
+    late = ran.log.current_A[ran.log.time_s > ran.log.time_s[0] + 10.0 + for_s + 1.0]
+    assert np.any(late != 0.0) == (states[-1] != "SAFE")
+    assert ran.outcome.statistics.rejected == 0
+
+
+def test_a_latch_opens_at_a_word(tmp_path: Path) -> None:
+    """Row 15: after ten seconds of silence and a word from a person the profile goes on, and the filter is right."""
+    ran = wheel(tmp_path, "silence@10s:10s", resumes_at_s=30.0).run(60.0, command=SINE)
+    assert ran.notes.states[-3:] == ["SAFE", "CONNECTING", "TRACKING"]
+    assert exit_status(ran.outcome) == 0
+    assert ran.outcome.statistics.rejected <= 1
+
+
+def test_telemetry_that_stands_still_on_a_ramp(tmp_path: Path) -> None:
+    """Row 16: values stand, the clock runs: STUCK within seconds, zero, SAFE; alive again it goes on at a word."""
+    made = wheel(tmp_path, "freeze@20s:10s", resumes_at_s=45.0)
+    ran = made.run(60.0, command=SINE)
+    assert ran.notes.events.count("telemetry_stuck") == ran.notes.events.count("telemetry_alive") == 1
+    assert "SAFE" in ran.notes.states
+    assert ran.notes.states[-1] == "TRACKING"
+    time_s = ran.log.time_s - ran.log.time_s[0]
+    assert np.all(ran.log.current_A[(time_s > 23.5) & (time_s < 44.0)] == 0.0)
+    assert max(map(abs, made.speeds_rad_s)) < 60.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("current_A", [0.0, 0.041])
+def test_steady_telemetry_is_not_stuck(tmp_path: Path, current_A: float) -> None:
+    """Row 16: half an hour at rest, or at a steady speed, without noise: readings repeat, and nobody is alarmed."""
+    still = {"profile": "sine", "amplitude_A": 0.0, "bias_A": current_A}
+    ran = LineWheel(tmp_path, speed_rad_s=0.0, noise_rpm=0.0).run(1800.0, command=still)
+    assert ran.notes.states == ["TRACKING"]
+    assert ran.outcome.findings == ()
+
+
+def test_a_brown_out_is_a_new_beginning_of_the_same_wheel(tmp_path: Path) -> None:
+    """Row 17: uptime from zero, no current: set up again from zero, parameters kept, speed seeded anew, then on."""
+    made = wheel(tmp_path, "reset@20s")
+    ran = made.run(60.0, command=SINE)
+    assert ran.notes.events.count("wheel_restarted") == 1
+    assert ran.notes.states[-1] == "TRACKING"
+    assert ran.log.segment.max() == 1
+    first = int(np.argmax(ran.log.segment > 0))
+    assert np.any(ran.log.current_A[first + 5 :] != 0.0)
+    assert ran.outcome.statistics.rejected <= 1
+    truth = made.parameters
+    for name in ("motor_gain", "coulomb"):
+        error = getattr(ran.outcome.belief.parameters, name) - getattr(truth, name)
+        assert abs(error) < 4.0 * getattr(ran.outcome.belief.parameter_std, name)
