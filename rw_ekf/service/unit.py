@@ -30,6 +30,7 @@ class Service:
     group: str | None  # that may open the port; None: no other than the user's own
     devices: tuple[str, ...]  # kinds of device that the port may be, e.g. "ttyUSB"; none where it is on the network
     hung_after_s: float
+    writes: bool = True  # False: another controller commands the wheel, and nothing may be written for it
 
 
 def unit_text(service: Service) -> str:
@@ -40,6 +41,10 @@ def unit_text(service: Service) -> str:
         [path_word(service.output_directory), *(f"-{path_word(path)}" for path in service.lock_directories)]
     )
     group = [f"SupplementaryGroups={word(service.group)}"] if service.group is not None else []
+    stop = [
+        "# Behind every end, a kill among them. Not confirmed: the unit has failed.",
+        f"ExecStopPost={program} stop --config {config}",
+    ]
     families = "AF_UNIX" if service.devices else "AF_UNIX AF_INET AF_INET6"
     lines = [
         "[Unit]",
@@ -50,8 +55,7 @@ def unit_text(service: Service) -> str:
         "[Service]",
         "Type=notify",
         f"ExecStart={program} run --keep-safe --config {config}",
-        "# Behind every end, a kill among them. Not confirmed: the unit has failed.",
-        f"ExecStopPost={program} stop --config {config}",
+        *(stop if service.writes else []),
         f"WorkingDirectory={line(service.working_directory)}",
         f"User={word(service.user)}",
         *group,

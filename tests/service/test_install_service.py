@@ -54,6 +54,11 @@ def test_the_unit_says_what_keeps_the_wheel_safe() -> None:
     assert unit["RestrictAddressFamilies"] == ["AF_UNIX"]
 
 
+def test_a_wheel_that_another_controller_commands_is_not_stopped() -> None:
+    """A run that never writes leaves nothing behind that does."""
+    assert "ExecStopPost" not in keys(unit_text(dataclasses.replace(SERVICE, writes=False)))
+
+
 def test_a_wheel_on_the_network_gets_the_network_and_no_device() -> None:
     """A port that is a URL: no device is allowed, the families of the internet are."""
     unit = keys(unit_text(dataclasses.replace(SERVICE, port="socket://lab:4000", devices=())))
