@@ -5,7 +5,6 @@ Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ import serial
 
 from drivers.line.framing import Frame, decode, encode
 from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
-from drivers.line.serial_port import PortSettings, open_serial_port
+from drivers.line.serial_port import PortSettings, close_serial_port, open_serial_port
 from drivers.line.wire_layout import Framing
 from rw_ekf.clock import Clock
 from rw_ekf.records import LinkCounters
@@ -99,8 +98,7 @@ class SerialLink:
 
     def close(self) -> None:
         """Release the port. Safe to call twice, and on a port that has vanished."""
-        with contextlib.suppress(*LINE_EXCEPTIONS):  # a port that is gone is closed
-            self._serial.close()
+        close_serial_port(self._serial)
 
     def _settle(self) -> None:
         """Let pass what comes just after opening."""

@@ -51,8 +51,9 @@ def open_serial_port(settings: PortSettings, write_timeout_s: float) -> Any:
     options: dict[str, Any] = {"exclusive": True} if settings.exclusive and settings.is_local else {}
     if not settings.port.startswith("rfc2217://"):  # which refuses to be opened with one
         options["write_timeout"] = write_timeout_s
+    opened: Any = None
     try:
-        opened: Any = serial.serial_for_url(
+        opened = serial.serial_for_url(
             settings.port,
             do_not_open=True,
             baudrate=settings.baud,
@@ -66,6 +67,8 @@ def open_serial_port(settings: PortSettings, write_timeout_s: float) -> Any:
         opened.rts = settings.control.rts
         opened.open()
     except LINE_EXCEPTIONS as error:
+        if opened is not None:
+            close_serial_port(opened)
         raise open_error(settings.port, error, settings.line.parity) from error
     if settings.is_local:
         _keep_lines_when_closed(opened)
@@ -74,6 +77,19 @@ def open_serial_port(settings: PortSettings, write_timeout_s: float) -> Any:
         with contextlib.suppress(*LINE_EXCEPTIONS):  # ValueError where the device has no such mode
             opened.set_low_latency_mode(True)
     return opened
+
+
+def close_serial_port(opened: Any) -> None:
+    """Release a port, also one that has vanished. Safe to call twice.
+
+    pyserial leaves the socket of a URL open where it was closed at the far end first: its shutdown fails before.
+    """
+    sock = getattr(opened, "_socket", None)
+    with contextlib.suppress(*LINE_EXCEPTIONS):  # a port that is gone is closed
+        opened.close()
+    if sock is not None:
+        with contextlib.suppress(OSError):
+            sock.close()
 
 
 def _keep_lines_when_closed(opened: Any) -> None:
