@@ -49,7 +49,7 @@ def log_entry(
         "state": dict(zip(STATE_NAMES, (float(v) for v in core.mean), strict=True)),
         "std": dict(zip(STATE_NAMES, (float(v) for v in core.std), strict=True)),
         "covariance": [[float(v) for v in row] for row in core.covariance],
-        "identifiable": {item.name: item.identifiable for item in report(core, setup.prior.core)},
+        "identifiable": {item.name: item.identifiable for item in report(core, setup.prior.core, statistics.points)},
         "effects": effects_document(setup.effects, belief),
         "physical": physical(belief.parameters, setup.inertia_kg_m2),
         "innovation": statistics.innovation_document(),
@@ -93,7 +93,7 @@ def torques_text(values: FrictionParameters, stds: FrictionParameters, inertia_k
     return f"as torques: {', '.join(shown)} ({inertia_text(inertia_kg_m2, inertia_from)})"
 
 
-def entry_text(entry: Mapping[str, Any], belief: Belief, setup: FilterSetup) -> str:
+def entry_text(entry: Mapping[str, Any], statistics: RunStatistics, belief: Belief, setup: FilterSetup) -> str:
     """Return the same for a person: no digit that sigma does not allow."""
     prior = setup.prior
     lines = [
@@ -101,7 +101,7 @@ def entry_text(entry: Mapping[str, Any], belief: Belief, setup: FilterSetup) -> 
         f" ({entry['missing']} missing, {entry['rejected']} rejected)"
     ]
     width = max(len(name) for name in PARAMETER_NAMES)
-    lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief.core, prior.core)]
+    lines += [f"  {item.name:<{width}}  {item.text()}" for item in report(belief.core, prior.core, statistics.points)]
     lines += effects_text(entry["effects"])
     if setup.inertia_kg_m2 is not None:
         core = belief.core

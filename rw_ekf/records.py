@@ -115,6 +115,15 @@ class WheelState(NamedTuple):
     static: float  # rad/s^2
 
 
+class ParameterFlags(NamedTuple):
+    """A yes or no for each of the four parameters."""
+
+    motor_gain: bool
+    viscous: bool
+    coulomb: bool
+    static: bool
+
+
 class Believed(NamedTuple):
     """A number and its standard deviation, in the number's unit."""
 
@@ -182,6 +191,7 @@ class Estimate:
     conditions: Conditions | None = None
     covariance: Float64Array | None = field(default=None, compare=False, repr=False)  # (n, n), hidden states last
     health: FilterHealth | None = None  # None where all is well
+    valid: ParameterFlags | None = None  # which parameters may be relied on (docs/filter.md#what-may-be-relied-on)
     friction: Callable[[float | None], Believed] | None = field(default=None, compare=False, repr=False)
 
     def friction_torque_rad_s2(self, speed_rad_s: float | None = None) -> Believed:

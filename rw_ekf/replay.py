@@ -14,12 +14,13 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import WILD, Course
 from rw_ekf.errors import BadInputError, FilterError, LogError
-from rw_ekf.filter import decisions
+from rw_ekf.filter import decisions, health
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import MIN_SAMPLES, Consistency, consistency_of
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
@@ -107,6 +108,7 @@ def replay_log(
         _refuse_runaway(run)
         belief = _beside_other_stribeck_speeds(course, setup, run) if not online else Belief(run.mean, run.covariance)
         statistics = RunStatistics.of_run(course, run)
+        statistics.points = _where_it_has_been(course, setup, run)
         consistency = judge_log(course, setup, belief)
     warnings = [
         *sampling_of(log).remarks(),
@@ -156,6 +158,15 @@ def _blaming(model: WheelModel | None, log: str) -> Iterator[None]:
             f"{log}: with the model given the filter runs away from these readings: it is not a model of this machine, "
             "or not in the units of this log; give another model, or none"
         ) from None
+
+
+def _where_it_has_been(course: Course, setup: FilterSetup, run: FilterRun) -> OperatingPoints:
+    """Operating points of the readings that were used since the parameters were last reset."""
+    used = run.outcome == decisions.UPDATED
+    resets = np.flatnonzero((run.mended != health.WELL) & (run.mended != health.LOCKED_OUT))
+    if resets.size:
+        used[: resets[-1] + 1] = False
+    return OperatingPoints.of_course(course, setup.prior.parameters, setup.constants.stribeck.omega_s, used)
 
 
 def _refuse_runaway(run: FilterRun) -> None:

@@ -12,6 +12,7 @@ from rw_ekf.units import rpm_from_rad_s
 if TYPE_CHECKING:
     from rw_ekf.course.course import Course
     from rw_ekf.filter.filter_run import FilterRun
+    from rw_ekf.filter.operating_points import OperatingPoints
 
 _NIS_95 = 3.841458820694124  # chi-square(1)
 _FALSE_ALARM = 1.0e-3  # of the finding that the gate refuses too much
@@ -31,6 +32,7 @@ class RunStatistics:
     innovation_squares: float = 0.0
     nis_sum: float = 0.0
     nis_inside_95: int = 0
+    points: OperatingPoints | None = None  # where the wheel has been; None: not known
     _last_time_s: float | None = None
 
     def add(self, estimate: Estimate, *, same_segment: bool) -> None:

@@ -61,6 +61,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.documents import FIT_SCHEMA, effects_document, physical, torques_text
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
+    from rw_ekf.filter.operating_points import OperatingPoints
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
     from rw_ekf.replay import refuse_runaway_model
@@ -89,7 +90,10 @@ def execute(args: argparse.Namespace) -> int:
     with progress("fit", None, " evaluations") as bar:
         belief, found, quality, warnings = _fit(args.method, course, log, setup, bar.update)
     noise = found if args.noise else None
-    reports = report(belief, setup.prior)
+    points = OperatingPoints.of_course(
+        course, setup.prior.parameters, setup.constants.stribeck.omega_s, np.isfinite(course.speed_rad_s)
+    )
+    reports = report(belief, setup.prior, points)
     document: dict[str, Any] = {
         "schema": FIT_SCHEMA,
         "log": log.name,

@@ -122,7 +122,7 @@ def execute(args: argparse.Namespace) -> int:
         print_json({"schema": REPLAY_SCHEMA, "logs": entries, "seconds": seconds})
     else:
         for entry, item in zip(entries, done, strict=True):
-            sys.stdout.write(entry_text(entry, item.belief, item.setup) + "\n")
+            sys.stdout.write(entry_text(entry, item.statistics, item.belief, item.setup) + "\n")
             if configuration is None and item.setup not in setups:
                 noise = rpm_from_rad_s(item.setup.constants.speed_noise_rad_s)
                 source = "the record" if model is None else "the model"

@@ -235,7 +235,7 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
     if not json:
         said = _said_while_running(outcome)
         entry |= {"log": shown_path(outcome.files.log), "warnings": [text for text in warnings if text not in said]}
-        lines = [entry_text(entry, outcome.belief, outcome.setup)]
+        lines = [entry_text(entry, outcome.statistics, outcome.belief, outcome.setup)]
         if outcome.alarms:
             lines.append(f"  alarms: {len(outcome.alarms)} lines above, as they came")
         lines.append(f"  model: {shown_path(outcome.files.model)}  (run, replay and diagnose take it: --model)")

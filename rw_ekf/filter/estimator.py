@@ -14,8 +14,11 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter import decisions
+from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.ekf import WheelEkf
+from rw_ekf.filter.identifiability import Validity
+from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import Physician, findings
 from rw_ekf.filter.surroundings import Gatherer
 from rw_ekf.model.state import PARAMETERS, STATE_SIZE, FrictionParameters
@@ -63,6 +66,9 @@ class Estimator:
         self.constants = constants
         self.ekf = WheelEkf(constants, mean, covariance, effects, drift)
         self._physician = Physician(self.ekf)
+        start = Belief(self.mean, self.covariance)
+        self.points = OperatingPoints.of_wheel(start.parameters, constants.stribeck.omega_s)
+        self._validity = Validity(start)
         self._gatherer = Gatherer(remembers=self.ekf.table.delay_at != ABSENT)
         self._last: WheelSample | None = None
         self._seeded = False
@@ -141,12 +147,17 @@ class Estimator:
             what = decisions.RESEEDED if has_speed else decisions.MISSING
         elif continuous:
             self.ekf.follow(dt)
+        if what == decisions.UPDATED and sample.speed_rad_s is not None:
+            self.points.add(sample.speed_rad_s, self._gatherer.schedule.in_force_A)
         return self._estimate(sample, what, innovation, predicted)
 
     def _is_reset(self, sample: WheelSample, what: int, innovation: Innovation | None, dt: float) -> bool:
         """Whether the filter had to be reset after a sample; then it starts from its speed, or waits for one."""
         if not self._physician.examine(sample.time_s, what, innovation, dt):
             return False
+        if self._physician.has_forgotten:
+            self.points.clear()
+            self._validity = Validity(Belief(self.mean, self.covariance))
         if sample.speed_rad_s is None or math.isnan(sample.speed_rad_s):
             self.ekf.wait_for_speed(self._gatherer.schedule.in_force_A)
             self._seeded = False
@@ -230,5 +241,6 @@ class Estimator:
             conditions=conditions,
             covariance=covariance,
             health=self._physician.health,
+            valid=self._validity.step(values[PARAMETERS], stds[PARAMETERS], self.points.shown),
             friction=partial(friction_torque, ekf.x.copy(), covariance, table, self.constants.stribeck, at),
         )

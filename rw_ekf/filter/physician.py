@@ -88,6 +88,11 @@ class Physician:
         return True
 
     @property
+    def has_forgotten(self) -> bool:
+        """Whether the last reset took the parameters."""
+        return self._last is not None and self._last.reset in (FilterReset.PARAMETERS, FilterReset.ALL)
+
+    @property
     def health(self) -> FilterHealth | None:
         """At the last sample; None where all is well."""
         return self._last

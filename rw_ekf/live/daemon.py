@@ -166,6 +166,7 @@ def run_daemon(
             for sink in sinks:
                 sink.close()
         belief = Belief(estimator.mean, estimator.covariance)
+        run.statistics.points = estimator.points
         watches.find_negative_gain()
         with run.unwritten.tried(files.model, logger.warning):
             source = {"method": "filter", "log": files.log.name}

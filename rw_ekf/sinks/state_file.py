@@ -15,6 +15,10 @@ from rw_ekf.logs.metadata import utc_text
 from rw_ekf.records import LinkCounters, StateNow, Tick
 from rw_ekf.sinks.run_files import Unwritten
 
+_OF_TICK = (
+    "time_s", "outcome", "state", "std", "valid", "filter_health", "current_command_A", "temperature_degC",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Publisher:
@@ -71,7 +75,9 @@ class StateFileSink:
 
 def _of_tick(tick: Tick | None) -> dict[str, Any]:
     if tick is None:
-        empty = dict.fromkeys(("time_s", "outcome", "state", "std", "current_command_A", "temperature_degC"))
+        empty = dict.fromkeys(
+            ("time_s", "outcome", "state", "std", "valid", "filter_health", "current_command_A", "temperature_degC")
+        )
         return dict(empty)
     estimate = tick.estimate
     return {
@@ -79,6 +85,8 @@ def _of_tick(tick: Tick | None) -> dict[str, Any]:
         "outcome": estimate.outcome.value,
         "state": {**estimate.state._asdict(), **{name: c.value for name, c in estimate.effects.items()}},
         "std": {**estimate.std._asdict(), **{name: c.std for name, c in estimate.effects.items()}},
+        "valid": None if estimate.valid is None else estimate.valid._asdict(),
+        "filter_health": None if estimate.health is None else asdict(estimate.health),
         "current_command_A": None if tick.command is None else tick.command.current_A,
         "temperature_degC": tick.sample.temperature_degC,
     }
