@@ -71,7 +71,7 @@ def _read_part(file: Path, columns: ColumnMap) -> RawTable:
     """Read a file, or what it has become if the daemon compressed it just now."""
     try:
         return _read_file(file, columns)
-    except LogError:
+    except (LogError, FileNotFoundError):  # gone before it was opened, or after
         packed = packed_path(file)
         if file.exists() or not packed.exists():
             raise

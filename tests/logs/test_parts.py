@@ -11,7 +11,9 @@ import pyarrow as pa
 import pytest
 
 from rw_ekf.errors import BadInputError, EmptyLogError, LogError
+from rw_ekf.logs import reader
 from rw_ekf.logs.export import export_log
+from rw_ekf.logs.file_kind import file_kind
 from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.packing import pack, packed_path
 from rw_ekf.logs.parts import PartName, part_path, parts_of
@@ -168,3 +170,20 @@ def test_packing_keeps_the_plain_part_unless_the_packed_one_is_whole(tmp_path: P
     pack(part)
     assert [path.name for path in tmp_path.iterdir()] == ["run.csv.zst"]
     assert parts_of(part).files == (packed_path(part),)
+
+
+def test_a_part_that_is_compressed_while_it_is_read_is_read(
+    run: Path, whole: WheelLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The daemon replaces the second part just after the reader has looked what kind of file it is."""
+    second, kind_of = part_path(run, 2), file_kind
+
+    def replaced_meanwhile(path: Path, name: str) -> str:
+        kind = kind_of(path, name)
+        if path == second:
+            pack(second)
+        return kind
+
+    monkeypatch.setattr(reader, "file_kind", replaced_meanwhile)
+    assert same(read_log(run), whole)
+    assert not second.exists()
