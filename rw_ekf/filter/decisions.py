@@ -20,7 +20,7 @@ RESEEDED = 6
 
 # Places in the gate's memory.
 _SINCE_USED_S = 0  # since the last reading that was used, or seeded from
-_CONFIRMED = 1  # 1 where a reading was accepted since the speed was seeded
+_CONFIRMED = 1  # 1 where the speed was confirmed since it was seeded; below zero: so many readings short of it
 _STRONGEST_A = 2  # largest current so far
 _AGREEING = 3  # how many of the last gated readings follow one from the other
 _AGREEING_S = 4  # from the first to the last of them
@@ -33,6 +33,7 @@ MEMORY_SIZE = 9
 _GENEROUS = 5.0  # times the acceleration that the model can give: a drag spike, a lurch, a gain that is far off
 _PARAMETER_SIGMAS = 3.0
 _TWITCH_S = 0.1  # at high rates the noise, not the wheel, decides how far apart two readings are
+_CONFIRMATION = 20.0  # readings that confirm a speed that gated ones gave; of any other seed it takes one
 _FAR_LONGER = 20  # times as many readings must agree after a step that no wheel can take, ...
 _FAR_LONGER_S = 10.0  # ... and for so long
 
@@ -40,9 +41,11 @@ _FAR_LONGER_S = 10.0  # ... and for so long
 def timing(dt: float, seeded: bool, new_segment: bool, has_speed: bool, max_gap_s: float) -> int:
     """Outcome that the sample's time alone decides; UPDATED means: predict, then look at the innovation.
 
-    dt [s] since the last sample. A gap, or a new segment, re-seeds the speed from the sample; where that sample has no
-    speed the caller waits (MISSING) and re-seeds from the next that has one.
+    dt [s] since the last sample; not finite where a time is none. A gap, or a new segment, re-seeds the speed from the
+    sample; where that sample has no speed the caller waits (MISSING) and re-seeds from the next that has one.
     """
+    if not math.isfinite(dt):
+        return BACKWARD
     if not new_segment:
         if dt == 0.0:
             return REPEATED
@@ -63,6 +66,12 @@ def forget(memory: Any) -> None:
     for i in range(MEMORY_SIZE):
         memory[i] = 0.0
     memory[_STRONGEST_A] = strongest
+
+
+def doubt(memory: Any) -> None:
+    """The speed has been seeded by readings that were gated: they may have been the wild ones."""
+    forget(memory)
+    memory[_CONFIRMED] = 1.0 - _CONFIRMATION
 
 
 def elapse(memory: Any, dt: float, currents: Any, start: int, stop: int) -> None:
@@ -108,8 +117,9 @@ def gating(
     repeat itself). After a step that no wheel can take it needs twenty times as many, over ten seconds.
     """
     if innovation * innovation <= gate * variance:
+        confirmed = memory[_CONFIRMED]
         forget(memory)
-        memory[_CONFIRMED] = 1.0
+        memory[_CONFIRMED] = min(confirmed, 0.0) + 1.0
         return UPDATED
     acceleration = most_acceleration(x, P, memory[_STRONGEST_A], max(abs(x[SPEED]), abs(reading)))
     change = reading - memory[_LAST_GATED]
@@ -126,7 +136,7 @@ def gating(
         memory[_VARIED] = 0.0
         # A speed that nothing has confirmed since it was seeded may itself have been the wild one.
         reached = within_reach(innovation, variance, gate, acceleration, memory[_SINCE_USED_S])
-        memory[_REACHABLE] = 1.0 if reached or memory[_CONFIRMED] == 0.0 else 0.0
+        memory[_REACHABLE] = 1.0 if reached or memory[_CONFIRMED] <= 0.0 else 0.0
     memory[_SINCE_GATED_S] = 0.0
     memory[_LAST_GATED] = reading
     at_rest = reading * reading <= gate * speed_variance

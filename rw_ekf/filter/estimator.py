@@ -120,7 +120,7 @@ class Estimator:
         on a speed that is infinite.
         """
         last = self._last
-        dt = sample.time_s - last.time_s if last is not None else 1.0
+        dt = sample.time_s - (last.time_s if last is not None else sample.time_s - 1.0)
         new_segment = last is not None and sample.segment != last.segment
         has_speed = sample.speed_rad_s is not None and not math.isnan(sample.speed_rad_s)
         if sample.speed_rad_s is not None and math.isinf(sample.speed_rad_s):
@@ -204,6 +204,7 @@ class Estimator:
             reason = None
         elif what == decisions.RESEEDED:
             self._seed(sample)
+            decisions.doubt(self._gate_memory)
             reason = "reseeded"
         else:
             reason = "gate"

@@ -40,6 +40,7 @@ from rw_ekf.filter.decisions import (
     REPEATED,
     RESEEDED,
     UPDATED,
+    doubt,
     elapse,
     forget,
     gating,
@@ -79,7 +80,7 @@ from rw_ekf.wheel.transition import transition
 
 make_jitable(
     [
-        timing, forget, elapse, most_acceleration, within_reach, gating,
+        timing, doubt, forget, elapse, most_acceleration, within_reach, gating,
         cap_variance, drop_settled, predict_covariance, predict_covariance_full, seed_speed, set_ceiling, update_joseph,
         away_from_reference, dead_band, follow, start_following, unlearn_shift,
         breakage, examine, is_diverged, keep, lay_grounds, learns, mend, notice, start_health,
@@ -243,7 +244,7 @@ def _filter_pass(
                         held = max(piece_start[i] - 1, first_piece[i])
                         if hidden > 0:
                             seed_hidden(x, P, table, current_A[held], constants.stribeck.omega_s)
-                    forget(gate_memory)
+                    doubt(gate_memory)
                     follow(stillness, speed, band, 0.0)
                     if keep_all:
                         row[:] = 0.0

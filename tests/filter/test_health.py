@@ -180,11 +180,12 @@ def test_readings_that_never_agree_are_told_and_teach_nothing(seed: int) -> None
 
 
 def test_a_step_that_no_wheel_can_take_locks_out_until_the_readings_have_agreed_for_long() -> None:
-    """The speed jumps by 100 rad/s and back: refused for ten seconds each time, then taken; no parameter has moved."""
+    """The speed jumps by 100 rad/s: refused for ten seconds, then taken, and no parameter has moved; back at once."""
     log, _ = changing_wheel(6, n=6000)
     log.speed_rad_s[3000:3110] += 100.0
     run = compiled(log, constants_for(), DEFAULT_PRIOR)
-    assert troubles_of(run.mended) == [FilterTrouble.LOCKED_OUT, FilterTrouble.LOCKED_OUT]
+    assert troubles_of(run.mended) == [FilterTrouble.LOCKED_OUT]
+    assert np.count_nonzero(run.outcome[3110:3120] == decisions.UPDATED) >= 4
     at = int(np.flatnonzero(run.mended)[0])
     assert 3098 <= at <= 3110
     assert np.array_equal(run.states[at, PARAMETERS], run.states[at - 1, PARAMETERS])
@@ -251,7 +252,7 @@ def test_the_smoother_does_not_look_back_through_a_reset() -> None:
 def test_no_reset_in_two_hundred_healthy_hours(rate_hz: float) -> None:
     """Sines, steps, rest and constant speed by turns, outliers alone and in bursts, 30 % of the readings missing.
 
-    A burst of seconds may be taken for the speed, and at a slow rate the way back takes a minute: one in a hundred.
+    A burst that outlasts the gate's patience is a fault, and may be told as such: one in a hundred hours.
     """
     hours = 200.0 if rate_hz < 20.0 else 40.0
     samples, seed, done_h = int(3600.0 * rate_hz), 0, 0.0
