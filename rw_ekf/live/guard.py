@@ -49,7 +49,7 @@ class SafetyLimits:
             rad_s_from_rpm(section.speed_rpm),
             section.temperature_degC,
             section.silence_s,
-            section.safe_after_s,
+            None if section.safe_after_s is None else max(section.safe_after_s, section.silence_s),
         )
 
 

@@ -198,12 +198,6 @@ def _command_findings(document: YamlDocument, command: CommandSection, limits: L
 def _timing_findings(document: YamlDocument, loop: LoopSection, limits: LimitsSection | None) -> list[str]:
     findings = []
     period_s = 1.0 / loop.rate_hz
-    if limits is not None and limits.safe_after_s is not None and limits.safe_after_s < limits.silence_s:
-        place = document.where(("limits", "safe_after_s"))
-        findings.append(
-            f"{place}: limits.safe_after_s {limits.safe_after_s:g} s must not be below limits.silence_s, "
-            f"{limits.silence_s:g} s: raise it, or write null"
-        )
     if limits is not None and limits.silence_s <= period_s:
         findings.append(
             f"{document.where(('limits', 'silence_s'))}: limits.silence_s {limits.silence_s:g} s must exceed one loop "

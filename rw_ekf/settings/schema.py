@@ -59,7 +59,10 @@ class LimitsSection(Section):
     temperature_degC: float = Field(60.0, gt=-100, le=500, description="above it only zero is written [degC]")
     silence_s: float = Field(0.5, gt=0, le=3600, description="zero is written after so long without telemetry [s]")
     safe_after_s: float | None = Field(
-        5.0, gt=0, le=1e6, description="after so long without telemetry the run stays at zero; null: it goes on [s]"
+        5.0,
+        gt=0,
+        le=1e6,
+        description="after so long without telemetry (silence_s at least) the run stays at zero; null: it goes on [s]",
     )
 
 
