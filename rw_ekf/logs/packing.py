@@ -19,7 +19,7 @@ _NICE = 15
 
 def packed_path(part: Path) -> Path:
     """Where the compressed part goes."""
-    return part.with_name(f"{part.name}.zst")
+    return Path(f"{part}.zst")
 
 
 def pack(part: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -19,7 +20,7 @@ from rw_ekf.starting_point import setup_of_record
 from rw_ekf.wheel.compiled import interpreted
 from tests.commands.logs import write_log
 from tests.diagnosis.simulated import simulated
-from tests.live.bench import ROOT, program, rw_ekf, served_wheel
+from tests.live.bench import ROOT, program, rw_ekf, served_wheel, wait_for
 
 OF_EVERY_VERB = """
 import gc, sys
@@ -57,6 +58,15 @@ def cold_cache(folder: Path) -> dict[str, str]:
     return {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
 
 
+def has_children(pid: int) -> bool:
+    """Whether a process has started another that lives."""
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            if path.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[1] == str(pid):
+                return True
+    return False
+
+
 def test_children_fill_the_cache_and_a_word_is_said_once(tmp_path: Path) -> None:
     """One line says what is compiled; then the index lists it, it loads without compiling, and nothing is said."""
     done = subprocess.run(
@@ -76,6 +86,7 @@ def test_an_interrupt_ends_the_compilation(tmp_path: Path) -> None:
     with program("diagnose", str(log), env=cold_cache(cache)) as process:
         assert process.stderr is not None
         assert "first use" in process.stderr.readline()
+        wait_for(lambda: has_children(process.pid))  # the compilers
         process.send_signal(signal.SIGINT)
         out, errors = process.communicate(timeout=60.0)  # against a hang only
     assert process.returncode == 130
