@@ -83,7 +83,11 @@ def test_an_interrupt_ends_the_compilation(tmp_path: Path) -> None:
     run = simulated(seed=5, samples=1500)
     log = write_log(tmp_path / "log.csv", [run.time_s, run.measured_speed_rad_s, run.current_command_A])
     cache = tmp_path / "cache"
-    with program("diagnose", str(log), env=cold_cache(cache)) as process:
+    # Tests that a shell started in the background ignore SIGINT, and so would what they start.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with contextlib.ExitStack() as stack:
+        stack.callback(signal.signal, signal.SIGINT, before)
+        process = stack.enter_context(program("diagnose", str(log), env=cold_cache(cache)))
         assert process.stderr is not None
         assert "first use" in process.stderr.readline()
         wait_for(lambda: has_children(process.pid))  # the compilers
