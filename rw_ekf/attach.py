@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ControlLines, WheelDriver, WheelProtocol, WireLimits
 from rw_ekf.errors import ConfigError
+from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
+    from drivers.sim.plant_batch import PlantRun
     from drivers.sim.plant_parameters import PlantParameters
+    from drivers.sim.simulated_wheel import SimulatedWheel
     from rw_ekf.settings.schema import Configuration
 
 
@@ -112,3 +116,48 @@ def plant_of(configuration: Configuration | None, effects: list[str]) -> PlantPa
         )
         listed = list(truth.effects)
     return parse_effects([*listed, *effects], plant)
+
+
+def simulated_plant(parameters: FrictionParameters, stribeck_speed_rad_s: float, effects: list[str]) -> PlantParameters:
+    """Truth of a simulated wheel: its parameters, then effects ("ID:name=value")."""
+    from drivers.sim.plant_effect_text import parse_effects
+    from drivers.sim.plant_parameters import PlantParameters
+
+    base = PlantParameters(**parameters._asdict(), stribeck_speed_rad_s=stribeck_speed_rad_s)
+    return parse_effects(effects, base)
+
+
+def simulated_wheel(
+    plant: PlantParameters,
+    clock: Clock,
+    *,
+    speed_noise_rad_s: float,
+    torque_noise: float,
+    first_speed_rad_s: float,
+    **options: Any,
+) -> SimulatedWheel:
+    """Return a wheel in this process, on a clock, by the compiled plant; torque_noise: [rad/s per sqrt(s)]."""
+    from drivers.sim.plant_batch import compiled_advance
+    from drivers.sim.plant_parameters import PlantNoise
+    from drivers.sim.simulated_wheel import SimulatedWheel
+
+    noise = PlantNoise(speed_noise_rad_s, torque_noise)
+    return SimulatedWheel(
+        plant, noise=noise, initial_speed_rad_s=first_speed_rad_s, clock=clock, law=compiled_advance, **options
+    )
+
+
+def simulated_record(
+    plant: PlantParameters,
+    current_A: Float64Array,
+    times_s: Float64Array,
+    *,
+    speed_noise_rad_s: float,
+    torque_noise: float,
+    seed: int,
+) -> PlantRun:
+    """Return a run of a simulated wheel under given currents (n,) at sample times (n,), compiled."""
+    from drivers.sim.plant_batch import simulate_run
+    from drivers.sim.plant_parameters import PlantNoise
+
+    return simulate_run(plant, current_A, times_s, PlantNoise(speed_noise_rad_s, torque_noise), seed=seed)

@@ -130,8 +130,22 @@ def _digest(*modules: Any) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def _compiled_advance(source_digest: str) -> Callable[..., PlantState]:
+    """The compiled step of a runner, for thousands of intervals; the digest as in `_compiled`."""
+
+    def step(
+        p: PlantParameters, state: PlantState, current_A: float, duration_s: float, fine_step_s: float
+    ) -> PlantState:
+        _ = source_digest
+        return advance(p, state, current_A, duration_s, fine_step_s)
+
+    compiled: Callable[..., PlantState] = njit(cache=True)(step)
+    return compiled
+
+
 register_jitable(plain_run)
 compiled_run = _compiled(_digest(plant, plant_terms, plant_parameters))
+compiled_advance = _compiled_advance(_digest(plant, plant_terms, plant_parameters))
 
 
 def simulate_run(

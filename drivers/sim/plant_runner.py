@@ -5,13 +5,19 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
+from collections.abc import Callable
 
 from drivers.sim.plant import advance
 from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
 
+Advance = Callable[[PlantParameters, PlantState, float, float, float], PlantState]
+
 
 class PlantRunner:
-    """A plant with its own clock. Time only goes forward; what is random comes from `seed` alone."""
+    """A plant with its own clock. Time only goes forward; what is random comes from `seed` alone.
+
+    law: how it goes from one state to the next: the plain function, or the same compiled (plant_batch).
+    """
 
     def __init__(
         self,
@@ -20,6 +26,7 @@ class PlantRunner:
         seed: int = 0,
         state: PlantState | None = None,
         fine_step_s: float = QUICK_STEP_S,
+        law: Advance = advance,
     ) -> None:
         self.parameters = parameters if parameters is not None else PlantParameters()
         self.noise = noise if noise is not None else PlantNoise()
@@ -28,6 +35,7 @@ class PlantRunner:
         self._pending: deque[tuple[float, float]] = deque()  # (from when, current)
         self._random = random.Random(seed)
         self._fine_step_s = fine_step_s
+        self._law = law
 
     @property
     def time_s(self) -> float:
@@ -70,7 +78,7 @@ class PlantRunner:
         duration_s = time_s - self.state.time_s
         if duration_s <= 0.0:
             return
-        state = advance(self.parameters, self.state, self.current_A, duration_s, self._fine_step_s)
+        state = self._law(self.parameters, self.state, self.current_A, duration_s, self._fine_step_s)
         root = math.sqrt(duration_s)
         wander = self.parameters.drift_wander_rad_s2
         if wander > 0.0:

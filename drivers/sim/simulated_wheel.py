@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from drivers.sim.plant import advance
 from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
+from drivers.sim.plant_runner import Advance, PlantRunner
 from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelDriver, WireLimits
 from rw_ekf.errors import DriverError
@@ -36,6 +37,7 @@ class SimulatedWheel:
         speed_step_rad_s: float = 0.0,
         clock: Clock | None = None,
         fine_step_s: float = QUICK_STEP_S,
+        law: Advance = advance,
     ) -> None:
         if not rate_hz > 0.0 or not command_delay_s >= 0.0:
             raise ValueError(f"rate_hz {rate_hz} must be above 0 and command_delay_s {command_delay_s} not below 0")
@@ -46,7 +48,7 @@ class SimulatedWheel:
         self.identity: WheelIdentity | None = WheelIdentity(
             kind=6, version=1, serial_number=seed & 0xFFFF, uptime_s=0.0
         )
-        self.truth = PlantRunner(parameters, noise, seed, state, fine_step_s)
+        self.truth = PlantRunner(parameters, noise, seed, state, fine_step_s, law)
         self._rate_hz = rate_hz
         self._delay_s = command_delay_s
         self._speed_step_rad_s = speed_step_rad_s

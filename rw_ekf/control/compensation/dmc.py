@@ -1,0 +1,23 @@
+"""Dynamic model compensation, [CK13] (14) and (15): the friction that the model predicts is added to the request."""
+
+from __future__ import annotations
+
+import math
+
+from rw_ekf.control.compensation.known import WheelKnown
+from rw_ekf.records import Tick
+
+
+class DynamicModelCompensation:
+    """I = (a + f(omega)) / k; at rest f is the break-away friction in the direction that is asked for.
+
+    omega is the filter's speed: the sign of a raw reading chatters (the friction changes sign with the noise).
+    """
+
+    def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
+        """The current [A] for an acceleration [rad/s^2]."""
+        if known.speed_rad_s != 0.0:
+            friction = known.friction_rad_s2(known.speed_rad_s)  # [CK13 (14)]
+        else:
+            friction = math.copysign(known.parameters.static, request_rad_s2) if request_rad_s2 != 0.0 else 0.0  # (15)
+        return (request_rad_s2 + friction) / known.parameters.motor_gain

@@ -1,0 +1,60 @@
+"""What a compensation may know of the wheel at a tick: the believed speed, the parameters, the friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rw_ekf.model.friction import Stribeck, friction
+from rw_ekf.model.state import FrictionParameters
+from rw_ekf.records import Estimate, WheelState
+
+Friction = Callable[[float], float]  # at a speed [rad/s]: the friction [rad/s^2], signed as the speed is
+
+
+@dataclass(frozen=True)
+class WheelKnown:
+    """The wheel as a compensation sees it at one tick.
+
+    estimate: that the parameters are of, with its own propagation; None where they are not the filter's.
+    """
+
+    speed_rad_s: float  # as the filter believes it; exactly 0.0 where it believes the wheel at rest
+    parameters: FrictionParameters
+    friction_rad_s2: Friction
+    stribeck: Stribeck
+    estimate: Estimate | None = None
+
+    @classmethod
+    def of_parameters(cls, speed_rad_s: float, parameters: FrictionParameters, stribeck: Stribeck) -> WheelKnown:
+        """Fixed parameters of the base model, and a speed."""
+        curve = (parameters.viscous, parameters.coulomb, parameters.static, *stribeck)
+        return cls(speed_rad_s, parameters, lambda omega: signed_friction(omega, *curve), stribeck)
+
+    @classmethod
+    def of_estimate(cls, estimate: Estimate, stribeck: Stribeck) -> WheelKnown:
+        """What the filter believes; with effects in the model their friction is in it."""
+        parameters = parameters_of(estimate.state)
+        if not estimate.effects:
+            curve = (parameters.viscous, parameters.coulomb, parameters.static, *stribeck)
+            return cls(
+                estimate.state.speed_rad_s, parameters, lambda omega: signed_friction(omega, *curve), stribeck, estimate
+            )
+        return cls(
+            estimate.state.speed_rad_s,
+            parameters,
+            lambda omega: estimate.friction_torque_rad_s2(omega).value,
+            stribeck,
+            estimate,
+        )
+
+
+def parameters_of(state: WheelState) -> FrictionParameters:
+    """The four parameters of a state."""
+    return FrictionParameters(state.motor_gain, state.viscous, state.coulomb, state.static)
+
+
+def signed_friction(omega: float, b: float, c: float, s: float, omega_s: float, law: int) -> float:
+    """Friction of a wheel that turns [rad/s^2], signed as its speed: docs/model.md eq. 1; 0 at rest."""
+    return 0.0 if omega == 0.0 else math.copysign(friction(abs(omega), b, c, s, omega_s, law), omega)

@@ -1,0 +1,42 @@
+"""All compensations by their ids; each stands in one file, is described here, and is made here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rw_ekf.control.compensation.dmc import DynamicModelCompensation
+from rw_ekf.control.compensation.pid_current import PidCurrent
+from rw_ekf.control.compensation.scheme import Compensation
+from rw_ekf.model.friction import Stribeck
+from rw_ekf.model.state import FrictionParameters
+
+
+@dataclass(frozen=True)
+class WheelSheet:
+    """What is known of a wheel before anything is estimated: nominal parameters, Stribeck speed, the loop's rate."""
+
+    parameters: FrictionParameters
+    stribeck: Stribeck
+    rate_hz: float = 10.0
+
+
+@dataclass(frozen=True)
+class SchemeEntry:
+    """One compensation: where it comes from, whose parameters it uses, and how it is made."""
+
+    id: str
+    source: str  # as "[CK13] 4.2 (14), (15)"
+    make: Callable[[WheelSheet], Compensation]
+    parameters_from: str = "none"  # "estimator", "deterministic", "diagnosed" or "none"
+    inner_rate_hz: float | None = None  # of a loop in the wheel's own electronics; None: the attitude loop's rate
+
+
+SCHEMES: dict[str, SchemeEntry] = {
+    entry.id: entry
+    for entry in (
+        SchemeEntry("pid_current", "[CK13] 4.1", lambda sheet: PidCurrent(sheet.parameters.motor_gain)),
+        SchemeEntry("dmc", "[CK13] 4.2 (14), (15)", lambda sheet: DynamicModelCompensation(), "estimator"),
+        SchemeEntry("dmc_deterministic", "[CK13] Table 1", lambda sheet: DynamicModelCompensation(), "deterministic"),
+    )
+}
