@@ -7,6 +7,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from drivers.line.serial_link import OpenPort
+from drivers.line.serial_port import open_serial_port
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
 from rw_ekf.clock import Clock
@@ -17,15 +19,20 @@ class RegisterProtocol:
     """A WheelProtocol over a wire map."""
 
     def __init__(
-        self, wire_map: WireMap, scale_places: Mapping[str, str] | None = None, fingerprint: str | None = None
+        self,
+        wire_map: WireMap,
+        scale_places: Mapping[str, str] | None = None,
+        fingerprint: str | None = None,
+        open_port: OpenPort = open_serial_port,
     ) -> None:
         """scale_places: where the scales of "speed" and "current" stand, for whoever finds one wrong.
 
-        fingerprint: of all that the wire map says.
+        fingerprint: of all that the wire map says. open_port: opens a port in pyserial's place.
         """
         self.wire_map = wire_map
         self.fingerprint = fingerprint
         self.scale_places = scale_places if scale_places is not None else {}
+        self._open_port = open_port
 
     @property
     def limits(self) -> WireLimits:
@@ -62,6 +69,7 @@ class RegisterProtocol:
             exclusive=exclusive,
             control=control,
             previous=previous if isinstance(previous, SerialWheel) else None,
+            open_port=self._open_port,
         )
 
     def serve(self, plant: Any, link_path: str, **options: Any) -> None:

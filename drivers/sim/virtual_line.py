@@ -13,12 +13,10 @@ import serial
 from drivers.line.line_errors import open_error
 from drivers.line.register_protocol import RegisterProtocol
 from drivers.line.serial_port import POLL_S, PortSettings
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_map import WireMap
 from drivers.sim.register_server import RegisterServer
 from drivers.sim.wheel_line import WheelLine
 from rw_ekf.clock import Clock
-from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver
 
 IDLE_ADVANCE_S = 0.5
 
@@ -113,35 +111,12 @@ class VirtualLineProtocol(RegisterProtocol):
     """The protocol of a wire map on one wheel in this process, whatever the port's name."""
 
     def __init__(self, wire_map: WireMap, server: RegisterServer, clock: Clock) -> None:
-        super().__init__(wire_map)
+        super().__init__(wire_map, open_port=self._open_virtual_port)
         self.cable = VirtualCable(server, clock)
 
-    def open_wheel(
-        self,
-        port: str,
-        clock: Clock,
-        reply_timeout_s: float,
-        *,
-        baud: int | None = None,
-        probe: bool = True,
-        exclusive: bool = True,
-        control: ControlLines = USUAL_LINES,
-        previous: WheelDriver | None = None,
-    ) -> WheelDriver:
-        """Open the wheel. Raises DriverError while its cable is out."""
-
-        def open_port(settings: PortSettings, write_timeout_s: float) -> VirtualPort:
-            try:
-                return VirtualPort(self.cable, write_timeout_s)
-            except serial.SerialException as error:
-                raise open_error(port, error, "none") from error
-
-        return open_serial_wheel(
-            port,
-            self.wire_map,
-            clock,
-            reply_timeout_s,
-            probe=probe,
-            previous=previous if isinstance(previous, SerialWheel) else None,
-            open_port=open_port,
-        )
+    def _open_virtual_port(self, settings: PortSettings, write_timeout_s: float) -> VirtualPort:
+        """Raises DriverError while the cable is out."""
+        try:
+            return VirtualPort(self.cable, write_timeout_s)
+        except serial.SerialException as error:
+            raise open_error(settings.port, error, settings.line.parity) from error
