@@ -28,10 +28,19 @@ class GuardedSink:
     """A sink whose exceptions are counted and said once, and whose slowness stays its own. Control goes on."""
 
     def __init__(
-        self, name: str, sink: Sink, queue: Queue | None, clock: Clock, unwritten: Unwritten, note: Note
+        self,
+        name: str,
+        sink: Sink,
+        queue: Queue | None,
+        clock: Clock,
+        unwritten: Unwritten,
+        note: Note,
+        *,
+        every_turn: bool = False,
     ) -> None:
-        """queue: None where the sink takes its ticks within the turn."""
+        """queue: None where the sink takes its ticks within the turn. every_turn: also those without a sample."""
         self.name = name
+        self._every_turn = every_turn
         self._sink = sink
         self._rule = queue
         self._clock = clock
@@ -50,7 +59,9 @@ class GuardedSink:
             self._thread.start()
 
     def write(self, tick: Tick) -> None:
-        """Hand a tick over. Never raises."""
+        """Hand a tick over, if it is one for this sink. Never raises."""
+        if not (tick.fresh or self._every_turn):
+            return
         if self._rule is None:
             self._guarded(lambda: self._sink.write(tick))
         elif self._rule.every_s > 0.0:

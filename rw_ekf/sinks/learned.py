@@ -50,7 +50,7 @@ class LearnedSink:
 
     def write(self, tick: Tick) -> None:
         """Take a tick and save it, unless the run has only just begun."""
-        if tick.fresh and (tick.state is None or tick.state.state is RunState.TRACKING):
+        if tick.state is None or tick.state.state is RunState.TRACKING:
             self._newest = tick.estimate
         if self._clock.monotonic() >= self._first_s:
             self._save()

@@ -74,7 +74,7 @@ class LogSink:
     def write(self, tick: Tick) -> None:
         """Append one line to each file."""
         sample, estimate = tick.sample, tick.estimate
-        if not tick.fresh or estimate.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
+        if estimate.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
             return  # a log's time only grows; the statistics count these
         self._in_part(tick)
         breaks = self._breaks + self._broken

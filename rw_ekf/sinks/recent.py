@@ -29,7 +29,7 @@ class RecentSink:
     def write(self, tick: Tick) -> None:
         """Keep one row."""
         sample, command = tick.sample, tick.command
-        if not tick.fresh or tick.estimate.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
+        if tick.estimate.outcome in (Outcome.REPEATED, Outcome.BACKWARD):
             return
         current_A = sample.current_command_A if command is None else command.current_A
         if current_A is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Phase
@@ -95,14 +95,24 @@ def _learned(run: RunContext) -> tuple[Sink, Queue]:
     return sink, Queue(1, every_s=every_s)
 
 
-SINKS: dict[str, Callable[[RunContext], tuple[Sink, Queue | None]]] = {
-    "log": _log,
-    "statistics": lambda run: (StatisticsSink(run.statistics), None),
-    "recent": lambda run: (run.recent, None),
-    "state": _state,
-    "events": _events,
-    "learned": _learned,
-    "status": lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
+class SinkKind(NamedTuple):
+    """How a sink is made, and which turns it takes."""
+
+    make: Callable[[RunContext], tuple[Sink, Queue | None]]
+    every_turn: bool = False  # also those that brought no sample
+
+
+SINKS: dict[str, SinkKind] = {
+    "log": SinkKind(_log),
+    "statistics": SinkKind(lambda run: (StatisticsSink(run.statistics), None)),
+    "recent": SinkKind(lambda run: (run.recent, None)),
+    "state": SinkKind(_state, every_turn=True),
+    "events": SinkKind(_events, every_turn=True),
+    "learned": SinkKind(_learned),
+    "status": SinkKind(
+        lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
+        every_turn=True,
+    ),
 }
 
 
@@ -110,11 +120,14 @@ def sinks_of(run: RunContext) -> list[GuardedSink]:
     """Every sink of a run behind its guard; raises BadInputError where a file that it needs cannot be made."""
     with contextlib.ExitStack() as undo:
         made = []
-        for name, make in SINKS.items():
+        for name, kind in SINKS.items():
             if name == "learned" and run.learning is None:
                 continue
-            sink, queue = make(run)
-            made.append(GuardedSink(name, sink, queue, run.clock, run.unwritten, run.logger.error))
+            sink, queue = kind.make(run)
+            guarded = GuardedSink(
+                name, sink, queue, run.clock, run.unwritten, run.logger.error, every_turn=kind.every_turn
+            )
+            made.append(guarded)
             undo.callback(made[-1].close)
         undo.pop_all()
     return made

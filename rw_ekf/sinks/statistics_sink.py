@@ -15,8 +15,6 @@ class StatisticsSink:
 
     def write(self, tick: Tick) -> None:
         """Count one tick."""
-        if not tick.fresh:
-            return
         self._statistics.add(tick.estimate, same_segment=tick.sample.segment == self._segment)
         self._segment = tick.sample.segment
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -114,3 +115,13 @@ def test_a_sink_of_the_newest_gets_one_now_and_then_and_the_last() -> None:
     sink.close()
     assert taker.taken == [0.0, 1.0, 2.0, 3.0, 3.25]
     assert not unwritten
+
+
+def test_a_sink_takes_turns_without_a_sample_only_where_it_is_to() -> None:
+    """Three turns, one of them without a sample: an ordinary sink is handed two, one of every turn all three."""
+    for every_turn, taken in ((False, [0.0, 2.0]), (True, [0.0, 1.0, 2.0])):
+        taker = Taker()
+        sink = GuardedSink("taker", taker, None, VirtualClock(), Unwritten(), Notes().error, every_turn=every_turn)
+        for time_s in (0.0, 1.0, 2.0):
+            sink.write(replace(tick_of(WheelSample(time_s, 1.0)), fresh=time_s != 1.0))
+        assert taker.taken == taken

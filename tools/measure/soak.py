@@ -142,7 +142,7 @@ def _watched_by(observer: Observer) -> Iterator[None]:
             observer.exchanged(asked_s, exchange)
         return exchange
 
-    sinks = {**registry.SINKS, "observer": lambda run: (observer, None)}
+    sinks = {**registry.SINKS, "observer": registry.SinkKind(lambda run: (observer, None), every_turn=True)}
     with mock.patch.object(SerialLink, "request", witnessed), mock.patch.object(registry, "SINKS", sinks):
         yield
 
