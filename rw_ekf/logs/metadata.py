@@ -9,7 +9,7 @@ from typing import Any
 
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.logs.parts import stem_of
+from rw_ekf.logs.parts import beside
 from rw_ekf.records import WheelIdentity
 from rw_ekf.settings.yaml_loader import load_yaml
 
@@ -32,8 +32,7 @@ def utc_text(moment: datetime) -> str:
 
 def metadata_path(log: str | Path) -> Path:
     """Path of the metadata that belong to a log, or to a part of it: run.csv, run.part002.csv.zst -> run.meta.yaml."""
-    stem = stem_of(log)
-    return stem.with_name(f"{stem.name}.meta.yaml")
+    return beside(log, "meta.yaml")
 
 
 def write_metadata(log: str | Path, metadata: RunMetadata) -> Path:

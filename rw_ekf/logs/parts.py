@@ -43,6 +43,12 @@ def stem_of(path: str | Path) -> Path:
     return path.with_suffix("") if name is None else path.with_name(name.stem)
 
 
+def beside(log: str | Path, ending: str) -> Path:
+    """Path of another file of a log's run: runs/STEM.part002.csv.zst, "meta.yaml" -> runs/STEM.meta.yaml."""
+    stem = stem_of(log)
+    return stem.with_name(f"{stem.name}.{ending}")
+
+
 def part_path(first: Path, number: int) -> Path:
     """Name a part of the log, or of the estimates, whose first part is `first`."""
     name = PartName.of(first.name)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.metadata import metadata_path, read_metadata
-from rw_ekf.logs.parts import FORMS, PartName, stem_of
+from rw_ekf.logs.parts import FORMS, PartName, beside
 
 
 def runs_of(directory: Path) -> tuple[list[Path], list[str]]:
@@ -35,11 +35,9 @@ def runs_of(directory: Path) -> tuple[list[Path], list[str]]:
 
 def start_path(log: str | Path) -> Path:
     """Path of the model that a run started from: run.csv -> run.start.yaml."""
-    stem = stem_of(log)
-    return stem.with_name(f"{stem.name}.start.yaml")
+    return beside(log, "start.yaml")
 
 
 def model_path(log: str | Path) -> Path:
     """Path of the model at the end of a run: run.csv -> run.model.yaml."""
-    stem = stem_of(log)
-    return stem.with_name(f"{stem.name}.model.yaml")
+    return beside(log, "model.yaml")

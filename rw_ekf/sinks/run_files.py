@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.logs.parts import FORMS
+from rw_ekf.logs.metadata import metadata_path
+from rw_ekf.logs.parts import FORMS, beside
+from rw_ekf.logs.run_directory import model_path, start_path
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -46,22 +48,27 @@ class RunFiles:
             raise BadInputError(
                 f"output.directory {directory} cannot be made ({error.strerror}): give another one"
             ) from None
-        safe = _safe(wheel)
-        stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}"
+        stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{_safe(wheel)}"
+        log = directory / f"{stem}{FORMS[0]}"
         number = 1
-        while any(os.path.lexists(directory / f"{stem}{ending}") for ending in (*FORMS, ".meta.yaml")):
+        while _is_taken(log):
             number += 1
-            stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{safe}_{number}"
+            log = directory / f"{stem}_{number}{FORMS[0]}"
         return cls(
-            log=directory / f"{stem}.csv",
-            estimates=directory / f"{stem}.estimates.csv",
-            events=directory / f"{stem}.events.jsonl",
-            start=directory / f"{stem}.start.yaml",
-            model=directory / f"{stem}.model.yaml",
-            replaced=directory / f"{stem}.replaced.yaml",
+            log=log,
+            estimates=beside(log, "estimates.csv"),
+            events=beside(log, "events.jsonl"),
+            start=start_path(log),
+            model=model_path(log),
+            replaced=beside(log, "replaced.yaml"),
             learned=learned_path(configuration),
             state=state_path(configuration),
         )
+
+
+def _is_taken(log: Path) -> bool:
+    """Whether a run has left a log of that name, in any form, or metadata."""
+    return any(os.path.lexists(path) for path in (*(log.with_suffix(form) for form in FORMS), metadata_path(log)))
 
 
 def state_path(configuration: Configuration) -> Path:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from rw_ekf.logs.log_text import LogText
-from rw_ekf.logs.parts import parts_of, stem_of
+from rw_ekf.logs.parts import beside, parts_of
 
 
 def main() -> int:
@@ -21,7 +21,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("log", type=Path)
     log = parser.parse_args().log
-    for first in (log, stem_of(log).with_name(f"{stem_of(log).name}.estimates.csv")):
+    for first in (log, beside(log, "estimates.csv")):
         if parts_of(first).files[0].exists():
             _print(first)
     return 0
