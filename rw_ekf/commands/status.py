@@ -29,6 +29,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.clock import SystemClock
     from rw_ekf.live.holder import holders_of, supervisors_of
     from rw_ekf.live.published import read_published
+    from rw_ekf.records import RunState
     from rw_ekf.settings.load import load_configuration
     from rw_ekf.sinks.run_files import state_path
 
@@ -50,7 +51,7 @@ def execute(args: argparse.Namespace) -> int:
         for facts in supervisors_of(configuration.wheel.port, clock):
             document["reason"] += f" ({facts.described} supervises it, and starts it again)"
         return _show(args, document, DEAD_STATUS)
-    return _show(args, document, TRACKING_STATUS if found.run_state == "TRACKING" else OTHER_STATUS)
+    return _show(args, document, TRACKING_STATUS if found.run_state == RunState.TRACKING else OTHER_STATUS)
 
 
 def _document(found: Published) -> dict[str, Any]:

@@ -9,8 +9,7 @@ from typing import Any
 
 from rw_ekf.live.process import facts_of
 from rw_ekf.records import RunState
-
-SCHEMA = "rw_ekf.state/1"
+from rw_ekf.sinks.state_file import SCHEMA
 
 
 @dataclass(frozen=True)

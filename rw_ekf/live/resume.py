@@ -9,6 +9,7 @@ from rw_ekf.clock import Clock, SystemClock
 from rw_ekf.live.holder import holders_of, tell
 from rw_ekf.live.published import Published, read_published
 from rw_ekf.live.stop_signal import RESUME
+from rw_ekf.records import RunState
 from rw_ekf.sinks.run_files import state_path
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 _WITHIN_S = 5.0  # the state file is replaced once a second
 _LOOK_EVERY_S = 0.05
-_SAFE = "SAFE"
 
 
 @dataclass(frozen=True)
@@ -56,19 +56,19 @@ def resume_daemon(configuration: Configuration, clock: Clock | None = None) -> R
         text = f"process {facts.pid} was told to resume, but publishes nothing here: see its own log"
         return Resumed(facts.pid, False, None, text) if told else None
     assert before is not None
-    if before.run_state != _SAFE:
+    if before.run_state != RunState.SAFE:
         state = before.run_state
         return Resumed(facts.pid, True, state, f"process {facts.pid} is {state}, not SAFE: nothing to resume")
     if not tell(facts, RESUME):
         return None
     end_s = clock.monotonic() + _WITHIN_S
     now = before
-    while clock.monotonic() < end_s and now.run_state == _SAFE:
+    while clock.monotonic() < end_s and now.run_state == RunState.SAFE:
         clock.sleep(_LOOK_EVERY_S)
         now = read_published(path) or now
-    if now.run_state == _SAFE:
+    if now.run_state == RunState.SAFE:
         text = f"process {facts.pid} stays in SAFE: {now.document.get('reason')}"
-        return Resumed(facts.pid, False, _SAFE, text)
+        return Resumed(facts.pid, False, RunState.SAFE.value, text)
     return Resumed(facts.pid, True, now.run_state, f"process {facts.pid} has left SAFE and is {now.run_state}")
 
 

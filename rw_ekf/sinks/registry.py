@@ -73,13 +73,7 @@ def _log(run: RunContext) -> tuple[Sink, Queue]:
 
 
 def _state(run: RunContext) -> tuple[Sink, Queue]:
-    about = {
-        "schema": "rw_ekf.state/1",
-        "wheel": run.wheel,
-        "port": run.port,
-        "log": run.files.log.name,
-        **run.process,
-    }
+    about = {"wheel": run.wheel, "port": run.port, "log": run.files.log.name, **run.process}
     publisher = Publisher(about, run.clock, run.link, run.watched, run.in_order)
     return StateFileSink(run.files.state, publisher, run.began, run.unwritten), Queue(1, every_s=_STATE_EVERY_S)
 

@@ -15,6 +15,7 @@ from rw_ekf.logs.metadata import utc_text
 from rw_ekf.records import LinkCounters, StateNow, Tick
 from rw_ekf.sinks.run_files import Unwritten
 
+SCHEMA = "rw_ekf.state/1"
 _OF_TICK = (
     "time_s", "outcome", "state", "std", "valid", "filter_health", "current_command_A", "temperature_degC",
 )  # fmt: skip
@@ -56,6 +57,7 @@ class StateFileSink:
         publisher, tick = self._publisher, self._last
         now = self._began if tick is None or tick.state is None else tick.state
         document = {
+            "schema": SCHEMA,
             **publisher.about,
             "utc": utc_text(publisher.clock.utc()),
             "ended_utc": ended_utc,
@@ -75,10 +77,7 @@ class StateFileSink:
 
 def _of_tick(tick: Tick | None) -> dict[str, Any]:
     if tick is None:
-        empty = dict.fromkeys(
-            ("time_s", "outcome", "state", "std", "valid", "filter_health", "current_command_A", "temperature_degC")
-        )
-        return dict(empty)
+        return dict.fromkeys(_OF_TICK)
     estimate = tick.estimate
     return {
         "time_s": estimate.time_s,
