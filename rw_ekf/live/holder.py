@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from rw_ekf.clock import Clock
@@ -75,12 +75,8 @@ def supervisors_of(port: str, clock: Clock) -> list[ProcessFacts]:
 
 def tell(facts: ProcessFacts, number: signal.Signals) -> bool:
     """Signal a daemon that was found; False where it has ended meanwhile. Raises DriverError where we may not."""
-    with contextlib.ExitStack() as stack:
-        try:
-            handle = stack.enter_context(ProcessHandle(facts.pid))
-        except OSError:
-            return False
-        if not _same(facts):
+    with _handle_on(facts) as handle:
+        if handle is None:
             return False
         try:
             handle.send(number)
@@ -108,13 +104,8 @@ def _end(
     report: HolderReport,
 ) -> None:
     """Signal one process that was found to be a daemon, and wait until it no longer holds what it held."""
-    with contextlib.ExitStack() as stack:
-        try:
-            handle = stack.enter_context(ProcessHandle(facts.pid))
-        except OSError:  # it ended by itself
-            report.ended.append(facts.pid)
-            return
-        if not _same(facts):  # looked at again under the handle: from here on it cannot be another
+    with _handle_on(facts) as handle:
+        if handle is None:  # it ended by itself
             report.ended.append(facts.pid)
             return
         try:
@@ -146,10 +137,18 @@ def _end(
             )
 
 
-def _same(facts: ProcessFacts) -> bool:
-    """Whether the process of that number is still the one that was looked at."""
-    now = facts_of(facts.pid)
-    return now is not None and (now.start_ticks, now.uid) == (facts.start_ticks, facts.uid)
+@contextlib.contextmanager
+def _handle_on(facts: ProcessFacts) -> Iterator[ProcessHandle | None]:
+    """A handle on the process that was looked at; None where it has ended, whatever has its number now."""
+    try:
+        handle = ProcessHandle(facts.pid)
+    except OSError:
+        yield None
+        return
+    with handle:
+        now = facts_of(facts.pid)  # looked at again under the handle: from here on it cannot be another
+        same = now is not None and (now.start_ticks, now.uid) == (facts.start_ticks, facts.uid)
+        yield handle if same else None
 
 
 def _until(condition: Callable[[], bool], clock: Clock, within_s: float) -> bool:
