@@ -32,7 +32,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.clock import SystemClock
     from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
-    from rw_ekf.live.guard import CurrentGuard, SafetyLimits
+    from rw_ekf.live.guard import zero_and_close
     from rw_ekf.live.holder import stop_holder
     from rw_ekf.settings.line import read_line
 
@@ -44,12 +44,7 @@ def execute(args: argparse.Namespace) -> int:
     report = stop_holder(port, clock)
     _warn(report.notes)
     driver = _open(line, report, clock)
-    try:
-        limits = SafetyLimits.of(line.configuration.limits)
-        confirmed = CurrentGuard(driver, limits, clock, say=lambda event, text: _warn([text])).zero(_TRY_S)
-    finally:
-        driver.close()
-    if not confirmed:
+    if not zero_and_close(driver, line.configuration.limits, clock, _TRY_S, lambda event, text: _warn([text])):
         doubts = "".join(f"; {doubt}" for doubt in line.doubts)
         raise DriverError(
             f"{port}: {_done(report)}zero was sent but no wheel confirmed it within {_TRY_S:g} s{doubts}; check the "

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Say = Callable[[str, str], None]  # an event and its sentence
 
 _ZERO_RETRY_S = 0.05
+_CONFIRMED_WITHIN_S = 0.5
 _INSTEAD = {ZERO_BY_MODE: "its mode was set to idle instead", ZERO_BY_RESET: "it was reset instead"}
 _BRAKE_STEPS = 6.0
 BRAKE_ACCELERATES = "brake_accelerates"
@@ -191,7 +192,7 @@ class CurrentGuard:
         self._previous_A = issued.current_A
         return IssuedCommand(issued.current_A, issued.delay_s, True, reason)
 
-    def zero(self, within_s: float = 0.5) -> bool:
+    def zero(self, within_s: float = _CONFIRMED_WITHIN_S) -> bool:
         """Write zero until the wheel confirms it or `within_s` is over; True if confirmed. Never raises."""
         end = self._clock.monotonic() + within_s
         while True:
@@ -223,6 +224,20 @@ class CurrentGuard:
             self._say(by, f"the wheel refused a current of zero: {_INSTEAD[by]}")
         self._zero_by = by
         return issued
+
+
+def zero_and_close(
+    driver: WheelDriver,
+    limits: LimitsSection,
+    clock: Clock,
+    within_s: float = _CONFIRMED_WITHIN_S,
+    say: Say = lambda event, text: None,
+) -> bool:
+    """Zero from outside the loop, over a line that is closed behind it, as `CurrentGuard.zero`."""
+    try:
+        return CurrentGuard(driver, SafetyLimits.of(limits), clock, say=say).zero(within_s)
+    finally:
+        driver.close()
 
 
 def _is_refused(issued: IssuedCommand) -> bool:

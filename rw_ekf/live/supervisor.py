@@ -21,7 +21,7 @@ from rw_ekf.console import STATUS
 from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.forwarded import ForwardedSignals
-from rw_ekf.live.guard import CurrentGuard, SafetyLimits
+from rw_ekf.live.guard import zero_and_close
 from rw_ekf.live.oversight import OVER, TOLD, TURN, Heartbeat
 from rw_ekf.live.process import ProcessHandle
 
@@ -261,11 +261,7 @@ class Supervisor:
             driver = open_wheel(None)
         except DriverError:
             return False
-        try:
-            limits = SafetyLimits.of(self.configuration.limits)
-            return CurrentGuard(driver, limits, self.clock).zero()
-        finally:
-            driver.close()
+        return zero_and_close(driver, self.configuration.limits, self.clock)
 
     def _pause(self, seconds: float, *, zeroed: bool) -> bool:
         """Wait before the next start, unless a stop is asked for; try on to write zero. Whether it was confirmed."""
