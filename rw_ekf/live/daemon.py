@@ -167,7 +167,7 @@ def run_daemon(
                 sink.close()
         belief = Belief(estimator.mean, estimator.covariance)
         run.statistics.points = estimator.points
-        watches.find_negative_gain()
+        watches.find_negative_gain(belief)
         with run.unwritten.tried(files.model, logger.warning):
             source = {"method": "filter", "log": files.log.name}
             _write_model(files.model, model_of(belief, setup, source, wheel=watches.wheel))

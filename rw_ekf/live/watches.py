@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelProtocol
+from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.learning.start import GivenModel, Start
 from rw_ekf.live.alarm_watch import alarm_watch_of
@@ -46,7 +47,6 @@ class RunWatches:
         """expectation: whose the expected motor gain is, as in "... what the model says"."""
         self._start = start
         self._live = live
-        self._estimator = estimator
         constants, resolution = estimator.constants, protocol.limits.speed_step_rad_s
         noise = constants.speed_noise_rad_s
         writes = configuration.command.profile != "none"
@@ -84,10 +84,9 @@ class RunWatches:
         self.judge.commanded(tick.command)
         return () if self.alarms is None else self.alarms.step(tick)
 
-    def find_negative_gain(self) -> None:
+    def find_negative_gain(self, belief: Belief) -> None:
         """At the end: a negative motor gain is a finding where nothing of the kind was found before."""
-        gain = self._estimator.parameters.motor_gain
-        std = float(self._estimator.parameter_covariance[0, 0]) ** 0.5
+        gain, std = belief.parameters.motor_gain, belief.parameter_std.motor_gain
         if self._live.halted is None and self.states.forbidden is None and gain + _SURE * std < 0.0:
             self.check.found(
                 "negative_gain",
