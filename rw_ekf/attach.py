@@ -43,7 +43,7 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
 
     too_wide("current_A", "A", limits.current_A, "commands", *wire.current_A)
     too_wide("speed_rpm", "rpm", limits.speed_rpm, "speeds", *(rpm_from_rad_s(v) for v in wire.speed_rad_s))
-    if configuration.command.profile == "none" and not wire.tells_current:
+    if not configuration.command.writes and not wire.tells_current:
         text = f"command.profile is none, but {the_map} has no current_command or current in its telemetry"
         found.append((("command", "profile"), f"{text}: without one of them it is not known what drives the wheel."))
     too_hot = f"limits.temperature_degC is {limits.temperature_degC:g} degC, but {the_map}"

@@ -87,7 +87,7 @@ def service_of(configuration: Configuration, config: str, user: str) -> Service:
         group=_group() if "://" not in port else None,
         devices=_devices(port),
         hung_after_s=Patience.of(configuration).turn_s,
-        writes=configuration.command.profile != "none",
+        writes=configuration.command.writes,
     )
 
 

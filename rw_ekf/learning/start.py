@@ -58,7 +58,7 @@ def start_of_run(
     said: list[tuple[str, str]] = []
     model = given.model
     if model is not None:
-        said += _whose(model, given, wheel, drives=configuration.command.profile != "none")
+        said += _whose(model, given, wheel, drives=configuration.command.writes)
         model, notes = carried_over(model)
         said += [("effect_not_carried_over", text) for text in notes]
     setup = origin = setup_of_configuration(configuration, model)

@@ -86,7 +86,7 @@ def run_daemon(
     from rw_ekf.attach import opener
 
     began = clock.utc()
-    writes = configuration.command.profile != "none"
+    writes = configuration.command.writes
     commander = commander_of(configuration.command) if writes else None
     rate_hz, noise_rad_s = configuration.loop.rate_hz, rad_s_from_rpm(configuration.filter.speed_noise_rpm)
     with contextlib.ExitStack() as stack:

@@ -236,12 +236,8 @@ class Supervisor:
         self.logger.error("daemon_died", pid=child.handle.pid, how=child.death, zero_current=zero)
 
     @property
-    def _writes(self) -> bool:
-        return self.configuration.command.profile != "none"
-
-    @property
     def _done(self) -> str:
-        return "confirmed" if self._writes else "left to who commands the wheel"
+        return "confirmed" if self.configuration.command.writes else "left to who commands the wheel"
 
     def _zero_at_once(self) -> bool:
         """Zero over the line that the dead child has left; tried for a while, a port may be away for a moment."""
@@ -254,7 +250,7 @@ class Supervisor:
         """Write zero over a line of our own; True if the wheel confirmed it, or if this run never writes."""
         from rw_ekf.attach import opener
 
-        if not self._writes:
+        if not self.configuration.command.writes:
             return True
         open_wheel = opener(self.configuration, self.protocol, self.clock, probe=False, exclusive=exclusive)
         try:

@@ -49,7 +49,7 @@ class RunWatches:
         self._live = live
         constants, resolution = estimator.constants, protocol.limits.speed_step_rad_s
         noise = constants.speed_noise_rad_s
-        writes = configuration.command.profile != "none"
+        writes = configuration.command.writes
         self.step_rad_s = max(resolution, noise)  # of a reading, or its noise
         self.check = TelemetryCheck(
             logger.warning,

@@ -142,6 +142,11 @@ class CommandSection(Section):
         True, description="whether a run first moves a wheel a little whose sign and gain were never confirmed"
     )
 
+    @property
+    def writes(self) -> bool:
+        """Whether the wheel is commanded at all, and not only listened to."""
+        return self.profile != "none"
+
 
 class OutputSection(Section):
     """Where the runs go."""
