@@ -23,6 +23,7 @@ VERBS = {
     "stop": "stop",
     "status": "status",
     "install-service": "install_service",
+    "flyby": "flyby",
 }
 
 

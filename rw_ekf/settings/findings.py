@@ -64,6 +64,9 @@ def _fault(kind: str, found: object, detail: ErrorDetails) -> str:
         return f"must be one of {', '.join(choices)}; found {shown(found)}{hint}"
     if kind == "string_too_short":
         return "must not be empty"
+    if kind in {"too_short", "too_long"}:
+        bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+        return f"must have {bound} entries, found {context['actual_length']}"
     if kind == "value_error":
         return f"is not understood, found {shown(found)}: {context.get('error', '')}"
     return f"is not accepted ({detail['msg']}), found {shown(found)}"

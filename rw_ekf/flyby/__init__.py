@@ -1,0 +1,1 @@
+"""Reversals of wheels as a spacecraft sees them: when a flyby brings them about."""

@@ -1,0 +1,109 @@
+"""Wheel rates along a flyby, in closed form: a trigonometric polynomial of degree two in alpha for each wheel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.flyby.geometry import Flyby
+
+Complex128Array = npt.NDArray[np.complex128]
+_NOTHING = 1.0e-14  # of the largest coefficient
+
+
+@dataclass(frozen=True)
+class WheelRate:
+    """One wheel's rate [rad/s]: mean + cosine cos(alpha) + sine sin(alpha) + second cos(2 alpha)."""
+
+    mean: float
+    cosine: float
+    sine: float
+    second: float
+
+    def __call__(self, angle_rad: float) -> float:
+        """Rate [rad/s] at alpha."""
+        return (
+            self.mean
+            + self.cosine * math.cos(angle_rad)
+            + self.sine * math.sin(angle_rad)
+            + self.second * math.cos(2.0 * angle_rad)
+        )
+
+    def slope(self, angle_rad: float) -> float:
+        """Change of the rate with alpha [rad/s per rad]."""
+        return (
+            -self.cosine * math.sin(angle_rad)
+            + self.sine * math.cos(angle_rad)
+            - 2.0 * self.second * math.sin(2.0 * angle_rad)
+        )
+
+    @property
+    def scale(self) -> float:
+        """A bound on the rate's size [rad/s]."""
+        return abs(self.mean) + abs(self.cosine) + abs(self.sine) + abs(self.second)
+
+    @property
+    def fourier(self) -> Complex128Array:
+        """Coefficients (5,) of z^2 to z^-2, z = exp(i alpha)."""
+        first = 0.5 * complex(self.cosine, -self.sine)
+        return np.array([0.5 * self.second, first, self.mean, first.conjugate(), 0.5 * self.second])
+
+    def stationary_rad(self, start_rad: float, end_rad: float) -> list[float]:
+        """Angles between start and end at which the rate can be stationary, ascending."""
+        return root_angles(derivative(self.fourier), start_rad, end_rad)
+
+
+def derivative(fourier: Complex128Array) -> Complex128Array:
+    """Coefficients of the derivative of a trigonometric polynomial, highest power of z first."""
+    degree = fourier.size // 2
+    return 1j * np.arange(degree, -degree - 1, -1) * fourier
+
+
+def root_angles(fourier: Complex128Array, start_rad: float, end_rad: float) -> list[float]:
+    """Angles between start and end that hold every zero of a trigonometric polynomial, ascending.
+
+    Zeros are roots on the unit circle. The arguments of all roots are taken: rounding moves a double one off the
+    circle, and those that never were on it do no harm to whoever only divides the window at these angles.
+    """
+    largest = float(np.max(np.abs(fourier)))
+    if largest == 0.0:
+        return []
+    while abs(fourier[0]) < _NOTHING * largest:  # conjugate ends: both go
+        fourier = fourier[1:-1]
+    angles = np.angle(np.roots(fourier)) % (2.0 * math.pi)
+    return sorted(float(angle) for angle in angles if start_rad < angle < end_rad)
+
+
+def wheel_rates(flyby: Flyby, rates_rad_s: Sequence[float]) -> tuple[WheelRate, ...]:
+    """Rates of all wheels from their rates (n,) at the start: (A4), its last term added.
+
+    Total momentum is conserved in inertial space, H0 = A h0 + I n w0 with wheel momenta h and the slew axis n, and is
+    seen from the body turned back by beta = alpha - alpha0. The wheels hold what the body does not,
+    h = A+ (Q' H0 - I n w), and, with more than three, their null-space part as it was: torques are allocated by the
+    pseudo-inverse A+.
+    """
+    wheels, n = flyby.wheels, flyby.slew_axis
+    start = wheels.inertia_kg_m2 * np.asarray(rates_rad_s, dtype=np.float64)
+    body = flyby.inertia_kg_m2 @ n  # momentum per rate
+    total = wheels.axes @ start + body * flyby.rate_rad_s(flyby.start_rad)
+    along, turned = n * (n @ total), np.cross(n, total)
+    across = total - along
+    cosine, sine = math.cos(flyby.start_rad), math.sin(flyby.start_rad)
+    half = 0.5 * flyby.peak_rate_rad_s * body  # sin^2 = (1 - cos 2)/2
+    terms = np.column_stack([along - half, cosine * across + sine * turned, sine * across - cosine * turned, half])
+    momenta = wheels.allocation @ terms
+    momenta[:, 0] += wheels.null_projection @ start
+    return tuple(WheelRate(*map(float, row)) for row in momenta / wheels.inertia_kg_m2[:, None])
+
+
+def rates_at(rates: Sequence[WheelRate], angles_rad: Float64Array) -> Float64Array:
+    """Rates [rad/s] of n wheels at m angles, (n, m)."""
+    a = angles_rad
+    basis = np.stack([np.ones_like(a), np.cos(a), np.sin(a), np.cos(2.0 * a)])
+    terms = np.array([[rate.mean, rate.cosine, rate.sine, rate.second] for rate in rates])
+    return np.asarray(terms @ basis, dtype=np.float64)
