@@ -17,13 +17,16 @@ from tests.flyby.geometries import random_flyby, random_rates
 
 
 def is_free(flyby: Flyby, family: Family, value: float, within_s: float) -> bool:
-    """Whether no wheel changes its sign on a grid of angles around closest approach."""
+    """Whether no wheel is at zero or changes its sign on a grid of angles around closest approach."""
     closest = flyby.closest_approach_s
     first = max(flyby.start_rad, flyby.angle_rad(closest - within_s))
     last = min(flyby.end_rad, flyby.angle_rad(closest + within_s))
+    if first >= last:
+        return True  # the window ends before, or begins after
     angles = np.linspace(first, last, 4001)
     rates = rates_at(family.base, angles) + value * rates_at(family.direction, angles)
-    return bool(np.all(np.ptp(np.sign(rates), axis=1) == 0))
+    signs = np.where(np.abs(rates) > 1e-9, np.sign(rates), 0.0)  # rates of wheels that start at rest are zero there
+    return bool(np.all(np.abs(signs.sum(axis=1)) == angles.size))
 
 
 @settings(max_examples=60, deadline=None)
