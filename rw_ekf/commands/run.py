@@ -13,7 +13,7 @@ from rw_ekf.console import shown_path
 from rw_ekf.records import RunState
 
 if TYPE_CHECKING:
-    from rw_ekf.live.daemon import RunOutcome
+    from rw_ekf.live.outcome import RunOutcome
     from rw_ekf.live.oversight import Heartbeat
     from rw_ekf.settings.schema import Configuration
 

@@ -13,7 +13,8 @@ from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import SystemClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.learning.start import GivenModel
-from rw_ekf.live.daemon import RunOutcome, run_daemon
+from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog

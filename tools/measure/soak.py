@@ -37,7 +37,8 @@ from drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.clock import Clock, SystemClock, VirtualClock
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.learning.start import GivenModel
-from rw_ekf.live.daemon import RunOutcome, run_daemon
+from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settings.resources import protocol_path
