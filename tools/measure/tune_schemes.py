@@ -1,0 +1,140 @@
+"""Tune compensations by one rule: python -m tools.measure.tune_schemes [SCHEME ...] [--budget 60].
+
+Wheel: the default scenario's, but drawn within 15 % of its data sheet, seed 0, which no contest is judged on. Cost:
+the mean over both noises of
+
+    peak attitude error [deg] in the 120 s from the reversal on + 0.05 deg per (A/s) of chatter in them,
+
+chatter the sum of |I_k+1 - I_k| over the time. Every scheme gets the same number of trials, in the box it declares,
+in logarithms: half of them spread evenly (Halton, seeded), half by Nelder-Mead from the best of those. What is found
+is rounded to two digits; a scheme keeps what it has where that costs no more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.stats import qmc
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.bench.margins import scenario_for
+from rw_ekf.bench.run import BenchRun, run_bench
+from rw_ekf.bench.scenario import Scenario
+from rw_ekf.bench.wheels import constants_of, deterministic, drawn_wheel, learned, nominal
+from rw_ekf.control.compensation.known import WheelKnown
+from rw_ekf.control.compensation.registry import SCHEMES, SchemeEntry, WheelSheet
+from rw_ekf.control.compensation.scheme import Knowledge
+from rw_ekf.filter.estimator import Estimator
+
+TRAINING_SEED = 0
+SPREAD_PERCENT = 15.0
+WINDOW_S = 120.0
+CHATTER_DEG_S_PER_A = 0.05
+
+Trial = Mapping[str, float]
+
+
+def training_scenario() -> Scenario:
+    """The default scenario with a wheel that is not its data sheet's."""
+    scenario = Scenario()
+    return scenario.model_copy(update={"wheel": scenario.wheel.model_copy(update={"spread_percent": SPREAD_PERCENT})})
+
+
+def run_scheme(entry: SchemeEntry, scenario: Scenario, noise_rpm: float, seed: int, trial: Trial) -> BenchRun:
+    """One run of a scheme with parameters in place of its own."""
+    plant, sheet_says = drawn_wheel(scenario, seed), nominal(scenario)
+    rate_hz = scenario.cycle.rate_hz if entry.inner_rate_hz is None else entry.inner_rate_hz
+    constants = constants_of(scenario, noise_rpm, rate_hz)
+    belief = learned(scenario, noise_rpm, seed)
+    fixed = deterministic(plant) if entry.parameters_from == "deterministic" else sheet_says
+    knowledge: Knowledge
+    if entry.parameters_from == "estimator":
+        knowledge = lambda tick: WheelKnown.of_estimate(tick.estimate, constants.stribeck)  # noqa: E731
+    else:
+        knowledge = lambda tick: WheelKnown.of_parameters(  # noqa: E731
+            tick.estimate.state.speed_rad_s, fixed, constants.stribeck
+        )
+    return run_bench(
+        scenario_for(entry, scenario),
+        plant,
+        noise_rpm,
+        seed,
+        Estimator(constants, belief.mean, belief.covariance),
+        entry.make(WheelSheet(sheet_says, constants.stribeck, rate_hz), **trial),
+        knowledge,
+        entry.inner_rate_hz,
+    )
+
+
+def cost_deg(run: BenchRun) -> float:
+    """Peak attitude error [deg] and the price of chatter; infinite where the wheel never reversed."""
+    if run.reversal_s is None:
+        return math.inf
+    after = (run.time_s >= run.reversal_s) & (run.time_s <= run.reversal_s + WINDOW_S)
+    peak_deg = math.degrees(float(np.abs(run.attitude_rad[after]).max()))
+    time_s, current_A = run.time_s[after], np.nan_to_num(run.current_A[after])
+    chatter_A_per_s = float(np.abs(np.diff(current_A)).sum() / (time_s[-1] - time_s[0]))
+    return peak_deg + CHATTER_DEG_S_PER_A * chatter_A_per_s
+
+
+def mean_cost_deg(entry: SchemeEntry, scenario: Scenario, trial: Trial) -> float:
+    """The rule's cost [deg] of one trial."""
+    noises = scenario.cycle.speed_noise_rpm
+    return float(np.mean([cost_deg(run_scheme(entry, scenario, noise, TRAINING_SEED, trial)) for noise in noises]))
+
+
+def searched(cost: Callable[[Trial], float], box: Mapping[str, tuple[float, float]], budget: int) -> dict[str, float]:
+    """The cheapest of `budget` trials in a box, rounded to two digits."""
+    names = list(box)
+    low, high = np.log(np.array([box[name] for name in names])).T
+    found: dict[tuple[float, ...], float] = {}
+
+    def price(x: Float64Array) -> float:
+        values = tuple(float(f"{value:.2g}") for value in np.exp(np.clip(x, low, high)))
+        if values not in found:
+            found[values] = cost(dict(zip(names, values, strict=True)))
+        return found[values]
+
+    spread = qmc.scale(qmc.Halton(len(names), seed=TRAINING_SEED).random(max(budget // 2, 1)), low, high)
+    first = min(spread, key=price)
+    ring = np.clip(first + np.vstack([np.zeros(len(names)), 0.1 * np.diag(high - low)]), low, high)
+    minimize(
+        price,
+        first,
+        method="Nelder-Mead",
+        bounds=list(zip(low, high, strict=True)),
+        options={"maxfev": budget - len(spread), "initial_simplex": ring, "xatol": 0.01, "fatol": 1e-5},
+    )
+    return dict(zip(names, min(found, key=lambda values: found[tuple(values)]), strict=True))
+
+
+def main() -> None:
+    """Tune the schemes that are named, or all that have anything to tune; say what was found."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("schemes", nargs="*", metavar="SCHEME", choices=[[], *SCHEMES], help="by id; default: all")
+    parser.add_argument("--budget", type=int, default=60, help="trials of each scheme, two runs each (default: 60)")
+    options = parser.parse_args()
+    scenario = training_scenario()
+    for name in options.schemes or [name for name, entry in SCHEMES.items() if entry.tunable]:
+        entry = SCHEMES[name]
+
+        def cost(trial: Trial, entry: SchemeEntry = entry) -> float:
+            return mean_cost_deg(entry, scenario, trial)
+
+        before = cost({})
+        if not entry.tunable:
+            print(f"{name:22} cost {before:.4f} deg, nothing to tune", flush=True)
+            continue
+        best = searched(cost, entry.tunable, options.budget)
+        after = cost(best)
+        advice = "" if after < before else "  (no better: kept)"
+        values = ", ".join(f"{key}={value:g}" for key, value in best.items())
+        print(f"{name:22} cost {before:.4f} -> {after:.4f} deg with {values}{advice}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
