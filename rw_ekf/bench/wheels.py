@@ -14,6 +14,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import Belief, prior_around
 from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_DETERMINISTIC, CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import rad_s_from_rpm
 
@@ -80,20 +81,35 @@ def constants_of(scenario: Scenario, noise_rpm: float, rate_hz: float) -> Filter
 
 
 @lru_cache(maxsize=64)
-def identification_course(scenario: Scenario, noise_rpm: float, seed: int) -> Course:
+def identification_log(scenario: Scenario, noise_rpm: float, seed: int) -> WheelLog:
     """Readings of the seed's wheel under the identification profile, 600 s at 10 Hz, before the attitude run."""
-    profile = make_profile(_LEARNED_ON)
-    times, currents = sample_profile(profile, _RATE_HZ)
-    times_s, current_A = np.array(times), np.array(currents)
+    times, currents = sample_profile(make_profile(_LEARNED_ON), _RATE_HZ)
     run = simulated_record(
         drawn_wheel(scenario, seed),
-        current_A,
-        times_s,
+        np.array(currents),
+        np.array(times),
         speed_noise_rad_s=rad_s_from_rpm(noise_rpm),
         torque_noise=rad_s_from_rpm(scenario.wheel.torque_noise_rpm_per_sqrt_s),
         seed=10_000 + seed,
     )
-    return Course.of(run.time_s, run.measured_speed_rad_s, run.current_command_A)
+    n = run.time_s.size
+    return WheelLog(
+        name=f"{_LEARNED_ON} of seed {seed}",
+        time_s=run.time_s,
+        speed_rad_s=run.measured_speed_rad_s,
+        current_A=run.current_command_A,
+        drive="current_command_A",
+        command_delay_s=np.zeros(n),
+        segment=np.zeros(n, np.int64),
+        channels={"temperature_degC": run.temperature_degC, "angle_rad": run.angle_rad},
+        rows_read=n,
+        in_rpm=True,
+    )
+
+
+def identification_course(scenario: Scenario, noise_rpm: float, seed: int) -> Course:
+    """The same record, as a filter reads it."""
+    return Course.of_log(identification_log(scenario, noise_rpm, seed))
 
 
 @lru_cache(maxsize=64)

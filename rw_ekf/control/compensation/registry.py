@@ -33,7 +33,7 @@ class SchemeEntry:
     id: str
     source: str  # as "[CK13] 4.2 (14), (15)"
     make: Callable[..., Compensation]  # of a WheelSheet; keywords replace tuned parameters
-    parameters_from: str = "none"  # "estimator", "deterministic", "diagnosed" or "none"
+    parameters_from: str = "none"  # "estimator", "adaptive", "deterministic", "diagnosed" or "none"
     inner_rate_hz: float | None = None  # of a loop in the wheel's own electronics; None: the attitude loop's rate
     tunable: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     largest_integral: bool = False
@@ -51,5 +51,11 @@ SCHEMES: dict[str, SchemeEntry] = {
         ),
         SchemeEntry("dmc", "[CK13] 4.2 (14), (15)", lambda sheet: DynamicModelCompensation(), "estimator"),
         SchemeEntry("dmc_deterministic", "[CK13] Table 1", lambda sheet: DynamicModelCompensation(), "deterministic"),
+        SchemeEntry(
+            "dmc_adaptive", "ours: [CK13] 4.2 while it learns", lambda sheet: DynamicModelCompensation(), "adaptive"
+        ),
+        SchemeEntry(
+            "dmc_diagnosed", "ours: [CK13] 4.2 with effects", lambda sheet: DynamicModelCompensation(), "diagnosed"
+        ),
     )
 }
