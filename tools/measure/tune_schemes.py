@@ -24,11 +24,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.bench.margins import scenario_for
 from rw_ekf.bench.run import BenchRun, run_bench
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.wheels import constants_of, deterministic, drawn_wheel, learned, nominal
-from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.registry import SCHEMES, SchemeEntry, WheelSheet
-from rw_ekf.control.compensation.scheme import Knowledge
-from rw_ekf.filter.estimator import Estimator
+from rw_ekf.bench.start import start_of
+from rw_ekf.control.compensation.registry import SCHEMES, SchemeEntry
 
 TRAINING_SEED = 0
 SPREAD_PERCENT = 15.0
@@ -46,26 +43,15 @@ def training_scenario() -> Scenario:
 
 def run_scheme(entry: SchemeEntry, scenario: Scenario, noise_rpm: float, seed: int, trial: Trial) -> BenchRun:
     """One run of a scheme with parameters in place of its own."""
-    plant, sheet_says = drawn_wheel(scenario, seed), nominal(scenario)
-    rate_hz = scenario.cycle.rate_hz if entry.inner_rate_hz is None else entry.inner_rate_hz
-    constants = constants_of(scenario, noise_rpm, rate_hz)
-    belief = learned(scenario, noise_rpm, seed)
-    fixed = deterministic(plant) if entry.parameters_from == "deterministic" else sheet_says
-    knowledge: Knowledge
-    if entry.parameters_from == "estimator":
-        knowledge = lambda tick: WheelKnown.of_estimate(tick.estimate, constants.stribeck)  # noqa: E731
-    else:
-        knowledge = lambda tick: WheelKnown.of_parameters(  # noqa: E731
-            tick.estimate.state.speed_rad_s, fixed, constants.stribeck
-        )
+    start = start_of(entry, scenario, noise_rpm, seed)
     return run_bench(
         scenario_for(entry, scenario),
-        plant,
+        start.plant,
         noise_rpm,
         seed,
-        Estimator(constants, belief.mean, belief.covariance),
-        entry.make(WheelSheet(sheet_says, constants.stribeck, rate_hz), **trial),
-        knowledge,
+        start.estimator,
+        entry.make(start.sheet, **trial),
+        start.knowledge,
         entry.inner_rate_hz,
     )
 
