@@ -18,6 +18,7 @@ VERBS = {
     "replay": "replay",
     "fit": "fit",
     "diagnose": "diagnose",
+    "bench": "bench",
     "check-config": "check_config",
     "export": "export",
     "stop": "stop",

@@ -47,7 +47,7 @@ class GyroSection(Section):
     """The gyroscope that attitude and rate come from."""
 
     rate_noise_deg_s: float = Field(0.001, ge=0, le=1e3, description="white noise of one rate reading [deg/s]")
-    walk_deg_per_sqrt_h: float = Field(0.01, ge=0, le=1e3, description="random walk of the attitude [deg/sqrt(h)]")
+    walk_deg_per_sqrt_h: float = Field(0.001, ge=0, le=1e3, description="random walk of the attitude [deg/sqrt(h)]")
 
 
 class BenchWheelSection(Section):
@@ -74,6 +74,17 @@ class BenchWheelSection(Section):
     )
 
 
+class BeliefSection(Section):
+    """What compensations are told of the wheel, where it is to be wrong."""
+
+    friction_error_percent: float = Field(
+        0.0, gt=-100, le=1e3, description="friction is believed larger by so much, and never learned better [%]"
+    )
+    gain_error_percent: float = Field(
+        0.0, gt=-100, le=1e3, description="the motor gain is believed larger by so much, and never learned better [%]"
+    )
+
+
 class CycleSection(Section):
     """The loop: the daemon's own, on a virtual clock."""
 
@@ -94,6 +105,7 @@ class Scenario(Section):
     control: ControlSection = Field(default_factory=ControlSection, description="the attitude controller")
     gyro: GyroSection = Field(default_factory=GyroSection, description="the gyroscope")
     wheel: BenchWheelSection = Field(default_factory=BenchWheelSection, description="the true wheel")
+    belief: BeliefSection = Field(default_factory=BeliefSection, description="what compensations are told wrongly")
     cycle: CycleSection = Field(default_factory=CycleSection, description="the loop and the readings")
 
     @property

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.bench.scenario import BeliefSection, Scenario
 from rw_ekf.bench.wheels import (
     constants_of,
     deterministic,
@@ -27,13 +27,14 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.learning.carry import carried_over
-from rw_ekf.model.state import FrictionParameters
+from rw_ekf.model.state import PARAMETERS, FrictionParameters
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 if TYPE_CHECKING:
     from drivers.sim.plant_parameters import PlantParameters
 
+_SURE = 1.0e-4  # of the learned standard deviations is left to a filter that is to be wrong
 POOR_SHARE = 0.3  # each parameter of a poor prior is off by so much, one way or the other
 
 
@@ -73,12 +74,36 @@ def start_of(
         fixed = nominal(scenario)
     elif entry.parameters_from != "estimator":
         raise ConfigError(f"{entry.id}: parameters from {entry.parameters_from!r} are not known on the bench")
+    sheet = nominal(scenario)
+    if scenario.belief != BeliefSection():
+        constants, belief = _misled(scenario.belief, constants, belief)
+        fixed = None if fixed is None else _off(scenario.belief, fixed)
+        sheet = _off(scenario.belief, sheet)
     return BenchStart(
         estimator=Estimator(constants, belief.mean, belief.covariance, effects),
         knowledge=_knowledge(constants, fixed),
         plant=plant,
-        sheet=WheelSheet(nominal(scenario), constants.stribeck, rate_hz),
+        sheet=WheelSheet(sheet, constants.stribeck, rate_hz),
     )
+
+
+def _off(wrong: BeliefSection, parameters: FrictionParameters) -> FrictionParameters:
+    """Parameters as a scenario spoils them."""
+    gain, friction = 1.0 + 0.01 * wrong.gain_error_percent, 1.0 + 0.01 * wrong.friction_error_percent
+    k, b, c, s = parameters
+    return FrictionParameters(k * gain, b * friction, c * friction, s * friction)
+
+
+def _misled(wrong: BeliefSection, constants: FilterConstants, belief: Belief) -> tuple[FilterConstants, Belief]:
+    """A filter that is sure of spoiled parameters, and lets them never go."""
+    mean, covariance = belief.mean.copy(), belief.covariance.copy()
+    mean[PARAMETERS] = _off(wrong, belief.parameters)
+    covariance[PARAMETERS, :] *= _SURE
+    covariance[:, PARAMETERS] *= _SURE
+    still = constants._replace(
+        motor_gain_drift=0.0, viscous_drift=0.0, coulomb_drift=0.0, static_drift=0.0, relative_drift=0.0
+    )
+    return still, Belief(mean, covariance, belief.effect_ids)
 
 
 def poor_prior(scenario: Scenario, seed: int) -> Belief:

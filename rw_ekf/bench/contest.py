@@ -1,0 +1,146 @@
+"""Every compensation against every other: schemes x noises x seeds, in as many processes as there are cores."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from rw_ekf.bench.margins import scenario_for
+from rw_ekf.bench.metrics import Metrics, metrics_of
+from rw_ekf.bench.run import BenchRun, run_bench
+from rw_ekf.bench.scenario import Scenario
+from rw_ekf.bench.start import diagnosed, start_of
+from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.parent import die_with_parent
+from rw_ekf.wheel.model_file import WheelModel
+
+Condition = tuple[str, float]  # a sweep and its level
+Models = Mapping[float, WheelModel]  # what `diagnose` makes of the wheel, by the noise of the readings [rpm]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One run that is to be made: who, at which noise, on the wheel of which seed."""
+
+    scheme: str
+    noise_rpm: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Contest:
+    """What was run: the figures of every entry, and the course of the first seed's."""
+
+    scenario: Scenario
+    seeds: int
+    figures: dict[Entry, Metrics]
+    courses: dict[Entry, BenchRun]  # of the first seed
+
+
+def entries_of(schemes: Sequence[str], scenario: Scenario, seeds: int) -> list[Entry]:
+    """All runs of a contest, those of one wheel together; seed 0 is left for whoever tunes."""
+    return [
+        Entry(scheme, noise_rpm, seed)
+        for seed in range(1, seeds + 1)
+        for noise_rpm in scenario.cycle.speed_noise_rpm
+        for scheme in schemes
+    ]
+
+
+def run_entry(entry: Entry, scenario: Scenario, models: Models) -> BenchRun:
+    """Run one entry."""
+    scheme = SCHEMES[entry.scheme]
+    start = start_of(scheme, scenario, entry.noise_rpm, entry.seed, models.get(entry.noise_rpm))
+    return run_bench(
+        scenario_for(scheme, scenario),
+        start.plant,
+        entry.noise_rpm,
+        entry.seed,
+        start.estimator,
+        scheme.make(start.sheet),
+        start.knowledge,
+        scheme.inner_rate_hz,
+    )
+
+
+def models_of(schemes: Sequence[str], scenario: Scenario, model: WheelModel | None = None) -> Models:
+    """What a diagnosis made of the wheel, by noise: the model given, or one made now where a scheme needs it."""
+    noises = scenario.cycle.speed_noise_rpm
+    if model is not None:
+        return dict.fromkeys(noises, model)
+    if not any(SCHEMES[name].parameters_from == "diagnosed" for name in schemes):
+        return {}
+    with _pool(len(noises)) as pool:
+        return dict(zip(noises, pool.map(diagnosed, [scenario] * len(noises), noises), strict=True))
+
+
+def hold_contest(
+    schemes: Sequence[str],
+    scenario: Scenario,
+    seeds: int,
+    models: Models,
+    tick: Callable[[int], object] = lambda n: None,
+) -> Contest:
+    """Run them all; tick(1) is called as each is done. models: see `models_of`.
+
+    Results do not depend on how many processes there are: each run draws from its own seed.
+    """
+    entries = entries_of(schemes, scenario, seeds)
+    figures: dict[Entry, Metrics] = {}
+    courses: dict[Entry, BenchRun] = {}
+    with _pool(len(entries)) as pool:
+        waiting = {pool.submit(_judged, entry, scenario, models): entry for entry in entries}
+        for done in as_completed(waiting):
+            entry, (figures[entry], course) = waiting[done], done.result()
+            if course is not None:
+                courses[entry] = course
+            tick(1)
+    return Contest(scenario, seeds, figures, courses)
+
+
+def hold_runs(
+    schemes: Sequence[str],
+    conditions: Mapping[Condition, Scenario],
+    seeds: int,
+    models: Mapping[Condition, Models],
+    tick: Callable[[int], object] = lambda n: None,
+) -> dict[Condition, dict[str, list[float]]]:
+    """Peaks [deg] of every scheme under every condition, one a seed, each at its scenario's first noise."""
+    peaks: dict[Condition, dict[str, list[float]]] = {}
+    with _pool(len(conditions) * len(schemes)) as pool:
+        waiting = {
+            pool.submit(_judged, Entry(scheme, there.cycle.speed_noise_rpm[0], seed), there, models[condition]): (
+                condition,
+                scheme,
+            )
+            for condition, there in conditions.items()
+            for seed in range(1, seeds + 1)
+            for scheme in schemes
+        }
+        for done in as_completed(waiting):
+            condition, scheme = waiting[done]
+            peaks.setdefault(condition, {}).setdefault(scheme, []).append(done.result()[0].peak_deg)
+            tick(1)
+    return peaks
+
+
+@contextmanager
+def _pool(most: int) -> Iterator[Executor]:
+    """Processes, one for each core but no more than `most`; left at once where something is raised."""
+    count = max(min(len(os.sched_getaffinity(0)), most), 1)
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _judged(entry: Entry, scenario: Scenario, models: Models) -> tuple[Metrics, BenchRun | None]:
+    """Figures of a run, and of the first seed its course too: the rest is not worth sending."""
+    run = run_entry(entry, scenario, models)
+    return metrics_of(run), run if entry.seed == 1 else None

@@ -1,0 +1,52 @@
+"""What a run on the bench is judged by: peak, steady error, time to recover, stop, effort and chatter."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rw_ekf.bench.run import BenchRun
+
+WINDOW_S = 120.0  # from the reversal on
+STEADY_S = (30.0, 2.0)  # before the reversal
+RECOVERED_DEG = 0.1
+
+
+class Metrics(NamedTuple):
+    """Figures of one run; NaN where there is none: it never reversed, or never recovered."""
+
+    peak_deg: float  # largest attitude error from the reversal on, 120 s
+    steady_deg: float  # RMS of the attitude error from 30 to 2 s before the reversal
+    recover_s: float  # from the reversal until the error stays below 0.1 deg
+    stop_s: float  # how long the wheel stood still
+    effort_A_s: float  # integral of |I| over those 120 s
+    chatter_A_per_s: float  # mean of |dI| per second over those 120 s
+
+
+def metrics_of(run: BenchRun) -> Metrics:
+    """Judge one run by its true attitude."""
+    reversal_s = run.reversal_s
+    if reversal_s is None:
+        return Metrics(*(math.nan,) * len(Metrics._fields))
+    error_deg = np.abs(np.degrees(run.attitude_rad))
+    after = (run.time_s >= reversal_s) & (run.time_s <= reversal_s + WINDOW_S)
+    before = (run.time_s >= reversal_s - STEADY_S[0]) & (run.time_s <= reversal_s - STEADY_S[1])
+    time_s, error, current_A = run.time_s[after], error_deg[after], np.nan_to_num(run.current_A[after])
+    lasts_s = max(float(time_s[-1] - time_s[0]), 1e-9)
+    beyond = np.flatnonzero(error > RECOVERED_DEG)
+    if beyond.size == 0:
+        recover_s = 0.0
+    elif beyond[-1] == error.size - 1:
+        recover_s = math.nan
+    else:
+        recover_s = float(time_s[beyond[-1] + 1] - reversal_s)
+    return Metrics(
+        peak_deg=float(error.max()),
+        steady_deg=float(np.sqrt(np.mean(error_deg[before] ** 2))) if before.any() else math.nan,
+        recover_s=recover_s,
+        stop_s=run.stood_s,
+        effort_A_s=float(np.sum(np.abs(current_A[:-1]) * np.diff(time_s))),
+        chatter_A_per_s=float(np.sum(np.abs(np.diff(current_A))) / lasts_s),
+    )

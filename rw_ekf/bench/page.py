@@ -1,0 +1,124 @@
+"""What `bench --out DIR` leaves: the document, the pictures, and one page that holds them."""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rw_ekf.bench.contest import Contest
+from rw_ekf.bench.metrics import RECOVERED_DEG
+from rw_ekf.bench.pictures import courses_picture, peaks_picture
+from rw_ekf.bench.result import BASELINE, Row, document_text, rows_of
+from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.diagnosis.report.markup import STYLE, prose
+from rw_ekf.errors import BadInputError
+from rw_ekf.logs.atomic import atomic_path, write_text
+
+DOCUMENT, PAGE = "bench.json", "bench.html"
+
+
+def write_page(directory: Path, contest: Contest, document: Mapping[str, Any], headline: str) -> list[Path]:
+    """Write everything into `directory`; returns what was written. Raises BadInputError if it cannot be made."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInputError(f"{directory}: cannot be made: {error.strerror or error}") from None
+    rows = rows_of(contest)
+    noises = contest.scenario.cycle.speed_noise_rpm
+    pictures = {"peaks": peaks_picture(rows, noises)}
+    for noise_rpm in noises:
+        course = courses_picture(contest, noise_rpm)
+        if course is not None:
+            pictures[f"attitude-{noise_rpm:g}rpm"] = course
+    written = [directory / DOCUMENT]
+    write_text(written[0], document_text(document))
+    for name, content in pictures.items():
+        path = directory / f"{name}.png"
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(content)
+        written.append(path)
+    page = directory / PAGE
+    write_text(page, page_text(contest, rows, pictures, headline))
+    return [*written, page]
+
+
+def headline_of(rows: Sequence[Row]) -> str:
+    """One sentence: what a reversal costs without compensation, and with the best one."""
+    noise_rpm = rows[0].noise_rpm
+    here = {row.scheme: row for row in rows if row.noise_rpm == noise_rpm and math.isfinite(row.peak_deg)}
+    if BASELINE not in here:
+        return "No wheel reversed under the plain controller: there is nothing to compare with."
+    base = here[BASELINE]
+    others = [row for row in here.values() if row.scheme != BASELINE]
+    if not others:
+        return f"A reversal throws the attitude off by {base.peak_deg:.2f} deg."
+    best = min(others, key=lambda row: row.peak_deg)
+    return (
+        f"A reversal throws the attitude off by {base.peak_deg:.2g} deg; with {best.scheme} by {best.peak_deg:.2g} "
+        f"deg, {base.peak_deg / best.peak_deg:.0f} times less, at {noise_rpm:g} rpm of speed noise."
+    )
+
+
+def page_text(contest: Contest, rows: Sequence[Row], pictures: Mapping[str, bytes], headline: str) -> str:
+    """The whole HTML document."""
+    scenario = contest.scenario
+    facts = [
+        f"body {scenario.body.inertia_kg_m2:g} kg m²",
+        f"disturbance {1e3 * scenario.body.disturbance_Nm:g} mNm",
+        f"{scenario.cycle.rate_hz:g} Hz",
+        f"{contest.seeds} seed{'s' if contest.seeds > 1 else ''}",
+    ]
+    if scenario.wheel.effects:
+        facts.append("wheel with " + ", ".join(scenario.wheel.effects))
+    body = [
+        f'<header><p class="source">Attitude bench · {html.escape(" · ".join(facts))}</p>'
+        f"<h1>{prose(headline)}</h1></header>",
+        _figure(pictures["peaks"], "Peak error of every scheme, best first; the line goes on to the worst seed."),
+    ]
+    for noise_rpm in scenario.cycle.speed_noise_rpm:
+        name = f"attitude-{noise_rpm:g}rpm"
+        body.append(f"<h2>{noise_rpm:g} rpm of speed noise</h2>")
+        if name in pictures:
+            body.append(
+                _figure(pictures[name], f"Attitude around the reversal, first seed. Grey: {RECOVERED_DEG:g} deg.")
+            )
+        body.append(_table([row for row in rows if row.noise_rpm == noise_rpm]))
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
+        f"<title>Attitude bench</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(body)
+        + "\n</body>\n</html>\n"
+    )
+
+
+def _figure(content: bytes, caption: str) -> str:
+    encoded = base64.b64encode(content).decode("ascii")
+    text = html.escape(caption)
+    return f'<figure><img alt="{text}" src="data:image/png;base64,{encoded}"><figcaption>{text}</figcaption></figure>'
+
+
+def _table(rows: Sequence[Row]) -> str:
+    heads = ("peak [deg]", "worst", "steady [deg]", "recover [s]", "stop [s]", "effort [A s]", "chatter [A/s]")
+    head = "<th>scheme</th><th>source</th><th>parameters</th>" + "".join(f'<th class="number">{h}</th>' for h in heads)
+    body = []
+    for row in rows:
+        entry = SCHEMES[row.scheme]
+        figures = (
+            (row.peak_deg, 4), (row.worst_deg, 4), (row.steady_deg, 4), (row.recover_s, 1), (row.stop_s, 2),
+            (row.effort_A_s, 2), (row.chatter_A_per_s, 4),
+        )  # fmt: skip
+        cells = "".join(
+            f'<td class="number">{f"{value:.{places}f}" if math.isfinite(value) else "–"}</td>'
+            for value, places in figures
+        )
+        body.append(
+            f"<tr><td><code>{row.scheme}</code></td><td>{html.escape(entry.source)}</td><td>{entry.parameters_from}</td>"
+            f"{cells}</tr>"
+        )
+    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(body)}</table></div>'

@@ -1,0 +1,55 @@
+"""What a contest is about, from what was asked for: which schemes, which wheel, and what `diagnose` makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rw_ekf.bench.of_model import with_wheel_of
+from rw_ekf.bench.scenario import Scenario, load_scenario
+from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.errors import BadInputError
+from rw_ekf.wheel.model_file import WheelModel, read_model
+
+if TYPE_CHECKING:
+    from drivers.sim.plant_parameters import PlantParameters
+
+
+def schemes_of(wanted: Sequence[str] | None) -> list[str]:
+    """The ids of the schemes, in the registry's order. Raises BadInputError that lists what there is."""
+    if wanted is None:
+        return list(SCHEMES)
+    for name in wanted:
+        if name not in SCHEMES:
+            raise BadInputError(f"--schemes {name}: there is no such scheme; there are {', '.join(SCHEMES)}")
+    return [name for name in SCHEMES if name in wanted]
+
+
+def scenario_of(path: str | None, model_path: str | None, effects: Sequence[str]) -> tuple[Scenario, WheelModel | None]:
+    """The scenario, with the wheel of a model where one is given, and the effects added to it; and that model.
+
+    Raises ConfigError for a file that is wrong, BadInputError for an effect that is, or a wheel that never reverses.
+    """
+    from rw_ekf.bench.wheels import drawn_wheel
+
+    scenario = Scenario() if path is None else load_scenario(path)
+    model = None if model_path is None else read_model(Path(model_path))
+    if model is not None:
+        scenario = with_wheel_of(scenario, model)
+    if effects:
+        wheel = scenario.wheel.model_copy(update={"effects": (*scenario.wheel.effects, *effects)})
+        scenario = scenario.model_copy(update={"wheel": wheel})
+    _: PlantParameters = drawn_wheel(scenario, 1)  # an effect that cannot be is found here, before any run
+    reversal_s = scenario.reversal_s
+    if reversal_s is None:
+        raise BadInputError(
+            "the wheel never reverses in this scenario: wheel.start_rpm and body.disturbance_Nm must have opposite "
+            "signs, so that the disturbance drives the wheel through zero"
+        )
+    if reversal_s >= scenario.cycle.duration_s:
+        raise BadInputError(
+            f"the wheel would reverse after {reversal_s:.0f} s, but cycle.duration_s is {scenario.cycle.duration_s:g} "
+            "s: make the run longer, or start the wheel slower (wheel.start_rpm)"
+        )
+    return scenario, model

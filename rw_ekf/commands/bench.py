@@ -1,0 +1,80 @@
+"""`rw-ekf bench`: every compensation on one attitude bench, side by side."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+HELP = "attitude bench: every friction compensation side by side, over a wheel that reverses"
+EXAMPLE = """example:
+  rw-ekf bench
+  rw-ekf bench --seeds 30 --out bench
+  rw-ekf bench --model runs/augmented-model.yaml --schemes pid_current dmc dmc_diagnosed predictive_crossing
+  rw-ekf bench --effect offset_torque:torque_rad_s2=0.06 --seeds 3
+
+docs/compensation.md says when to use which; docs/bench.md has the keys of a scenario"""
+_MOST_SEEDS = 1000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("--model", metavar="F", help="model YAML: its wheel, effects and all, is put on the bench")
+    parser.add_argument("--scenario", metavar="F", help="scenario YAML; default: the experiment of Carrara & Kuga 2013")
+    parser.add_argument(
+        "--seeds", metavar="N", type=_seeds, default=1, help="wheels, each with every scheme; default: 1"
+    )
+    parser.add_argument("--schemes", metavar="ID", nargs="+", help="only these; default: all")
+    parser.add_argument(
+        "--effect",
+        metavar="ID:name=value",
+        action="append",
+        default=[],
+        help="an effect of the true wheel that the first model does not have; may be repeated",
+    )
+    parser.add_argument(
+        "--robustness", action="store_true", help="sweep what no scheme is told, until it does no better than none"
+    )
+    parser.add_argument("--out", metavar="DIR", help="write the page, its pictures and the document there")
+
+
+def _seeds(text: str) -> int:
+    if not text.isdigit() or not 1 <= int(text) <= _MOST_SEEDS:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to {_MOST_SEEDS}")
+    return int(text)
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises RwEkfError."""
+    from pathlib import Path
+
+    from rw_ekf.bench import robustness
+    from rw_ekf.bench.contest import entries_of, hold_contest, models_of
+    from rw_ekf.bench.page import headline_of, write_page
+    from rw_ekf.bench.prepare import scenario_of, schemes_of
+    from rw_ekf.bench.result import document_of, rows_of, table_text
+    from rw_ekf.commands.first_use import make_ready
+    from rw_ekf.compile_ahead import DIAGNOSIS
+    from rw_ekf.console import progress
+    from rw_ekf.json_output import print_json
+
+    schemes = schemes_of(args.schemes)
+    scenario, model = scenario_of(args.scenario, args.model, args.effect)
+    make_ready(DIAGNOSIS)
+    sweeps = robustness.runs_of(schemes, args.seeds) if args.robustness else 0
+    with progress("bench", len(entries_of(schemes, scenario, args.seeds)) + sweeps, " runs") as bar:
+        models = models_of(schemes, scenario, model)
+        contest = hold_contest(schemes, scenario, args.seeds, models, bar.update)
+        bearings = robustness.sweep_all(schemes, scenario, args.seeds, models, bar.update) if args.robustness else []
+    rows = rows_of(contest)
+    document, headline = document_of(contest), headline_of(rows)
+    if args.robustness:
+        document["robustness"] = [bearing.document() for bearing in bearings]
+    if args.out is not None:
+        for path in write_page(Path(args.out), contest, document, headline):
+            sys.stderr.write(f"rw-ekf: wrote {path}\n")
+    if args.json:
+        print_json(document)
+    else:
+        swept = f"{robustness.table_text(bearings)}\n" if args.robustness else ""
+        sys.stdout.write(f"{table_text(rows, scenario)}\n{swept}{headline}\n")
+    return 0

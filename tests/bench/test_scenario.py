@@ -1,0 +1,104 @@
+"""A scenario says what it is, and what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rw_ekf.bench.of_model import with_wheel_of
+from rw_ekf.bench.prepare import scenario_of, schemes_of
+from rw_ekf.bench.scenario import Scenario, load_scenario
+from rw_ekf.bench.wheels import drawn_wheel
+from rw_ekf.errors import BadInputError, ConfigError
+from rw_ekf.wheel.model_file import read_model
+
+MODEL = """\
+schema: rw_ekf.model/1
+stribeck: {speed_rad_s: 0.42, law: gauss}
+inertia_kg_m2: 0.002
+parameters:
+  motor_gain: {value: 14.0, std: 0.01, unit: rad/s^2/A}
+  viscous: {value: 0.004, std: 0.0001, unit: 1/s}
+  coulomb: {value: 0.6, std: 0.001, unit: rad/s^2}
+  static: {value: 0.65, std: 0.01, unit: rad/s^2}
+covariance:
+  - [1.0e-4, 0, 0, 0, 0]
+  - [0, 1.0e-8, 0, 0, 0]
+  - [0, 0, 1.0e-6, 0, 0]
+  - [0, 0, 0, 1.0e-4, 0]
+  - [0, 0, 0, 0, 1.0e-6]
+noise: {speed_rad_s: 0.1, acceleration_rad_s_per_sqrt_s: null}
+effects:
+  - effect: offset_torque
+    coefficient: {name: torque_rad_s2, value: -0.05, std: 0.001, unit: rad/s^2}
+    constants: {}
+"""
+
+
+def test_the_default_is_the_experiment_of_ck13() -> None:
+    """The fan takes the wheel's 674 rpm away in 230 s, and the derivative gain is critical."""
+    scenario = Scenario()
+    assert scenario.reversal_s == pytest.approx(230.0, abs=0.3)
+    assert scenario.derivative_Nms_rad == pytest.approx(0.382, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("body: {inertia_kg_m2: -1}", ":1:23: body.inertia_kg_m2 must be above 0"),
+        ("wheel: {start_rpm: 600}\nbody: {fan: 1}", ":2:8: unknown key body.fan"),
+        ("wheels: {}", ":1:1: unknown key wheels"),
+        ("cycle: {speed_noise_rpm: []}", "cycle.speed_noise_rpm"),
+        ("wheel: {effects: [offset torque]}", "wheel.effects.0"),
+        ("- 1", "a scenario must be a table of sections"),
+    ],
+)
+def test_a_mistake_in_a_scenario_is_named_with_its_place(tmp_path: Path, text: str, said: str) -> None:
+    """file:line:column, the key, and what is allowed."""
+    path = tmp_path / "scenario.yaml"
+    path.write_text(text + "\n", encoding="utf-8")
+    with pytest.raises(ConfigError) as raised:
+        load_scenario(path)
+    assert any(said in finding and finding.startswith(str(path)) for finding in raised.value.findings)
+
+
+def test_a_wheel_that_cannot_reverse_is_refused(tmp_path: Path) -> None:
+    """A disturbance that speeds the wheel up, and a run too short for the reversal."""
+    path = tmp_path / "scenario.yaml"
+    path.write_text("body: {disturbance_Nm: 0.46e-3}\n", encoding="utf-8")
+    with pytest.raises(BadInputError, match="never reverses"):
+        scenario_of(str(path), None, [])
+    path.write_text("cycle: {duration_s: 100}\n", encoding="utf-8")
+    with pytest.raises(BadInputError, match="would reverse after 230 s"):
+        scenario_of(str(path), None, [])
+
+
+def test_an_unknown_scheme_and_an_unknown_effect_are_refused_with_what_there_is() -> None:
+    """Both sentences list what exists."""
+    with pytest.raises(BadInputError, match="there is no such scheme; there are pid_current"):
+        schemes_of(["pid"])
+    with pytest.raises(BadInputError, match="unknown effect 'offset'"):
+        scenario_of(None, None, ["offset"])
+
+
+def test_the_wheel_of_a_model_stands_on_the_bench_with_its_effects(tmp_path: Path) -> None:
+    """Parameters, inertia and the offset of a model file are those of the simulated wheel."""
+    path = tmp_path / "model.yaml"
+    path.write_text(MODEL, encoding="utf-8")
+    scenario = with_wheel_of(Scenario(), read_model(path))
+    plant = drawn_wheel(scenario, 1)
+    assert (plant.motor_gain, plant.viscous, plant.coulomb, plant.static) == (14.0, 0.004, 0.6, 0.65)
+    assert plant.offset_rad_s2 == pytest.approx(-0.05)
+    assert plant.stribeck_speed_rad_s == pytest.approx(0.42)
+    assert scenario.wheel.inertia_kg_m2 == 0.002
+
+
+def test_a_drawn_wheel_stays_within_the_spread_and_never_breaks_away_below_its_coulomb_friction() -> None:
+    """Thirty seeds at 15 %: another wheel each, the same again for the same seed."""
+    wheel = Scenario().wheel.model_copy(update={"spread_percent": 15.0})
+    scenario = Scenario().model_copy(update={"wheel": wheel})
+    plants = [drawn_wheel(scenario, seed) for seed in range(30)]
+    assert len({plant.motor_gain for plant in plants}) == 30
+    assert all(0.85 <= plant.coulomb / 0.5863 <= 1.15 and plant.static >= plant.coulomb for plant in plants)
+    assert drawn_wheel(scenario, 3) == plants[3]
