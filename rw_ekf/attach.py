@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.arrays import Float64Array
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ControlLines, WheelDriver, WheelProtocol, WireLimits
 from rw_ekf.errors import ConfigError
-from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
@@ -17,6 +15,8 @@ if TYPE_CHECKING:
     from drivers.sim.plant_batch import PlantRun
     from drivers.sim.plant_parameters import PlantParameters
     from drivers.sim.simulated_wheel import SimulatedWheel
+    from rw_ekf.arrays import Float64Array
+    from rw_ekf.model.state import FrictionParameters
     from rw_ekf.settings.schema import Configuration
 
 

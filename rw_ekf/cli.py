@@ -18,12 +18,12 @@ VERBS = {
     "replay": "replay",
     "fit": "fit",
     "diagnose": "diagnose",
-    "bench": "bench",
     "check-config": "check_config",
     "export": "export",
     "stop": "stop",
     "status": "status",
     "install-service": "install_service",
+    "bench": "bench",
     "flyby": "flyby",
 }
 
