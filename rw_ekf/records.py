@@ -242,6 +242,17 @@ class StateNow(NamedTuple):
     reason: str
 
 
+class CompensationNow(NamedTuple):
+    """What the friction compensation of a run is doing."""
+
+    scheme: str
+    on: bool
+    parameters: str  # whose: "filter", "last_trusted", "not_needed" or "nothing"
+    share: float  # of the compensation that acts: below 1 while it is faded in
+    current_A: float  # that it added to the current of the request alone
+    reason: str  # why it is on or off, in a sentence
+
+
 @dataclass(frozen=True, slots=True)
 class ActiveAlarm:
     """An alarm that is on: its name, sentence, beginning, and what else was found."""
@@ -269,7 +280,7 @@ class Tick:
 
     alarms: those that are on; a controller sees them as they were after the turn before. state: None in a replay, which
     drives nothing. fresh: False where the line gave nothing that belongs into a log (it is down or silent): sample and
-    estimate are then the last there were.
+    estimate are then the last there were. compensation: None where the run has none.
     """
 
     sample: WheelSample
@@ -279,6 +290,7 @@ class Tick:
     link: LinkState = LinkState.ANSWERED
     state: StateNow | None = None
     fresh: bool = True
+    compensation: CompensationNow | None = None
 
 
 class Reading(NamedTuple):

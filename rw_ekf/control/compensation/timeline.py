@@ -31,3 +31,17 @@ class Timeline:
         """Note what was asked for, for wheels whose telemetry has no current; returns it."""
         self._asked_A = current_A
         return current_A
+
+
+class Elapsed:
+    """Time of the wheel from tick to tick; none passes where its clock began anew."""
+
+    def __init__(self) -> None:
+        self._last: WheelSample | None = None
+
+    def step(self, tick: Tick) -> float:
+        """Seconds since the tick before."""
+        last, self._last = self._last, tick.sample
+        if last is None or last.segment != tick.sample.segment:
+            return 0.0
+        return max(tick.sample.time_s - last.time_s, 0.0)
