@@ -49,6 +49,7 @@ class LineWheel:
         fresh: bool = False,
         named: str | None = None,
         other_wheel: bool = False,
+        notes: Notes | None = None,
         **changes: dict[str, Any],
     ) -> Ran:
         """A run on this wheel from its first speed; at: the hour; named: as --model; changes: of the configuration."""
@@ -59,7 +60,7 @@ class LineWheel:
         usual["command"]["confirm_sign"] = True
         sections = {name: usual.get(name, {}) | changes.get(name, {}) for name in {*usual, *changes}}
         configuration = load_configuration(write_config(self.directory, str(self.directory / "wheel"), **sections))
-        clock, notes = VirtualClock(at), Notes()
+        clock, notes = VirtualClock(at), notes if notes is not None else Notes()
         noise = PlantNoise(self.noise_rpm * RAD_S_PER_RPM)
         plant = PlantRunner(self.parameters, noise, 5, PlantState(speed_rad_s=self.speed_rad_s), 0.01)
         wire_map = wire_map_of("sunspace-wheel")
@@ -86,6 +87,10 @@ class LineWheel:
                 clock.at(self.resumes_at_s, stop.resume)
             outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, clock)
         return Ran(outcome, notes)
+
+    def is_driven(self) -> bool:
+        """Whether the current that was written last is not zero."""
+        return bool(self.written_A) and abs(self.written_A[-1]) > 0.01
 
     @property
     def learned(self) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,9 +24,10 @@ from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.state_file import StateFileSink
 from rw_ekf.sinks.statistics_sink import StatisticsSink
 from rw_ekf.sinks.status_line import StatusLine
+from tests.faults.rig import LineWheel
 from tests.faults.supervised import running
-from tests.live.bench import Bench, driven
-from tests.live.daemon import Notes, run
+from tests.live.bench import Bench
+from tests.live.daemon import Notes
 
 FATAL = {
     "driver": (SerialWheel, "read"),
@@ -39,6 +41,7 @@ FATAL = {
 }
 SINKS = (LogSink, StatisticsSink, RecentSink, StateFileSink, EventsSink, LearnedSink, StatusLine)
 AT_TURN = 15
+AT_ONCE = {"profile": "sine", "amplitude_A": 0.1, "period_s": 4.0, "bias_A": 0.05, "confirm_sign": False}
 
 
 def raising(good: Callable[..., Any], armed: Callable[[], bool]) -> Callable[..., Any]:
@@ -56,35 +59,37 @@ def raising(good: Callable[..., Any], armed: Callable[[], bool]) -> Callable[...
 
 
 @pytest.mark.parametrize("part", FATAL)
-def test_a_part_that_raises_leaves_the_wheel_at_zero(bench: Bench, monkeypatch: pytest.MonkeyPatch, part: str) -> None:
+def test_a_part_that_raises_leaves_the_wheel_at_zero(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
     """Row 25: raised while the wheel is driven: zero is commanded, nothing is swallowed; the next run tracks."""
     owner, name = FATAL[part]
-    notes = Notes()
+    notes, wheel = Notes(), LineWheel(tmp_path, speed_rad_s=20.0)
     with monkeypatch.context() as patch:
-        patch.setattr(owner, name, raising(getattr(owner, name), driven(bench)))
+        patch.setattr(owner, name, raising(getattr(owner, name), wheel.is_driven))
         with pytest.raises(RuntimeError, match="sabotage"):
-            run(bench, 60.0, notes=notes)
-    assert any(abs(value) > 0.01 for value in bench.recorder.writes_A())
-    assert bench.recorder.writes_A()[-1] == 0.0
-    assert bench.registers.command_A == 0.0
+            wheel.run(60.0, notes=notes, command=AT_ONCE)
+    assert any(abs(value) > 0.01 for value in wheel.written_A)
+    assert wheel.written_A[-1] == 0.0
     assert "zero_not_confirmed" not in notes.events
-    again = run(bench, 1.0)
+    again = wheel.run(1.0, command=AT_ONCE)
     assert "TRACKING" in again.notes.states
     assert exit_status(again.outcome) == 0
 
 
 @pytest.mark.parametrize("sink", SINKS, ids=lambda sink: sink.__name__)
-def test_a_sink_that_raises_does_not_end_the_run(bench: Bench, monkeypatch: pytest.MonkeyPatch, sink: type) -> None:
+def test_a_sink_that_raises_does_not_end_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sink: type) -> None:
     """Row 25: the wheel is driven on, it is said once and counted, and the exit status is 1; the next run is whole."""
+    wheel = LineWheel(tmp_path, speed_rad_s=20.0)
     with monkeypatch.context() as patch:
         patch.setattr(sink, "write", raising(sink.write, lambda: True) if sink not in SLOW else _raise)  # type: ignore[attr-defined]
-        ran = run(bench, 3.0)
+        ran = wheel.run(3.0, command=AT_ONCE)
     assert ran.notes.events.count("sink_failed") == 1
     assert sum(ran.outcome.unwritten.failed_sinks.values()) >= 1
     assert ran.outcome.state.state.value == "TRACKING"
     assert ran.outcome.zero_confirmed
     assert exit_status(ran.outcome) == 1
-    assert exit_status(run(bench, 1.0).outcome) == 0
+    assert exit_status(wheel.run(1.0, command=AT_ONCE).outcome) == 0
 
 
 SLOW = (StateFileSink, LearnedSink)  # they get a tick now and then

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
@@ -24,12 +25,21 @@ from tests.live.bench import rw_ekf
 from tests.live.daemon import Ran
 
 
+@pytest.fixture(scope="module")
+def first_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A directory in which a wheel has run for three minutes and left what it learned, and a copy to begin from."""
+    where = tmp_path_factory.mktemp("wheel")
+    LineWheel(where).run(180.0)
+    return where, shutil.copytree(where, where.with_name("as_it_was"))
+
+
 @pytest.fixture
-def wheel(tmp_path: Path) -> LineWheel:
+def wheel(first_run: tuple[Path, Path]) -> LineWheel:
     """A wheel that has run for three minutes, and left what it learned."""
-    made = LineWheel(tmp_path)
-    made.run(180.0)
-    return made
+    where, as_it_was = first_run
+    shutil.rmtree(where)
+    shutil.copytree(as_it_was, where)
+    return LineWheel(where)
 
 
 def said(ran: Ran, event: str) -> list[str]:
@@ -163,10 +173,10 @@ def test_a_file_that_may_not_be_read_is_not_gone_on_from(wheel: LineWheel) -> No
     assert "cannot be read" in said(ran, "learned_not_used")[0]
 
 
-def test_another_wheel_starts_afresh_and_loses_nothing(wheel: LineWheel, tmp_path: Path) -> None:
+def test_another_wheel_starts_afresh_and_loses_nothing(wheel: LineWheel) -> None:
     """Row 28: serial number 2 in the same place: from the configuration, moved first, and the other's file is kept."""
     before = wheel.learned.read_text(encoding="utf-8")
-    other = LineWheel(tmp_path, PlantParameters(motor_gain=12.0), serial_number=2)
+    other = LineWheel(wheel.directory, PlantParameters(motor_gain=12.0), serial_number=2)
     ran = other.run(90.0, at=BEGAN + timedelta(hours=1))
     (text,) = said(ran, "learned_not_used")
     assert "it is of the wheel with serial number 1, and serial number 2 answers" in text
@@ -220,9 +230,9 @@ def test_an_old_learning_is_believed_less(wheel: LineWheel) -> None:
     assert future.outcome.setup.prior.parameter_std.motor_gain > 0.09 * 15.0
 
 
-def test_what_changed_while_nobody_watched_is_not_believed_away(wheel: LineWheel, tmp_path: Path) -> None:
+def test_what_changed_while_nobody_watched_is_not_believed_away(wheel: LineWheel) -> None:
     """Row 28: a night later viscous friction is a fifth higher: within five minutes the estimate is within 4 sigma."""
-    colder = LineWheel(tmp_path, PlantParameters(viscous=1.2 * 0.00322), speed_rad_s=100.0)
+    colder = LineWheel(wheel.directory, PlantParameters(viscous=1.2 * 0.00322), speed_rad_s=100.0)
     ran = colder.run(300.0, at=BEGAN + timedelta(hours=12))
     assert ran.outcome.start["from"] == "learned"
     belief = ran.outcome.belief
@@ -230,10 +240,10 @@ def test_what_changed_while_nobody_watched_is_not_believed_away(wheel: LineWheel
     assert 0.8 < (ran.outcome.statistics.innovation_document()["nis_mean"] or 0.0) < 1.2
 
 
-def test_a_model_of_another_wheel_does_not_drive(wheel: LineWheel, tmp_path: Path) -> None:
+def test_a_model_of_another_wheel_does_not_drive(wheel: LineWheel) -> None:
     """Row 28: refused in one sentence, zero alone written; --other-wheel drives; a run that never writes has a note."""
     model = str(next((wheel.directory / "runs").glob("*.model.yaml")))
-    other = LineWheel(tmp_path, serial_number=2)
+    other = LineWheel(wheel.directory, serial_number=2)
     hows: list[dict[str, Any]] = [{"named": model}, {"filter": {"model": model}}]
     for how in hows:
         with pytest.raises(BadInputError, match=r"serial number 1, and serial number 2 answers.*--other-wheel"):
@@ -247,18 +257,18 @@ def test_a_model_of_another_wheel_does_not_drive(wheel: LineWheel, tmp_path: Pat
     assert len(said(beside, "model_of_another_wheel")) == 1
 
 
-def test_what_fit_and_diagnose_make_of_a_log_is_its_wheel_s(wheel: LineWheel, tmp_path: Path) -> None:
+def test_what_fit_and_diagnose_make_of_a_log_is_its_wheel_s(wheel: LineWheel) -> None:
     """Row 28: run, fit or diagnose, run: the model in between says whose it is; of logs of two wheels nobody's."""
     (log,) = (p for p in (wheel.directory / "runs").glob("*_wheel.csv"))
-    out = tmp_path / "fitted.yaml"
+    out = wheel.directory / "fitted.yaml"
     done = rw_ekf("fit", str(log), "--out", str(out), timeout=300)
     assert done.returncode == 0, done.stderr
     tag = read_model(out).wheel
     assert tag == read_learned(wheel.learned).wheel
     with pytest.raises(BadInputError, match="serial number 1, and serial number 2 answers"):
-        LineWheel(tmp_path, serial_number=2).run(5.0, named=str(out))
-    LineWheel(tmp_path, serial_number=2).run(5.0, output={"directory": str(tmp_path / "others")})
-    (other,) = (tmp_path / "others").glob("*_wheel.csv")
+        LineWheel(wheel.directory, serial_number=2).run(5.0, named=str(out))
+    LineWheel(wheel.directory, serial_number=2).run(5.0, output={"directory": str(wheel.directory / "others")})
+    (other,) = (wheel.directory / "others").glob("*_wheel.csv")
     assert wheel_of_logs([str(log)]) == tag
     assert wheel_of_logs([str(log), str(other)]) is None
     assert wheel_of_logs([str(log), str(out)]) is None
@@ -275,10 +285,12 @@ def test_a_model_that_names_no_wheel_is_taken_with_a_note(wheel: LineWheel) -> N
     assert ran_well(ran)
 
 
-def test_a_belief_out_of_bounds_replaces_no_good_file(wheel: LineWheel, tmp_path: Path) -> None:
+def test_a_belief_out_of_bounds_replaces_no_good_file(wheel: LineWheel) -> None:
     """Row 28: a wheel whose gain is another by ten is not learned in silence: said, and the good file stays."""
     before = wheel.learned.read_text(encoding="utf-8")
-    strange = LineWheel(tmp_path, PlantParameters(motor_gain=152.05, coulomb=5.863, static=6.037), speed_rad_s=20.0)
+    strange = LineWheel(
+        wheel.directory, PlantParameters(motor_gain=152.05, coulomb=5.863, static=6.037), speed_rad_s=20.0
+    )
     ran = strange.run(120.0, at=BEGAN + timedelta(hours=1))
     assert "odd_gain" in ran.notes.events
     assert "learned_not_kept" in ran.notes.events
