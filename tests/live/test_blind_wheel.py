@@ -91,7 +91,7 @@ def test_a_wrong_sign_in_the_wire_map_is_not_driven_on(bench: Bench, field: str)
         limits={"current_A": 0.3, "speed_rpm": 60.0},
         command={"profile": "sine", "amplitude_A": 0.2, "period_s": 6.0, "bias_A": 0.0},
     )
-    done = rw_ekf("run", "--config", str(config), "--duration", "15", "--json")
+    done = rw_ekf("run", "--config", str(config), "--duration", "8", "--json")
     assert done.returncode == 5
     document = document_of(done.stdout)
     (entry,) = document["logs"]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
+from rw_ekf.cli import main
 from rw_ekf.filter.belief import Belief
 from rw_ekf.logs.metadata import read_metadata
 from rw_ekf.logs.reader import read_log
@@ -163,27 +164,28 @@ def test_output_that_cannot_be_made_is_bad_input(bench: Bench) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("after_s", [0.25, 0.6, 1.13])
-def test_after_a_kill_the_files_are_whole(bench: Bench, after_s: float) -> None:
-    """SIGKILL in mid-run: log and estimates parse, the state is valid JSON, a replay works, stop gives zero."""
+def test_after_a_kill_the_files_are_whole(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+    """SIGKILL in mid-run, thrice: log and estimates parse, the state is valid JSON, a replay works, stop gives zero."""
     config = str(bench.config())
-    with program("run", "--config", config) as daemon:
-        wait_for(driven(bench))
-        seen = len(bench.recorder.requests)
-        wait_for(lambda: len(bench.recorder.requests) > seen + 20 * after_s)
-        daemon.kill()
-        daemon.wait()
-    (log,) = bench.logs()
-    assert len(read_log(log)) >= 2
-    rows = log.with_suffix(".estimates.csv").read_text(encoding="utf-8").splitlines()
-    assert len({row.count(",") for row in rows}) == 1
-    state = json.loads(next(bench.runs.glob("*.state.json")).read_text(encoding="utf-8"))
-    assert len(state["state"]) == 5
-    assert yaml.safe_load(log.with_suffix(".meta.yaml").read_text(encoding="utf-8"))["first_sample_utc"]
-    done = rw_ekf("replay", str(log), "--config", config, "--json")
-    assert done.returncode == 0
-    replay_document(done.stdout)
-    assert rw_ekf("stop", "--config", config).returncode == 0
-    assert bench.registers.command_A == 0.0
+    for kills, after_s in enumerate((0.25, 0.6, 1.13), 1):
+        with program("run", "--config", config) as daemon:  # the dead daemon's claim does not stand in the way
+            wait_for(driven(bench))
+            seen = len(bench.recorder.requests)
+            wait_for(lambda seen=seen, after_s=after_s: len(bench.recorder.requests) > seen + 20 * after_s)  # type: ignore[misc]
+            daemon.kill()
+            daemon.wait()
+        assert len(bench.logs()) == kills
+        log = bench.logs()[-1]
+        assert len(read_log(log)) >= 2
+        rows = log.with_suffix(".estimates.csv").read_text(encoding="utf-8").splitlines()
+        assert len({row.count(",") for row in rows}) == 1
+        state = json.loads(next(bench.runs.glob("*.state.json")).read_text(encoding="utf-8"))
+        assert state["log"] == log.name
+        assert len(state["state"]) == 5
+        assert yaml.safe_load(log.with_suffix(".meta.yaml").read_text(encoding="utf-8"))["first_sample_utc"]
+        assert main(["replay", str(log), "--config", config, "--json"]) == 0
+        replay_document(capsys.readouterr().out)
+        assert rw_ekf("stop", "--config", config).returncode == 0
+        assert bench.registers.command_A == 0.0
     again = rw_ekf("run", "--config", config, "--duration", "0.3")
-    assert again.returncode == 0  # the dead daemon's claim does not stand in the way
+    assert again.returncode == 0
