@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 import yaml
 
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, document_of, rw_ekf, served_wheel
+from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, document_of, program, served_wheel, wait_for
 from tests.live.daemon import Ran, resume, run
 from tests.live.test_line_faults import fault
 
@@ -70,6 +71,13 @@ def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
     assert bench.registers.command_A == 0.0
 
 
+def states_of(bench: Bench) -> list[str]:
+    """States that the run has been in so far."""
+    texts = (path.read_text(encoding="utf-8") for path in bench.runs.glob("*.events.jsonl"))
+    events = [json.loads(line) for text in texts for line in text.splitlines()]
+    return [event["state"] for event in events if event["event"] == "state"]
+
+
 def wrong_map(directory: Path, field: str, scale: float) -> str:
     """A copy of the wire map in which one scale, of all registers that have the field, is multiplied."""
     content = yaml.safe_load((ROOT / "config" / "sunspace-wheel.yaml").read_text(encoding="utf-8"))
@@ -91,9 +99,14 @@ def test_a_wrong_sign_in_the_wire_map_is_not_driven_on(bench: Bench, field: str)
         limits={"current_A": 0.3, "speed_rpm": 60.0},
         command={"profile": "sine", "amplitude_A": 0.2, "period_s": 6.0, "bias_A": 0.0},
     )
-    done = rw_ekf("run", "--config", str(config), "--duration", "8", "--json")
-    assert done.returncode == 5
-    document = document_of(done.stdout)
+    with program("run", "--config", str(config), "--json") as daemon:
+        wait_for(lambda: "SAFE" in states_of(bench), 60.0)
+        written = len(bench.recorder.writes_A())
+        wait_for(lambda: len(bench.recorder.writes_A()) > written + 25, 60.0)
+        daemon.terminate()
+        out, _ = daemon.communicate(timeout=60.0)
+    assert daemon.returncode == 5
+    document = document_of(out)
     (entry,) = document["logs"]
     assert document["state"]["state"] == "SAFE"
     (said,) = [text for text in entry["warnings"] if text.startswith("a positive current turns the wheel backward")]
