@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.bench.run import BenchRun
+from rw_ekf.flyby.impulse import zero_crossing_impulse
 
 WINDOW_S = 120.0  # from the reversal on
 STEADY_S = (30.0, 2.0)  # before the reversal
@@ -23,6 +24,7 @@ class Metrics(NamedTuple):
     stop_s: float  # how long the wheel stood still
     effort_A_s: float  # integral of |I| over those 120 s
     chatter_A_per_s: float  # mean of |dI| per second over those 120 s
+    impulse_Nms: float  # on the body, of the zero crossing, from its attitude as [L17] III has it
 
 
 def metrics_of(run: BenchRun) -> Metrics:
@@ -49,4 +51,14 @@ def metrics_of(run: BenchRun) -> Metrics:
         stop_s=run.stood_s,
         effort_A_s=float(np.sum(np.abs(current_A[:-1]) * np.diff(time_s))),
         chatter_A_per_s=float(np.sum(np.abs(np.diff(current_A))) / lasts_s),
+        impulse_Nms=_impulse_Nms(run, reversal_s),
     )
+
+
+def _impulse_Nms(run: BenchRun, reversal_s: float) -> float:
+    try:
+        return zero_crossing_impulse(
+            run.time_s, run.attitude_rad, reversal_s, run.body_inertia_kg_m2, lasts_s=run.stood_s
+        ).value
+    except ValueError:  # too few readings beside the crossing
+        return math.nan

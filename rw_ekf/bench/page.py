@@ -104,14 +104,23 @@ def _figure(content: bytes, caption: str) -> str:
 
 
 def _table(rows: Sequence[Row]) -> str:
-    heads = ("peak [deg]", "worst", "steady [deg]", "recover [s]", "stop [s]", "effort [A s]", "chatter [A/s]")
+    heads = (
+        "peak [deg]",
+        "worst",
+        "steady [deg]",
+        "recover [s]",
+        "stop [s]",
+        "effort [A s]",
+        "chatter [A/s]",
+        "impulse [mNms]",
+    )
     head = "<th>scheme</th><th>source</th><th>parameters</th>" + "".join(f'<th class="number">{h}</th>' for h in heads)
     body = []
     for row in rows:
         entry = SCHEMES[row.scheme]
         figures = (
             (row.peak_deg, 4), (row.worst_deg, 4), (row.steady_deg, 4), (row.recover_s, 1), (row.stop_s, 2),
-            (row.effort_A_s, 2), (row.chatter_A_per_s, 4),
+            (row.effort_A_s, 2), (row.chatter_A_per_s, 4), (1e3 * row.impulse_Nms, 3),
         )  # fmt: skip
         cells = "".join(
             f'<td class="number">{f"{value:.{places}f}" if math.isfinite(value) else "–"}</td>'

@@ -33,6 +33,7 @@ class Row:
     stop_s: float
     effort_A_s: float
     chatter_A_per_s: float
+    impulse_Nms: float
     seeds: int  # that the wheel reversed in
 
     def document(self) -> dict[str, Any]:
@@ -48,6 +49,7 @@ class Row:
             "stop_s": self.stop_s,
             "effort_A_s": self.effort_A_s,
             "chatter_A_per_s": self.chatter_A_per_s,
+            "impulse_Nms": self.impulse_Nms,
             "parameters_from": _ORIGINS.get(entry.parameters_from, entry.parameters_from),
         }
 
@@ -71,6 +73,7 @@ def _row(contest: Contest, scheme: str, noise_rpm: float) -> Row:
         stop_s=_middle([run.stop_s for run in runs]),
         effort_A_s=_middle([run.effort_A_s for run in runs]),
         chatter_A_per_s=_middle([run.chatter_A_per_s for run in runs]),
+        impulse_Nms=_middle([run.impulse_Nms for run in runs]),
         seeds=sum(math.isfinite(peak) for peak in peaks),
     )
 
@@ -106,8 +109,9 @@ def table_text(rows: Sequence[Row], scenario: Scenario) -> str:
         lines = [
             f"speed noise {noise_rpm:g} rpm",
             f"  {'scheme':<20} {'source':<24} {'peak':>7} {'worst':>7} {'ratio':>6} {'steady':>7} {'recover':>7} "
-            f"{'stop':>6} {'effort':>7} {'chatter':>8}  parameters",
-            f"  {'':<20} {'':<24} {'deg':>7} {'deg':>7} {'1:':>6} {'deg':>7} {'s':>7} {'s':>6} {'A s':>7} {'A/s':>8}",
+            f"{'stop':>6} {'effort':>7} {'chatter':>8} {'impulse':>8}  parameters",
+            f"  {'':<20} {'':<24} {'deg':>7} {'deg':>7} {'1:':>6} {'deg':>7} {'s':>7} "
+            f"{'s':>6} {'A s':>7} {'A/s':>8} {'mNms':>8}",
         ]
         lines += [f"  {_line(row, base)}" for row in here]
         parts.append("\n".join(lines))
@@ -126,7 +130,8 @@ def _line(row: Row, base_deg: float) -> str:
         f"{row.scheme:<20} {source:<24} {_shown(row.peak_deg, 4):>7} {_shown(row.worst_deg, 4):>7} "
         f"{_shown(ratio, 1):>6} {_shown(row.steady_deg, 4):>7} {_shown(row.recover_s, 1):>7} "
         f"{_shown(row.stop_s, 2):>6} "
-        f"{_shown(row.effort_A_s, 2):>7} {_shown(row.chatter_A_per_s, 4):>8}  {entry.parameters_from}"
+        f"{_shown(row.effort_A_s, 2):>7} {_shown(row.chatter_A_per_s, 4):>8} "
+        f"{_shown(1e3 * row.impulse_Nms, 3):>8}  {entry.parameters_from}"
     )
 
 

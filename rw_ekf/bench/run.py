@@ -47,6 +47,7 @@ class BenchRun:
     request_rad_s2: Float64Array  # by the attitude controller
     current_A: Float64Array  # commanded after the reading
     stood_s: float  # how long the wheel stood still
+    body_inertia_kg_m2: float = 0.5
 
     @property
     def reversal_s(self) -> float | None:
@@ -121,7 +122,16 @@ class Bench:
         """What was recorded."""
         rows = np.array(self._rows[: len(self._currents)])
         time_s, attitude, wheel, believed, request = rows.T
-        return BenchRun(time_s, attitude, wheel, believed, request, np.array(self._currents), self._stood_s)
+        return BenchRun(
+            time_s,
+            attitude,
+            wheel,
+            believed,
+            request,
+            np.array(self._currents),
+            self._stood_s,
+            self._scenario.body.inertia_kg_m2,
+        )
 
     def _truth(self, now_s: float) -> AxisState:
         wheel = self._wheel.truth.state
