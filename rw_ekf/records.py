@@ -274,13 +274,21 @@ class ActiveAlarm:
         }
 
 
+class Alarms(NamedTuple):
+    """What a watch says after a turn: the alarms that are on, and those that ended with it, what was found of them."""
+
+    on: tuple[ActiveAlarm, ...] = ()
+    over: tuple[ActiveAlarm, ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Tick:
     """One turn of the loop. A controller gets it before a command is issued, a sink behind that.
 
-    alarms: those that are on; a controller sees them as they were after the turn before. state: None in a replay, which
-    drives nothing. fresh: False where the line gave nothing that belongs into a log (it is down or silent): sample and
-    estimate are then the last there were. compensation: None where the run has none.
+    alarms: those that are on; a controller sees them as they were after the turn before. alarms_over: those that ended
+    with this turn. state: None in a replay, which drives nothing. fresh: False where the line gave nothing that belongs
+    into a log (it is down or silent): sample and estimate are then the last there were. compensation: None where the
+    run has none.
     """
 
     sample: WheelSample
@@ -291,6 +299,7 @@ class Tick:
     state: StateNow | None = None
     fresh: bool = True
     compensation: CompensationNow | None = None
+    alarms_over: tuple[ActiveAlarm, ...] = ()
 
 
 class Reading(NamedTuple):

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock
-from rw_ekf.records import ActiveAlarm, Tick
+from rw_ekf.records import ActiveAlarm, Alarms, Tick
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.wheel_watch import WatchedFilter, WatchKnobs, WheelWatch
 
@@ -32,10 +32,10 @@ class AlarmWatch:
         self._began: tuple[datetime, float] | None = None  # hour and time of the first sample
         self._segment = 0
 
-    def step(self, tick: Tick) -> tuple[ActiveAlarm, ...]:
-        """Let the watch take one turn; log what began, changed or ended. Returns the alarms that are on."""
+    def step(self, tick: Tick) -> Alarms:
+        """Let the watch take one turn; log what began, changed or ended."""
         if self._watch is None:
-            return ()
+            return Alarms()
         sample = tick.sample
         if self._began is None or sample.segment != self._segment:  # the wheel's clock began anew, or jumped
             self._began = self._clock.utc(), sample.time_s
@@ -46,37 +46,43 @@ class AlarmWatch:
             self._watch = None
             self._active.clear()
             self._logger.error("watch_failed", reason=str(error), do="the run goes on without alarms")
-            return ()
-        for alarm in news:
-            self._say(alarm, sample.time_s)
+            return Alarms()
+        said = [self._say(alarm, sample.time_s) for alarm in news]
+        over = tuple(told for told, alarm in zip(said, news, strict=True) if alarm.ended_s is not None)
         left = self._watch.remaining_drag if self._active else None
-        return tuple(alarm if left is None else _with_remaining(alarm, *left) for alarm in self._active.values())
+        on = self._active.values()
+        return Alarms(tuple(on) if left is None else tuple(_with_remaining(alarm, *left) for alarm in on), over)
 
     @property
     def warnings(self) -> list[str]:
         """What was said over the run, in sentences, oldest first."""
         return [*self._sentences, f"{self._more} more alarms: see the log"] if self._more else list(self._sentences)
 
-    def _say(self, alarm: Alarm, time_s: float) -> None:
+    def _say(self, alarm: Alarm, time_s: float) -> ActiveAlarm:
+        """Log an alarm that began, changed or ended; return it as it is told, `ended_s` among its details."""
         since = self._utc(alarm.since_s, time_s)
-        known = self._active.get(alarm.name)
-        if known is not None and known.since_s == alarm.since_s:
-            since = known.since_utc
+        before = self._active.get(alarm.name)
+        if before is not None and before.since_s == alarm.since_s:
+            since = before.since_utc
         entry = {"since_utc": since, "since_s": alarm.since_s, **alarm.details}
         if alarm.ended_s is None:
             sentence = alarm.sentence(since)
-            self._active[alarm.name] = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, alarm.details)
+            told = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, alarm.details)
+            self._active[alarm.name] = told
         else:
             ended = self._utc(alarm.ended_s, time_s)
             sentence = alarm.sentence(since, ended)
-            entry |= {"ended_utc": ended, "ended_s": alarm.ended_s}
+            details = {**alarm.details, "ended_utc": ended, "ended_s": alarm.ended_s}
+            told = ActiveAlarm(alarm.name, sentence, since, alarm.since_s, details)
+            entry |= details
             self._active.pop(alarm.name, None)
-        told = {key: value for key, value in entry.items() if value is not None}
-        self._logger.warning(alarm.event, text=sentence, **told)
+        known = {key: value for key, value in entry.items() if value is not None}
+        self._logger.warning(alarm.event, text=sentence, **known)
         if len(self._sentences) < _MOST_SENTENCES:
             self._sentences.append(sentence)
         else:
             self._more += 1
+        return told
 
     def _utc(self, time_s: float, now_s: float) -> str:
         """UTC of a time of the log [s], given that it is now_s now; the wheel's clock may run at any rate."""

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import EndOfRecord
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.records import ActiveAlarm, Estimate, IssuedCommand, Reading, Sink, StateNow, Tick
+from rw_ekf.records import Alarms, Estimate, IssuedCommand, Reading, Sink, StateNow, Tick
 
 Issue = Callable[[Tick], IssuedCommand | None]  # decides and sends what follows a sample; None: no command is known
-Watch = Callable[[Tick], tuple[ActiveAlarm, ...]]  # the alarms that are on
+Watch = Callable[[Tick], Alarms]
 Judge = Callable[[Reading, Estimate | None], StateNow | None]  # the state of the run, before anything is commanded
 
 
@@ -19,7 +19,7 @@ def run_loop(
     estimator: Estimator,
     issue: Issue,
     sinks: Sequence[Sink],
-    watch: Watch = lambda tick: (),
+    watch: Watch = lambda tick: Alarms(),
     judge: Judge = lambda reading, estimate: None,
     turned: Callable[[StateNow | None], None] = lambda state: None,
 ) -> None:
@@ -31,21 +31,21 @@ def run_loop(
     to show before the first sample.
     """
     tick: Tick | None = None
-    alarms: tuple[ActiveAlarm, ...] = ()
+    alarms = Alarms()
     for reading in readings:
         sample, link, _ = reading
         if sample is None:
             state = judge(reading, None)
             if tick is not None:
-                tick = Tick(tick.sample, tick.estimate, None, alarms, link, state, fresh=False)
+                tick = Tick(tick.sample, tick.estimate, None, alarms.on, link, state, fresh=False)
         else:
             estimate = estimator.step(sample)
             state = judge(reading, estimate)
-            command = issue(Tick(sample, estimate, None, alarms, link, state))
+            command = issue(Tick(sample, estimate, None, alarms.on, link, state))
             if command is not None:
                 estimator.command_issued(command)
-            alarms = watch(Tick(sample, estimate, command, alarms, link, state))
-            tick = Tick(sample, estimate, command, alarms, link, state)
+            alarms = watch(Tick(sample, estimate, command, alarms.on, link, state))
+            tick = Tick(sample, estimate, command, alarms.on, link, state, alarms_over=alarms.over)
         if tick is not None:
             for sink in sinks:
                 sink.write(tick)

@@ -19,7 +19,7 @@ from rw_ekf.live.run_states import RunStates
 from rw_ekf.live.sign_check import SignCheck
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.numbers import plus_minus
-from rw_ekf.records import ActiveAlarm, RunState, Tick
+from rw_ekf.records import Alarms, RunState, Tick
 from rw_ekf.watch.sign_watch import SignWatch
 from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 from rw_ekf.wheel.wheel_tag import WheelTag
@@ -78,11 +78,11 @@ class RunWatches:
         """The wheel, with what is known of its sign by now."""
         return replace(self._start.wheel, sign_confirmed=self.sign.confirmed)
 
-    def step(self, tick: Tick) -> tuple[ActiveAlarm, ...]:
-        """Take one turn of the loop; the alarms that are on."""
+    def step(self, tick: Tick) -> Alarms:
+        """Take one turn of the loop; what the alarms are."""
         self.sign.step(tick)
         self.judge.commanded(tick.command)
-        return () if self.alarms is None else self.alarms.step(tick)
+        return Alarms() if self.alarms is None else self.alarms.step(tick)
 
     def find_negative_gain(self, belief: Belief) -> None:
         """At the end: a negative motor gain is a finding where nothing of the kind was found before."""

@@ -30,6 +30,7 @@ class EventsSink:
         self._clock = clock
         self._state = began
         self._alarms: dict[str, ActiveAlarm] = {}
+        self._time_s: float | None = None  # of the last sample
         self._path = path
         self._waiting: deque[bytes] = deque(maxlen=_MOST_WAITING)
         self._closed = False
@@ -40,25 +41,33 @@ class EventsSink:
 
     def write(self, tick: Tick) -> None:
         """Append what changed with this tick."""
-        time_s = tick.estimate.time_s
+        time_s = self._time_s = tick.estimate.time_s
         if tick.state is not None and tick.state != self._state:
             self._append({"utc": tick.state.since_utc, "time_s": time_s, **_of_state(tick.state, self._state)})
             self._state = tick.state
-        if tick.alarms or self._alarms:
-            self._note_alarms(time_s, {alarm.name: alarm for alarm in tick.alarms})
+        if tick.alarms or tick.alarms_over or self._alarms:
+            self._note_alarms(time_s, tick)
 
     def close(self) -> None:
         """Finish the file."""
         if not self._closed:
             self._closed = True
-            self._append({"utc": self._utc(), "time_s": None, "event": "ended", "state": self._state.state.value})
+            self._append(
+                {"utc": self._utc(), "time_s": self._time_s, "event": "ended", "state": self._state.state.value}
+            )
 
-    def _note_alarms(self, time_s: float, on: dict[str, ActiveAlarm]) -> None:
+    def _note_alarms(self, time_s: float, tick: Tick) -> None:
+        """Append ends before beginnings: in a train of spikes one ends where the next sets in."""
+        on = {alarm.name: alarm for alarm in tick.alarms}
+        now = {"utc": self._utc(), "time_s": time_s}
+        for alarm in tick.alarms_over:
+            self._append({**now, "event": "alarm_over", **alarm.document()})
+        told = {alarm.name for alarm in tick.alarms_over}
+        for name in self._alarms.keys() - on.keys() - told:  # the watch itself has ended
+            self._append({**now, "event": "alarm_over", "name": name})
         for name, alarm in on.items():
-            if name not in self._alarms:
-                self._append({"utc": self._utc(), "time_s": time_s, "event": "alarm", **alarm.document()})
-        for name in self._alarms.keys() - on.keys():
-            self._append({"utc": self._utc(), "time_s": time_s, "event": "alarm_over", "name": name})
+            if name not in self._alarms or self._alarms[name].since_s != alarm.since_s:
+                self._append({**now, "event": "alarm", **alarm.document()})
         self._alarms = on
 
     def _utc(self) -> str:

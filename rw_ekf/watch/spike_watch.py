@@ -137,6 +137,8 @@ class SpikeWatch:
                 "std_mNm": None if fit.at_least else self._torque_mNm(fit.std_rad_s2),
                 "inertia_kg_m2": self._inertia,
                 "bound": "at least: the wheel stands still" if fit.at_least else None,
+                "speed_rad_s": self._belief_before(fit.time_s).speed_rad_s,
+                "coulomb_rad_s2": self._tracker.reference.coulomb,
             },
         )
         self._start_afresh()

@@ -11,7 +11,7 @@ import pytest
 
 from rw_ekf.clock import VirtualClock
 from rw_ekf.live.alarm_watch import AlarmWatch
-from rw_ekf.records import ActiveAlarm, Tick, WheelSample
+from rw_ekf.records import ActiveAlarm, Alarms, Tick, WheelSample
 from rw_ekf.watch.alarms import DRAG_SPIKE, RESIDUAL, Alarm
 from rw_ekf.watch.wheel_watch import WheelWatch
 from tests.live.daemon import Notes
@@ -57,7 +57,7 @@ def fed(*news: Alarm | Exception) -> tuple[AlarmWatch, Notes, tuple[ActiveAlarm,
     active: tuple[ActiveAlarm, ...] = ()
     watch = AlarmWatch(Told(*news), notes, VirtualClock(NOON))
     for _ in news:
-        active = watch.step(tick_of(WheelSample(100.0, 1.0)))
+        active = watch.step(tick_of(WheelSample(100.0, 1.0))).on
     return watch, notes, active
 
 
@@ -106,11 +106,28 @@ def test_active_alarms_are_published_until_they_end() -> None:
     assert len(watch.warnings) == 2
 
 
+def test_what_ended_is_told_once_with_all_that_was_found() -> None:
+    """The turn in which a spike ends has its decay, reason and end; in a train the next one is on in the same turn."""
+
+    class Train(Told):
+        def step(self, tick: Tick) -> list[Alarm]:
+            return [spike(ended_s=98.0), replace(spike(), since_s=98.0)] if self._news.pop(0) is None else [spike()]
+
+    watch = AlarmWatch(Train(spike(), None), Notes(), VirtualClock(NOON))
+    assert watch.step(tick_of(WheelSample(100.0, 1.0))).over == ()
+    on, over = watch.step(tick_of(WheelSample(100.1, 1.0)))
+    assert [alarm.since_s for alarm in on] == [98.0]
+    (ended,) = over
+    assert (ended.since_s, ended.details["ended_s"], ended.details["decay_s"]) == (95.0, 98.0, 61.0)
+    assert ended.details["end"] == "faded"
+
+
 def test_a_broken_watch_does_not_end_the_run() -> None:
     """An arithmetic error within the watch is reported once; the samples go on without alarms."""
     watch, notes, active = fed(residual(), ZeroDivisionError("float division by zero"))
     assert notes.events == ["residual_not_noise", "watch_failed"]
-    assert active == watch.step(tick_of(WheelSample(101.0, 1.0))) == ()
+    assert active == ()
+    assert watch.step(tick_of(WheelSample(101.0, 1.0))) == Alarms()
 
 
 def test_the_report_stays_short() -> None:
