@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.records import Tick
 
@@ -16,8 +14,5 @@ class DynamicModelCompensation:
 
     def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
         """The current [A] for an acceleration [rad/s^2]."""
-        if known.speed_rad_s != 0.0:
-            friction = known.friction_rad_s2(known.speed_rad_s)  # [CK13 (14)]
-        else:
-            friction = math.copysign(known.parameters.static, request_rad_s2) if request_rad_s2 != 0.0 else 0.0  # (15)
+        friction = known.friction_against_rad_s2(request_rad_s2, known.speed_rad_s)  # (14), (15)
         return (request_rad_s2 + friction) / known.parameters.motor_gain

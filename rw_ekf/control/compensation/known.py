@@ -49,6 +49,12 @@ class WheelKnown:
             estimate,
         )
 
+    def friction_against_rad_s2(self, drive_rad_s2: float, speed_rad_s: float) -> float:
+        """Friction at a speed; of a wheel at rest that which has to be broken in the drive's direction: [CK13 (15)]."""
+        if speed_rad_s != 0.0:
+            return self.friction_rad_s2(speed_rad_s)
+        return math.copysign(self.parameters.static, drive_rad_s2) if drive_rad_s2 != 0.0 else 0.0
+
 
 def parameters_of(state: WheelState) -> FrictionParameters:
     """The four parameters of a state."""

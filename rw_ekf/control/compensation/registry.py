@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from rw_ekf.control.compensation import adrc, disturbance_observer, dither, pistiner, sliding_mode, speed_mode
 from rw_ekf.control.compensation.dmc import DynamicModelCompensation
 from rw_ekf.control.compensation.pid_current import PidCurrent
 from rw_ekf.control.compensation.scheme import Compensation
@@ -39,6 +40,17 @@ class SchemeEntry:
     largest_integral: bool = False
 
 
+def _pistiner(sheet: WheelSheet, **given: float) -> pistiner.PistinerOffset:
+    parameters = sheet.parameters
+    return pistiner.PistinerOffset(parameters.motor_gain, parameters.viscous, pistiner.OffsetSpeeds(**given))
+
+
+def _dither(sheet: WheelSheet, wave: Callable[[float], float], base: Compensation | None = None) -> dither.Dither:
+    gain, static = sheet.parameters.motor_gain, sheet.parameters.static
+    base = PidCurrent(gain) if base is None else base
+    return dither.Dither(base, gain, static, sheet.rate_hz, wave, dither.DitherSignal())
+
+
 SCHEMES: dict[str, SchemeEntry] = {
     entry.id: entry
     for entry in (
@@ -49,6 +61,13 @@ SCHEMES: dict[str, SchemeEntry] = {
             lambda sheet: PidCurrent(sheet.parameters.motor_gain),
             largest_integral=True,
         ),
+        SchemeEntry(
+            "speed_mode",
+            "[CK13] 1",
+            lambda sheet, **given: speed_mode.SpeedMode(sheet.parameters.motor_gain, speed_mode.SpeedLoop(**given)),
+            inner_rate_hz=speed_mode.RATE_HZ,
+            tunable=speed_mode.TUNABLE,
+        ),
         SchemeEntry("dmc", "[CK13] 4.2 (14), (15)", lambda sheet: DynamicModelCompensation(), "estimator"),
         SchemeEntry("dmc_deterministic", "[CK13] Table 1", lambda sheet: DynamicModelCompensation(), "deterministic"),
         SchemeEntry(
@@ -56,6 +75,46 @@ SCHEMES: dict[str, SchemeEntry] = {
         ),
         SchemeEntry(
             "dmc_diagnosed", "ours: [CK13] 4.2 with effects", lambda sheet: DynamicModelCompensation(), "diagnosed"
+        ),
+        SchemeEntry("pistiner_offset", "[S91] of Pistiner", _pistiner, tunable=pistiner.TUNABLE),
+        SchemeEntry("dither_triangular", "[S91] claims 1 to 6", lambda sheet: _dither(sheet, dither.triangular)),
+        SchemeEntry("dither_sine", "[S91] claims 1 to 6", lambda sheet: _dither(sheet, dither.sine)),
+        SchemeEntry("dither_square", "[S91] claims 1 to 6", lambda sheet: _dither(sheet, dither.square)),
+        SchemeEntry(
+            "dither_offset",
+            "[S91] figure 6: dither and Pistiner's offset",
+            lambda sheet: _dither(sheet, dither.triangular, _pistiner(sheet)),
+        ),
+        SchemeEntry(
+            "disturbance_observer",
+            "Ohnishi, Shibata, Murakami 1996",
+            lambda sheet, **given: disturbance_observer.DisturbanceObserver(
+                sheet.parameters.motor_gain, disturbance_observer.ObserverFilter(**given)
+            ),
+            tunable=disturbance_observer.TUNABLE,
+        ),
+        SchemeEntry(
+            "adrc",
+            "Gao 2003, Han 2009",
+            lambda sheet, **given: adrc.ActiveDisturbanceRejection(
+                adrc.BareObserver(**given), sheet.parameters.motor_gain
+            ),
+            tunable=adrc.TUNABLE,
+        ),
+        SchemeEntry(
+            "adrc_model",
+            "Gao 2003, Han 2009, with [CK13] (1) inside",
+            lambda sheet, **given: adrc.ActiveDisturbanceRejection(adrc.ModelObserver(**given)),
+            "estimator",
+            tunable=adrc.TUNABLE,
+        ),
+        SchemeEntry(
+            "sliding_mode",
+            "Utkin 1977, Slotine and Li 1991",
+            lambda sheet, **given: sliding_mode.SlidingMode(
+                sheet.parameters.motor_gain, sheet.parameters.static, sliding_mode.SlidingSurface(**given)
+            ),
+            tunable=sliding_mode.TUNABLE,
         ),
     )
 }
