@@ -25,6 +25,7 @@ VERBS = {
     "install-service": "install_service",
     "bench": "bench",
     "flyby": "flyby",
+    "spikes": "spikes",
 }
 
 

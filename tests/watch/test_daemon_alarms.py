@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.commands.run import _warnings
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.logs.metadata import read_metadata
+from rw_ekf.spikes.run_events import read_run
 from tests.live.bench import served_wheel
 from tests.live.daemon import run
 from tests.live.virtual import published
@@ -66,6 +68,14 @@ def test_a_spike_in_a_run_is_logged_published_and_reported(tmp_path: Path) -> No
     assert first["since_utc"][:13] >= metadata.first_sample_utc[:13]
     assert any("drag spike" in text for text in ran.outcome.alarms)
     assert any("drag spike" in text for text in _warnings(ran.outcome))
+    kept = read_run(ran.outcome.files.log)
+    assert kept is not None
+    (found,) = kept.spikes
+    assert found.amplitude_mNm == pytest.approx(first["amplitude_mNm"])
+    assert found.percent_of_coulomb == pytest.approx(100.0 * first["amplitude_rad_s2"] / 0.5863, rel=0.02)
+    assert found.speed_rpm == pytest.approx(30.0 * 60.0 / (2.0 * math.pi), rel=0.3)
+    assert found.end == last["end"]
+    assert 25.0 < kept.watched_s <= 30.0
 
 
 def test_a_watch_that_is_switched_off_says_nothing(tmp_path: Path) -> None:

@@ -1,0 +1,58 @@
+"""`rw-ekf spikes`: the drag spikes of a directory of runs, and whether they become more frequent."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+
+HELP = "drag spikes over a directory of runs, and whether their incidence changes"
+EXAMPLE = """example:
+  rw-ekf spikes runs
+  rw-ekf spikes runs --out spikes.png --json
+
+Spikes are what the daemon's watch reported (docs/watch.md); the test of a trend is in docs/watch.md#over-months"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("directory", metavar="DIR", help="directory of runs, as `output.directory` has them")
+    parser.add_argument(
+        "--train",
+        metavar="S",
+        type=_seconds,
+        default=3600.0,
+        help="spikes so close to the one before count as one train [s] (default 3600)",
+    )
+    parser.add_argument("--out", metavar="PNG", help="picture of sizes and counts over the time watched")
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0.0 <= seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is no time [s]")
+    return seconds
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises LogError or BadInputError."""
+    from pathlib import Path
+
+    from rw_ekf.json_output import print_json
+    from rw_ekf.spikes.trending import spikes_document, spikes_of_directory, spikes_text
+
+    found, warnings = spikes_of_directory(Path(args.directory), args.train)
+    for text in warnings:
+        sys.stderr.write(f"warning: {text}\n")
+    if args.out is not None and found:
+        from rw_ekf.spikes.picture import spikes_picture
+
+        spikes_picture(args.out, found)
+    if args.json:
+        print_json(spikes_document(args.directory, found, args.train, warnings))
+    else:
+        sys.stdout.write("\n\n".join(map(spikes_text, found)) + "\n" if found else "no run here was watched\n")
+    return 0

@@ -1,0 +1,152 @@
+"""What the events of one run say of drag spikes, and for how long the wheel was watched."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rw_ekf.logs.metadata import read_metadata
+from rw_ekf.logs.parts import beside, parts_of
+from rw_ekf.logs.reader import read_log
+from rw_ekf.numbers import number_of
+from rw_ekf.units import rpm_from_rad_s
+
+SPIKE = "drag_spike"
+# Readings come. A spike itself gates readings, and so degrades a run: were that time left out, each spike would shorten
+# the time that its own incidence is taken over.
+WATCHED_STATES = ("TRACKING", "DEGRADED")
+GENUINE_ENDS = ("faded", "another one set in")  # others were taken back by the watch
+
+
+@dataclass(frozen=True)
+class Spike:
+    """One spike; None for what is not known."""
+
+    run: str  # the log's name
+    utc: str  # of its onset
+    watched_s: float  # from the beginning of all that was watched in the run
+    speed_rpm: float | None
+    amplitude_mNm: float | None
+    std_mNm: float | None
+    percent_of_coulomb: float | None
+    decay_s: float | None
+    end: str | None  # as the watch said; None: the run ended first
+
+
+@dataclass
+class RunEvents:
+    """One run: its spikes in the order of their onset, and how long it was watched."""
+
+    wheel: str
+    log: Path
+    began_utc: str
+    watched_s: float = 0.0
+    spikes: list[Spike] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def read_run(log: Path) -> RunEvents | None:
+    """Read the events of a run; None where nothing watched it for spikes. Raises ConfigError for damaged metadata."""
+    metadata = read_metadata(log)
+    assert metadata is not None, "runs_of gives runs with metadata alone"
+    name = str(metadata.configuration.get("wheel", {}).get("name", "wheel"))
+    serial = None if metadata.identity is None else metadata.identity.serial_number
+    wheel = name if serial is None else f"{name} (serial number {serial})"
+    run = RunEvents(wheel, log, metadata.first_sample_utc)
+    path = beside(log, "events.jsonl")
+    if not metadata.configuration.get("watch", {}).get("enabled", True):
+        return None
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return None
+    events = []
+    for number, line in enumerate(lines, 1):
+        event = _event(line)
+        if event is None:
+            run.warnings.append(f"{path}:{number}: is no event, and is left out (a line cut short by a crash)")
+        else:
+            events.append(event)
+    _follow(run, events)
+    return run
+
+
+def _event(line: str) -> dict[str, Any] | None:
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return None
+    well_formed = isinstance(event, dict) and isinstance(event.get("event"), str) and _moment(event.get("utc"))
+    return event if well_formed else None
+
+
+def _follow(run: RunEvents, events: list[dict[str, Any]]) -> None:
+    """Add up the time watched, and take up each spike where it sets in and where it is over."""
+    if events and events[-1]["event"] != "ended":
+        events = [*events, *_cut_off(run, events[-1])]
+    state, since = None, None
+    begun: dict[float, int] = {}  # place of each spike that is on, by its onset
+    for event in events:
+        elapsed_s = 0.0 if since is None or state not in WATCHED_STATES else _elapsed_s(since, event)
+        if event["event"] == "alarm" and event.get("name") == SPIKE:
+            begun[number_of(event.get("since_s")) or 0.0] = len(run.spikes)
+            run.spikes.append(_spike(run, event, run.watched_s + elapsed_s, None))
+        elif event["event"] == "alarm_over" and event.get("name") == SPIKE:
+            place = begun.pop(number_of(event.get("since_s")) or 0.0, None)
+            if place is not None:
+                run.spikes[place] = _spike(run, event, run.spikes[place].watched_s, event.get("end"))
+        elif event["event"] in {"state", "ended"}:
+            run.watched_s += elapsed_s
+            state, since = event.get("state"), event
+            if event["event"] == "ended":
+                state = None
+
+
+def _cut_off(run: RunEvents, last: dict[str, Any]) -> list[dict[str, Any]]:
+    """The end that a crash has left out: the time of the last row of the log."""
+    from rw_ekf.errors import RwEkfError
+
+    run.warnings.append(f"{run.log}: the run was cut off; it counts up to its last row")
+    try:
+        end_s = float(read_log(parts_of(run.log).files[-1]).time_s[-1])
+    except (RwEkfError, IndexError):
+        end_s = number_of(last.get("time_s")) or 0.0
+    return [{"utc": last["utc"], "time_s": end_s, "event": "ended"}]
+
+
+def _spike(run: RunEvents, event: dict[str, Any], watched_s: float, end: str | None) -> Spike:
+    speed, amplitude, coulomb = (
+        number_of(event.get(key)) for key in ("speed_rad_s", "amplitude_rad_s2", "coulomb_rad_s2")
+    )
+    return Spike(
+        run=run.log.name,
+        utc=str(event.get("since_utc")),
+        watched_s=watched_s,
+        speed_rpm=None if speed is None else rpm_from_rad_s(speed),
+        amplitude_mNm=number_of(event.get("amplitude_mNm")),
+        std_mNm=number_of(event.get("std_mNm")),
+        percent_of_coulomb=None if amplitude is None or not coulomb else 100.0 * amplitude / abs(coulomb),
+        decay_s=number_of(event.get("decay_s")),
+        end=end,
+    )
+
+
+def _elapsed_s(since: dict[str, Any], until: dict[str, Any]) -> float:
+    """Time between two events: of the log where both have it and it has not begun anew, else of the day."""
+    first, last = number_of(since.get("time_s")), number_of(until.get("time_s"))
+    if first is not None and last is not None and last >= first:
+        return last - first
+    begin, end = _moment(since["utc"]), _moment(until["utc"])
+    assert begin is not None
+    assert end is not None
+    return max((end - begin).total_seconds(), 0.0)
+
+
+def _moment(utc: Any) -> datetime | None:
+    try:
+        return datetime.fromisoformat(str(utc))
+    except ValueError:
+        return None
