@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
-from rw_ekf.control.compensation import adrc, disturbance_observer, dither, pistiner, sliding_mode, speed_mode
+from rw_ekf.control.compensation import adrc, disturbance_observer, dither, pi_drag, pistiner, sliding_mode, speed_mode
 from rw_ekf.control.compensation.dmc import DynamicModelCompensation
+from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S
 from rw_ekf.control.compensation.pid_current import PidCurrent
 from rw_ekf.control.compensation.scheme import Compensation
 from rw_ekf.model.friction import Stribeck
@@ -49,6 +51,10 @@ def _dither(sheet: WheelSheet, wave: Callable[[float], float], base: Compensatio
     gain, static = sheet.parameters.motor_gain, sheet.parameters.static
     base = PidCurrent(gain) if base is None else base
     return dither.Dither(base, gain, static, sheet.rate_hz, wave, dither.DitherSignal())
+
+
+def _pi_drag(sheet: WheelSheet, **given: Any) -> pi_drag.PiDrag:
+    return pi_drag.PiDrag(sheet.parameters, pi_drag.PiDragParameters(**given))
 
 
 SCHEMES: dict[str, SchemeEntry] = {
@@ -115,6 +121,15 @@ SCHEMES: dict[str, SchemeEntry] = {
                 sheet.parameters.motor_gain, sheet.parameters.static, sliding_mode.SlidingSurface(**given)
             ),
             tunable=sliding_mode.TUNABLE,
+        ),
+        SchemeEntry("pi_drag", "[L17] II (1), bandwidth tuned", _pi_drag, tunable=pi_drag.TUNABLE),
+        SchemeEntry(
+            "pi_drag_cassini", "[L17] II (1), 0.01 Hz", lambda sheet: _pi_drag(sheet, bandwidth_rad_s=CASSINI_RAD_S)
+        ),
+        SchemeEntry(
+            "pi_drag_high_gain",
+            "[L17] V.1: Cassini's, doubled",
+            lambda sheet: _pi_drag(sheet, bandwidth_rad_s=2.0 * CASSINI_RAD_S),
         ),
     )
 }
