@@ -7,4 +7,5 @@ from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]
 Int64Array = NDArray[np.int64]
+Complex128Array = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]

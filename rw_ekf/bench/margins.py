@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from rw_ekf.arrays import Complex128Array, Float64Array
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.control.compensation.registry import SchemeEntry
 
 SMALLEST_MARGIN_DEG = 45.0
 _FREQUENCIES = 2000  # looked at between a ten-thousandth of the Nyquist frequency and that
 _HALVINGS = 50
+
+OpenLoop = Callable[[Float64Array], Complex128Array]  # at frequencies [rad/s]
 
 
 class Margin(NamedTuple):
@@ -50,20 +54,30 @@ def margin_of(scenario: Scenario) -> Margin:
 
     A wheel without friction is taken: what friction does to the loop is the compensation's affair.
     """
-    nyquist = math.pi * scenario.cycle.rate_hz
-    w = np.geomspace(1e-4 * nyquist, nyquist, _FREQUENCIES)
-    above = np.flatnonzero(np.abs(_loop(scenario, w)) >= 1.0)
+    return phase_margin(lambda w: attitude_loop(scenario, w), scenario.cycle.rate_hz)
+
+
+def phase_margin(loop: OpenLoop, rate_hz: float) -> Margin:
+    """Of an open loop that is sampled at rate_hz [Hz]; -inf degrees where its gain does not fall through one."""
+    w = looked_at(rate_hz)
+    above = np.flatnonzero(np.abs(loop(w)) >= 1.0)
     if above.size == 0 or above[-1] == w.size - 1:
         return Margin(math.nan, -math.inf)
     low, high = float(w[above[-1]]), float(w[above[-1] + 1])
     for _ in range(_HALVINGS):
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if abs(_loop(scenario, np.array([middle]))[0]) >= 1.0 else (low, middle)
-    phase_deg = math.degrees(float(np.angle(-_loop(scenario, np.array([low]))[0])))
+        low, high = (middle, high) if abs(loop(np.array([middle]))[0]) >= 1.0 else (low, middle)
+    phase_deg = math.degrees(float(np.angle(-loop(np.array([low]))[0])))
     return Margin(low, phase_deg)
 
 
-def _loop(scenario: Scenario, w: np.ndarray) -> np.ndarray:
+def looked_at(rate_hz: float) -> Float64Array:
+    """Frequencies [rad/s] (n,) at which a loop of this rate [Hz] is looked at, up to half of it."""
+    nyquist = math.pi * rate_hz
+    return np.geomspace(1e-4 * nyquist, nyquist, _FREQUENCIES)
+
+
+def attitude_loop(scenario: Scenario, w: Float64Array) -> Complex128Array:
     """Open loop at frequencies w [rad/s], (n,), exactly as it is sampled: torque over a cycle is held, d late.
 
     For a delay d = n T + e, 0 <= e < T, a torque acts e after its cycle began; the next one's begins T - e before the
