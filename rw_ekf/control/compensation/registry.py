@@ -6,7 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rw_ekf.control.compensation import adrc, disturbance_observer, dither, pi_drag, pistiner, sliding_mode, speed_mode
+from rw_ekf.control.compensation import (
+    adrc,
+    disturbance_observer,
+    dither,
+    mrac,
+    pi_drag,
+    pistiner,
+    sliding_mode,
+    speed_mode,
+)
 from rw_ekf.control.compensation.dmc import DynamicModelCompensation
 from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S
 from rw_ekf.control.compensation.pid_current import PidCurrent
@@ -55,6 +64,10 @@ def _dither(sheet: WheelSheet, wave: Callable[[float], float], base: Compensatio
 
 def _pi_drag(sheet: WheelSheet, **given: Any) -> pi_drag.PiDrag:
     return pi_drag.PiDrag(sheet.parameters, pi_drag.PiDragParameters(**given))
+
+
+def _mrac(sheet: WheelSheet, **given: Any) -> mrac.Mrac:
+    return mrac.Mrac(sheet.parameters, mrac.MracParameters(**given))
 
 
 SCHEMES: dict[str, SchemeEntry] = {
@@ -130,6 +143,13 @@ SCHEMES: dict[str, SchemeEntry] = {
             "pi_drag_high_gain",
             "[L17] V.1: Cassini's, doubled",
             lambda sheet: _pi_drag(sheet, bandwidth_rad_s=2.0 * CASSINI_RAD_S),
+        ),
+        SchemeEntry("mrac", "[L17] V.2", _mrac, tunable=mrac.TUNABLE),
+        SchemeEntry(
+            "mrac_raw",
+            "[L17] V.2, on readings",
+            lambda sheet, **given: _mrac(sheet, speed="raw", **{"bandwidth_rad_s": mrac.ON_READINGS_RAD_S, **given}),
+            tunable=mrac.TUNABLE,
         ),
     )
 }
