@@ -18,19 +18,20 @@ from rw_ekf.control.compensation.timeline import Timeline
 from rw_ekf.records import Tick
 
 TUNABLE = {"observer_rad_s": (0.03, 30.0)}
+TUNABLE_WITH_MODEL = {"observer_rad_s": (0.1, 30.0)}  # slower it would not find anything while it matters
 _STEPS = 4  # of the prediction, each to second order
 
 
 class BareObserver(NamedTuple):
     """The observer without a model."""
 
-    observer_rad_s: float = 2.0  # w
+    observer_rad_s: float = 6.9  # w
 
 
 class ModelObserver(NamedTuple):
     """The observer of what the filter's model leaves."""
 
-    observer_rad_s: float = 0.5  # w
+    observer_rad_s: float = 0.1  # w
 
 
 class ActiveDisturbanceRejection:

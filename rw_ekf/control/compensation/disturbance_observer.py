@@ -22,7 +22,7 @@ TUNABLE = {"cutoff_rad_s": (0.03, 30.0)}
 class ObserverFilter(NamedTuple):
     """The filter Q, of first order."""
 
-    cutoff_rad_s: float = 1.0  # g
+    cutoff_rad_s: float = 3.4  # g
 
 
 class DisturbanceObserver:

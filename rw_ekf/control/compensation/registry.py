@@ -125,7 +125,7 @@ SCHEMES: dict[str, SchemeEntry] = {
             "Gao 2003, Han 2009, with [CK13] (1) inside",
             lambda sheet, **given: adrc.ActiveDisturbanceRejection(adrc.ModelObserver(**given)),
             "estimator",
-            tunable=adrc.TUNABLE,
+            tunable=adrc.TUNABLE_WITH_MODEL,
         ),
         SchemeEntry(
             "sliding_mode",

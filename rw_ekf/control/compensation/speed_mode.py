@@ -1,8 +1,10 @@
 """Speed mode, [CK13] 1: a loop in the wheel's own electronics holds a speed, and friction is inside that loop.
 
-The speed asked for is the integral of the acceleration; proportional and integral action hold the reading to it:
+The speed asked for is the integral of the acceleration; proportional and integral action hold the speed to it:
 
     e = omega_r - omega,  omega_r = integral of a,    I = (a + 2 zeta w e + w^2 integral of e) / k
+
+omega is the filter's speed, at the inner loop's rate; a hundred raw readings a second make the current chatter.
 """
 
 from __future__ import annotations
@@ -20,18 +22,20 @@ TUNABLE = {"bandwidth_rad_s": (0.3, 30.0), "damping": (0.5, 3.0)}
 class SpeedLoop(NamedTuple):
     """The inner loop's two poles, on a wheel without friction."""
 
-    bandwidth_rad_s: float = 4.0  # w
+    bandwidth_rad_s: float = 15.0  # w
     damping: float = 1.0  # zeta
+    raw: bool = False  # hold the raw reading, not the filter's speed
 
 
 class SpeedMode:
-    """Holds the reading of the speed to the integral of what is asked for."""
+    """Holds the speed to the integral of what is asked for."""
 
     def __init__(self, motor_gain: float, loop: SpeedLoop) -> None:
         """motor_gain: acceleration per ampere [rad/s^2/A]."""
         self._motor_gain = motor_gain
         self._proportional = 2.0 * loop.damping * loop.bandwidth_rad_s
         self._integral = loop.bandwidth_rad_s**2
+        self._raw = loop.raw
         self._bandwidth_rad_s = loop.bandwidth_rad_s
         self._timeline = Timeline()
         self._reference_rad_s: float | None = None
@@ -44,7 +48,7 @@ class SpeedMode:
 
         After a gap the speed that is found is the reference, and the integral stays: it holds what friction needs.
         """
-        span, speed = self._timeline.step(tick), tick.sample.speed_rad_s
+        span, speed = self._timeline.step(tick), tick.sample.speed_rad_s if self._raw else known.speed_rad_s
         error = 0.0
         if span is None or self._reference_rad_s is None:
             self._reference_rad_s = speed
