@@ -11,8 +11,8 @@ from typing import Any
 PAGE = Path(__file__).parents[1] / "docs" / "contract.md"
 # Keys that a document may have or lack (the contract says when), and objects whose keys are the wheel's own.
 OPTIONAL = {
-    "logs", "threshold", "alarms", "residual_rms_rpm", "converged", "iterations", "starts", "outliers", "coast_down_s",
-    "driven_s", "break_aways", "avoid",
+    "logs", "threshold", "alarms", "compensation", "residual_rms_rpm", "converged", "iterations", "starts", "outliers",
+    "coast_down_s", "driven_s", "break_aways", "avoid",
 }  # fmt: skip
 OPEN = {"state", "std", "effects", "parameters", "truth", "configuration"}
 

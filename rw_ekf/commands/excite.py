@@ -24,6 +24,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.errors import BadInputError
     from rw_ekf.settings.load import load_configuration
+    from rw_ekf.settings.schema import CompensationSection
 
     configuration = load_configuration(args.config)
     if args.seed is not None and args.seed < 0:
@@ -32,4 +33,5 @@ def execute(args: argparse.Namespace) -> int:
     if args.seed is not None:
         change["seed"] = args.seed
     command = configuration.command.model_copy(update=change)
-    return run_and_report(configuration.model_copy(update={"command": command}), args)
+    plain = CompensationSection()  # an excitation shows friction, which compensation would hide
+    return run_and_report(configuration.model_copy(update={"command": command, "compensation": plain}), args)

@@ -56,6 +56,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _document(found: Published) -> dict[str, Any]:
     told = found.document
+    compensation = {"compensation": told["compensation"]} if "compensation" in told else {}
     return {
         "schema": "rw_ekf.status/1",
         "alive": found.alive,
@@ -71,6 +72,7 @@ def _document(found: Published) -> dict[str, Any]:
         "current_command_A": told.get("current_command_A"),
         "temperature_degC": told.get("temperature_degC"),
         "log": told.get("log"),
+        **compensation,
     }
 
 
@@ -148,5 +150,10 @@ def _lines(document: dict[str, Any]) -> list[str]:
         shown = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
         counts = ", ".join(f"{value} {name}" for name, value in shown.items() if name != "state")
         lines.append(f"  line {link['state'] or 'opened'}: {counts}")
+    compensation = document.get("compensation")
+    if compensation is not None:
+        lines.append(
+            f"  compensation {compensation['scheme']} {'on' if compensation['on'] else 'off'}: {compensation['reason']}"
+        )
     lines += [f"  alarm: {alarm['text']}" for alarm in document["alarms"]]
     return [*lines, f"  log {document['log']}"] if document["log"] else lines

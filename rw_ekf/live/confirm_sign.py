@@ -25,7 +25,8 @@ def confirming(
     step_rad_s: of a reading (or noise). Only for a wheel whose sign and gain were never confirmed.
     """
     period_s = 1.0 / configuration.loop.rate_hz
-    if not configuration.command.confirm_sign or configuration.command.profile == "zero":
+    stands = configuration.command.profile == "zero" and not configuration.takes_torques
+    if not configuration.command.confirm_sign or stands:
         return commander
     if period_s >= LONGEST_STEP_S:
         logger.warning("sign_not_confirmed", text=f"at one reading in {period_s:g} s no small move shows it; {_LATER}")

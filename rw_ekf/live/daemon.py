@@ -15,6 +15,7 @@ from rw_ekf.driver import WheelProtocol
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.learning.start import GivenModel, Start, start_of_run
 from rw_ekf.live.claim import PortClaim
+from rw_ekf.live.compensating import compensated, request_socket
 from rw_ekf.live.confirm_sign import confirming
 from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
@@ -57,7 +58,7 @@ def run_daemon(
     """
     began = clock.utc()
     commander = commander_of(configuration.command) if configuration.command.writes else None
-    with PortClaim(configuration.wheel.port, clock):
+    with PortClaim(configuration.wheel.port, clock), request_socket(configuration, clock, logger) as requests:
         live = _opened(configuration, protocol, logger, stop, clock)
         with _WayOut(live, configuration.wheel.port, oversight, logger) as way_out:
             files = RunFiles.of_run(configuration, began)
@@ -70,6 +71,7 @@ def run_daemon(
             stop.on_resume(watches.states.resume)
             if oversight.begin_safe is not None:
                 watches.states.latch(oversight.begin_safe)
+            commander, compensating = compensated(commander, configuration, start, requests, watches.sign, logger)
             if commander is not None and not watches.sign.confirmed:
                 commander = confirming(commander, configuration, watches.sign_watch, watches.step_rad_s, logger)
             run = replace(
@@ -77,6 +79,7 @@ def run_daemon(
                 total_s=_lasts_s(duration_s, commander),
                 phase=None if commander is None else commander.phase,
                 in_order=lambda: way_out.in_order,
+                requests=requests,
             )
             way_out.sinks = sinks_of(run)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
@@ -87,7 +90,8 @@ def run_daemon(
                 readings, issue = following(readings)
             else:
                 issue = partial(live.issue, commander.controller)
-            run_loop(readings, estimator, issue, way_out.sinks, watches.step, watches.judge.judge, oversight.turned)
+            judge, turned = watches.judge.judge, oversight.turned
+            run_loop(readings, estimator, issue, way_out.sinks, watches.step, judge, turned, compensating)
         confirmed = way_out.zero_confirmed
         outcome = outcome_of(run, start, estimator, watches, live, stop.requested, zero_confirmed=confirmed)
         outcome.say(logger, writes=commander is not None)

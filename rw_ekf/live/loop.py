@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import EndOfRecord
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.records import Alarms, Estimate, IssuedCommand, Reading, Sink, StateNow, Tick
+from rw_ekf.records import Alarms, CompensationNow, Estimate, IssuedCommand, Reading, Sink, StateNow, Tick
 
 Issue = Callable[[Tick], IssuedCommand | None]  # decides and sends what follows a sample; None: no command is known
 Watch = Callable[[Tick], Alarms]
@@ -22,10 +22,12 @@ def run_loop(
     watch: Watch = lambda tick: Alarms(),
     judge: Judge = lambda reading, estimate: None,
     turned: Callable[[StateNow | None], None] = lambda state: None,
+    compensating: Callable[[StateNow | None], CompensationNow | None] = lambda state: None,
 ) -> None:
     """Run until the readings end. Time is each sample's own; no clock is read here.
 
-    turned: told the state at the end of every turn, behind all sinks.
+    turned: told the state at the end of every turn, behind all sinks. compensating: what becomes of a compensation in a
+    state, asked in every turn behind the command.
 
     A turn without a sample is judged and shown to the sinks, with the sample and the estimate of before; there is none
     to show before the first sample.
@@ -37,7 +39,8 @@ def run_loop(
         if sample is None:
             state = judge(reading, None)
             if tick is not None:
-                tick = Tick(tick.sample, tick.estimate, None, alarms.on, link, state, fresh=False)
+                now = compensating(state)
+                tick = Tick(tick.sample, tick.estimate, None, alarms.on, link, state, fresh=False, compensation=now)
         else:
             estimate = estimator.step(sample)
             state = judge(reading, estimate)
@@ -45,7 +48,8 @@ def run_loop(
             if command is not None:
                 estimator.command_issued(command)
             alarms = watch(Tick(sample, estimate, command, alarms.on, link, state))
-            tick = Tick(sample, estimate, command, alarms.on, link, state, alarms_over=alarms.over)
+            now = compensating(state)
+            tick = Tick(sample, estimate, command, alarms.on, link, state, alarms_over=alarms.over, compensation=now)
         if tick is not None:
             for sink in sinks:
                 sink.write(tick)

@@ -22,6 +22,7 @@ from rw_ekf.settings.resources import is_path, protocol_path
 from rw_ekf.settings.schema import (
     SECTIONS,
     CommandSection,
+    CompensationSection,
     Configuration,
     FilterSection,
     LimitsSection,
@@ -142,6 +143,12 @@ def _cross_findings(document: YamlDocument, sections: dict[str, Section]) -> lis
     filter_section, command = sections.get("filter"), sections.get("command")
     if isinstance(command, CommandSection):
         findings += _command_findings(document, command, limits if isinstance(limits, LimitsSection) else None)
+    compensation = sections.get("compensation")
+    if isinstance(compensation, CompensationSection) and compensation.scheme is not None:
+        if isinstance(command, CommandSection):
+            findings += _request_findings(document, compensation, command)
+        if isinstance(limits, LimitsSection) and isinstance(loop, LoopSection):
+            findings += _compensation_findings(document, compensation, limits, loop)
     if isinstance(loop, LoopSection):
         findings += _timing_findings(document, loop, limits if isinstance(limits, LimitsSection) else None)
     if isinstance(wheel, WheelSection):
@@ -191,6 +198,51 @@ def _command_findings(document: YamlDocument, command: CommandSection, limits: L
             f"{document.where(('command', 'amplitude_A'))}: command.amplitude_A {command.amplitude_A:g} A plus "
             f"|command.bias_A| {abs(command.bias_A):g} A is {peak_A:g} A, beyond limits.current_A "
             f"{limits.current_A:g} A ({document.where(('limits', 'current_A'))}): lower the command or raise the limit"
+        )
+    return findings
+
+
+def _request_findings(document: YamlDocument, section: CompensationSection, command: CommandSection) -> list[str]:
+    """A request that does not fit what is commanded."""
+    written = "command" in document.data  # else the default is meant, which stands nowhere
+    at = document.where(("command", "profile") if written else ("compensation", "scheme"))
+    found = f"command.profile is {command.profile}"
+    if command.profile == "none":
+        return [
+            f"{document.where(('compensation', 'scheme'))}: compensation.scheme: {found}, which never writes: drop one"
+        ]
+    findings = []
+    if section.request == "socket" and command.profile != "zero":
+        findings.append(
+            f"{at}: compensation.request is socket, but {found}: set it to zero, and the wheel is asked for nothing "
+            "but what comes over the socket; or set compensation.request to profile"
+        )
+    if section.request == "profile" and command.profile == "log":
+        findings.append(f"{at}: compensation.request is profile, but {found}: set compensation.request to log")
+    if section.request == "log" and command.profile != "log":
+        findings.append(f"{at}: compensation.request is log, but {found}: set it to log, and name command.log")
+    if section.request != "socket" and section.socket is not None:
+        place = document.where(("compensation", "socket"))
+        findings.append(
+            f"{place}: compensation.socket is given but compensation.request is {section.request}: drop the socket"
+        )
+    return findings
+
+
+def _compensation_findings(
+    document: YamlDocument, section: CompensationSection, limits: LimitsSection, loop: LoopSection
+) -> list[str]:
+    findings = []
+    if section.limit_A > limits.current_A:
+        findings.append(
+            f"{document.where(('compensation', 'limit_A'))}: compensation.limit_A {section.limit_A:g} A is beyond "
+            f"limits.current_A {limits.current_A:g} A ({document.where(('limits', 'current_A'))}): lower it"
+        )
+    period_s = 1.0 / loop.rate_hz
+    if section.stale_s <= period_s:
+        findings.append(
+            f"{document.where(('compensation', 'stale_s'))}: compensation.stale_s {section.stale_s:g} s must exceed "
+            f"one loop period, {period_s:g} s at loop.rate_hz {loop.rate_hz:g}: raise it, or every request is stale"
         )
     return findings
 

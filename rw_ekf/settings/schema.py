@@ -14,6 +14,12 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 CommandProfile = Literal[
     "sine", "zero", "steps", "random-sines", "identification", "log", "none", "P1", "P2", "S1", "S2", "S3", "S4", "S5"
 ]
+CompensationScheme = Literal[
+    "pid_current", "dmc", "pistiner_offset", "dither_triangular", "dither_sine", "dither_square", "dither_offset",
+    "command_shaping", "pi_drag", "pi_drag_high_gain", "mrac", "walrath", "ekbf", "disturbance_observer", "adrc",
+    "adrc_model", "sliding_mode", "predictive_crossing",
+]  # fmt: skip
+CompensationRequest = Literal["socket", "profile", "log"]
 StribeckLaw = Literal["gauss", "tustin", "lorentz"]
 
 _EFFECT = re.compile(r"[a-z][a-z0-9_]*(:[A-Za-z]\w*=[^,=\s]+(,[A-Za-z]\w*=[^,=\s]+)*)?")
@@ -148,6 +154,27 @@ class CommandSection(Section):
         return self.profile != "none"
 
 
+class CompensationSection(Section):
+    """Friction compensation of what the wheel is asked for, and where the request for it comes from."""
+
+    scheme: CompensationScheme | None = Field(
+        None, description="how friction is compensated; null: not at all, command.profile goes out as it is"
+    )
+    request: CompensationRequest = Field(
+        "socket", description="what the wheel is asked for: torques over a socket, or command.profile taken as such"
+    )
+    socket: str | None = Field(
+        None, min_length=1, description="path of the socket; null: NAME.PORT.request.sock in output.directory"
+    )
+    stale_s: float = Field(0.5, gt=0, le=3600, description="a request over the socket that is older fades to zero [s]")
+    fade_s: float = Field(
+        3.0, gt=0, le=3600, description="within so long a stale request fades out, and the compensation in [s]"
+    )
+    limit_A: float = Field(
+        0.1, gt=0, le=1e3, description="the largest current that compensation adds to the request's own [A]"
+    )
+
+
 class OutputSection(Section):
     """Where the runs go."""
 
@@ -190,8 +217,16 @@ class Configuration(Section):
     filter: FilterSection = Field(default_factory=FilterSection, description="the extended Kalman filter")
     watch: WatchSection = Field(default_factory=WatchSection, description="the watch over the running estimator")
     command: CommandSection = Field(default_factory=CommandSection, description="the current that run commands")
+    compensation: CompensationSection = Field(
+        default_factory=CompensationSection, description="friction compensation of what is asked for"
+    )
     output: OutputSection = Field(default_factory=OutputSection, description="where the runs go")
     simulation: SimulationSection = Field(default_factory=SimulationSection, description="the wheel of simulate")
+
+    @property
+    def takes_torques(self) -> bool:
+        """Whether what the wheel is asked for comes over a socket."""
+        return self.compensation.scheme is not None and self.compensation.request == "socket"
 
 
 SECTIONS: dict[str, type[Section]] = {
@@ -201,6 +236,7 @@ SECTIONS: dict[str, type[Section]] = {
     "filter": FilterSection,
     "watch": WatchSection,
     "command": CommandSection,
+    "compensation": CompensationSection,
     "output": OutputSection,
     "simulation": SimulationSection,
 }

@@ -1,4 +1,4 @@
-"""What happened in a run, a line each: changes of its state, alarms that begin and end (JSON Lines)."""
+"""What happened in a run, a line each: changes of state and compensation, alarms that begin and end (JSON Lines)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 from rw_ekf.clock import Clock
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.metadata import utc_text
-from rw_ekf.records import ActiveAlarm, StateNow, Tick
+from rw_ekf.records import ActiveAlarm, CompensationNow, StateNow, Tick
 
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
 _MOST_WAITING = 1000
@@ -31,6 +31,7 @@ class EventsSink:
         self._state = began
         self._alarms: dict[str, ActiveAlarm] = {}
         self._time_s: float | None = None  # of the last sample
+        self._compensation: dict[str, Any] = {}
         self._path = path
         self._waiting: deque[bytes] = deque(maxlen=_MOST_WAITING)
         self._closed = False
@@ -45,6 +46,8 @@ class EventsSink:
         if tick.state is not None and tick.state != self._state:
             self._append({"utc": tick.state.since_utc, "time_s": time_s, **_of_state(tick.state, self._state)})
             self._state = tick.state
+        if tick.compensation is not None:
+            self._note_compensation(time_s, tick.compensation)
         if tick.alarms or tick.alarms_over or self._alarms:
             self._note_alarms(time_s, tick)
 
@@ -55,6 +58,12 @@ class EventsSink:
             self._append(
                 {"utc": self._utc(), "time_s": self._time_s, "event": "ended", "state": self._state.state.value}
             )
+
+    def _note_compensation(self, time_s: float, now: CompensationNow) -> None:
+        said = {"scheme": now.scheme, "on": now.on, "parameters": now.parameters, "reason": now.reason}
+        if said != self._compensation:
+            self._compensation = said
+            self._append({"utc": self._utc(), "time_s": time_s, "event": "compensation", **said})
 
     def _note_alarms(self, time_s: float, tick: Tick) -> None:
         """Append ends before beginnings: in a train of spikes one ends where the next sets in."""

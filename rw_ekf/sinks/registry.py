@@ -51,6 +51,7 @@ class RunContext:
     watched: bool = True  # whether there can be alarms
     statistics: RunStatistics = field(default_factory=RunStatistics)
     learning: Learning | None = None  # None: nothing is kept for the next run
+    requests: Sink | None = None  # who takes a controller's requests, and tells it of each turn; None: nobody
     recent: RecentSink = field(default_factory=RecentSink)
     unwritten: Unwritten = field(default_factory=Unwritten)
 
@@ -89,6 +90,11 @@ def _learned(run: RunContext) -> tuple[Sink, Queue]:
     return sink, Queue(1, every_s=every_s)
 
 
+def _requests(run: RunContext) -> tuple[Sink, None]:
+    assert run.requests is not None
+    return run.requests, None
+
+
 class SinkKind(NamedTuple):
     """How a sink is made, and which turns it takes."""
 
@@ -103,6 +109,7 @@ SINKS: dict[str, SinkKind] = {
     "state": SinkKind(_state, every_turn=True),
     "events": SinkKind(_events, every_turn=True),
     "learned": SinkKind(_learned),
+    "requests": SinkKind(_requests, every_turn=True),
     "status": SinkKind(
         lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
         every_turn=True,
@@ -115,7 +122,7 @@ def sinks_of(run: RunContext) -> list[GuardedSink]:
     with contextlib.ExitStack() as undo:
         made = []
         for name, kind in SINKS.items():
-            if name == "learned" and run.learning is None:
+            if (name == "learned" and run.learning is None) or (name == "requests" and run.requests is None):
                 continue
             sink, queue = kind.make(run)
             guarded = GuardedSink(

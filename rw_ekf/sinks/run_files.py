@@ -81,6 +81,12 @@ def learned_path(configuration: Configuration) -> Path:
     return Path(configuration.output.directory) / f"{lasting_stem(configuration)}.learned.yaml"
 
 
+def request_path(configuration: Configuration) -> Path:
+    """Path of the socket that torques are asked for by."""
+    named = configuration.compensation.socket
+    return Path(named or Path(configuration.output.directory) / f"{lasting_stem(configuration)}.request.sock")
+
+
 def lasting_stem(configuration: Configuration) -> str:
     """What files are called that outlive a run: the wheel's name, and the port it is on."""
     port = configuration.wheel.port

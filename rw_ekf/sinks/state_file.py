@@ -67,6 +67,8 @@ class StateFileSink:
             "link": {"state": None if tick is None else tick.link.value, **asdict(publisher.link())},
             **_of_tick(tick),
         }
+        if tick is not None and tick.compensation is not None:
+            document["compensation"] = tick.compensation._asdict()
         if publisher.watched:
             document["alarms"] = [] if tick is None else [alarm.document() for alarm in tick.alarms]
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -38,6 +39,7 @@ class LineWheel:
     noise_rpm: float = 1.0
     faults: str = ""  # as `rw-ekf simulate --fault` takes them, in the wheel's time
     resumes_at_s: float | None = None  # when a person says so, by the daemon's clock
+    meanwhile: Callable[[VirtualClock], None] = lambda clock: None  # puts what else shall happen on the daemon's clock
     written_A: list[float] = field(default_factory=list)
     speeds_rad_s: list[float] = field(default_factory=list)  # the true ones, whenever a current was written
 
@@ -85,6 +87,7 @@ class LineWheel:
         with StopSignal() as stop:
             if self.resumes_at_s is not None:
                 clock.at(self.resumes_at_s, stop.resume)
+            self.meanwhile(clock)
             outcome = run_daemon(configuration, protocol, given, duration_s, notes, stop, clock)
         return Ran(outcome, notes)
 

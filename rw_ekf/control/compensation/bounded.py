@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 _LONGEST_STEP_S = 1.0  # a gap does not fade anything in
-_QUIET_SHARE = 0.02  # of the break-away current: a smaller request asks for nothing that a standing wheel should do
+_QUIET_SHARE = 0.05  # of the break-away current: a smaller request asks for nothing that a standing wheel should do
 
 
 class BoundedCurrent:
@@ -38,7 +38,7 @@ def moving_share(speed_rad_s: float, slow_rad_s: float, request_A: float, breaka
     Below slow_rad_s (the Stribeck speed) friction falls with speed, and which way the wheel turns is a matter of noise:
     a compensation that overdoes it a little there drives the wheel by itself, to and fro. So a wheel that nothing is
     asked of is left to its friction, which stops and holds it. From one to two times slow_rad_s the share grows to 1;
-    so it does with the request, up to 2 % of the break-away current.
+    so it does with the request, up to 5 % of the break-away current.
     """
     turns = min(max(abs(speed_rad_s) / slow_rad_s - 1.0, 0.0), 1.0)
     quiet_A = _QUIET_SHARE * abs(breakaway_A)

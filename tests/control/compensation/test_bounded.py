@@ -56,7 +56,7 @@ def test_the_share_of_a_slow_wheel_is_a_share(speed: float, request_A: float, br
     share = moving_share(speed, 0.4, request_A, breakaway_A)
     assert 0.0 <= share <= 1.0
     assert share == moving_share(-speed, 0.4, -request_A, breakaway_A)
-    if abs(speed) >= 0.8 or abs(request_A) >= 0.02 * breakaway_A:
+    if abs(speed) >= 0.8 or abs(request_A) >= 0.05 * breakaway_A:
         assert share == 1.0
 
 
@@ -73,4 +73,4 @@ def test_the_share_has_no_steps(speed: float, request_A: float, less: float) -> 
     there = moving_share(speed, 0.4, request_A, 0.04)
     assert abs(moving_share(speed + less, 0.4, request_A, 0.04) - there) <= less / 0.4 + 1e-9
     more = less * 1e-3
-    assert abs(moving_share(speed, 0.4, request_A + more, 0.04) - there) <= more / (0.02 * 0.04) + 1e-9
+    assert abs(moving_share(speed, 0.4, request_A + more, 0.04) - there) <= more / (0.05 * 0.04) + 1e-9
