@@ -10,6 +10,7 @@ from rw_ekf.control.compensation import (
     adrc,
     disturbance_observer,
     dither,
+    ekbf,
     mrac,
     pi_drag,
     pistiner,
@@ -150,6 +151,12 @@ SCHEMES: dict[str, SchemeEntry] = {
             "[L17] V.2, on readings",
             lambda sheet, **given: _mrac(sheet, speed="raw", **{"bandwidth_rad_s": mrac.ON_READINGS_RAD_S, **given}),
             tunable=mrac.TUNABLE,
+        ),
+        SchemeEntry(
+            "ekbf",
+            "[L17] V.4",
+            lambda sheet, **given: ekbf.KalmanBucyCompensation(sheet.parameters.motor_gain, ekbf.GaussMarkov(**given)),
+            tunable=ekbf.TUNABLE,
         ),
     )
 }
