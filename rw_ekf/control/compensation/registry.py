@@ -16,6 +16,7 @@ from rw_ekf.control.compensation import (
     pistiner,
     sliding_mode,
     speed_mode,
+    walrath,
 )
 from rw_ekf.control.compensation.dmc import DynamicModelCompensation
 from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S
@@ -157,6 +158,13 @@ SCHEMES: dict[str, SchemeEntry] = {
             "[L17] V.4",
             lambda sheet, **given: ekbf.KalmanBucyCompensation(sheet.parameters.motor_gain, ekbf.GaussMarkov(**given)),
             tunable=ekbf.TUNABLE,
+        ),
+        SchemeEntry(
+            "walrath",
+            "[L17] V.3 (7)",
+            lambda sheet, **given: walrath.Walrath(1.0 / sheet.rate_hz, walrath.LagLearning(**given)),
+            "estimator",
+            tunable=walrath.TUNABLE,
         ),
     )
 }
