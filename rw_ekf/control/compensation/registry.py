@@ -8,6 +8,7 @@ from typing import Any
 
 from rw_ekf.control.compensation import (
     adrc,
+    command_shaping,
     disturbance_observer,
     dither,
     ekbf,
@@ -165,6 +166,13 @@ SCHEMES: dict[str, SchemeEntry] = {
             lambda sheet, **given: walrath.Walrath(1.0 / sheet.rate_hz, walrath.LagLearning(**given)),
             "estimator",
             tunable=walrath.TUNABLE,
+        ),
+        SchemeEntry(
+            "command_shaping",
+            "[L17] V.5",
+            lambda sheet, **given: command_shaping.CommandShaping(**given),
+            "estimator",
+            tunable=command_shaping.TUNABLE,
         ),
     )
 }
