@@ -10,21 +10,37 @@ from rw_ekf.records import Outcome, Tick
 
 SpeedSource = Literal["filtered", "raw"]  # the filter's speed, or the reading itself
 
-_UNUSABLE = (Outcome.GATED, Outcome.REPEATED, Outcome.BACKWARD)
+_FAR_SIGMAS = 10.0
 _LARGEST_RAD_S2 = 1.0e6  # no wheel; keeps the sums of an observer finite
+
+
+class Readings:
+    """The readings of the speed, but for one that lies alone and far from where the filter expects it.
+
+    Its gate would not do: it refuses, for seconds and on one side, what a drag makes of the speed that it knows not of.
+    """
+
+    def __init__(self) -> None:
+        self._far = False
+
+    def usable(self, tick: Tick) -> float | None:
+        """The speed [rad/s] of a tick, if it has one that may be used."""
+        expected, was_far = tick.estimate.innovation, self._far
+        self._far = expected is not None and abs(expected.innovation_rad_s) > _FAR_SIGMAS * expected.std_rad_s
+        return None if self._far and not was_far else tick.sample.speed_rad_s
 
 
 class DragReading:
     """Mean of k I - domega/dt between two usable speeds, whatever was missing between them [rad/s^2].
 
     Where the motor gain k is a data sheet's, its error is part of the drag, and compensated with it. A gap in time, a
-    new segment and a speed that the filter seeded afresh begin anew.
+    new segment, and a filter's speed that was seeded afresh begin anew.
     """
 
     def __init__(self, motor_gain: float | None, speed: SpeedSource) -> None:
         """motor_gain: acceleration per ampere [rad/s^2/A]; None: as the estimator knows it."""
         self._motor_gain = motor_gain
-        self._raw = speed == "raw"
+        self._readings = Readings() if speed == "raw" else None
         self._timeline = Timeline()
         self._speed_rad_s: float | None = None
         self._lasted_s = 0.0
@@ -33,8 +49,10 @@ class DragReading:
     def step(self, tick: Tick, known: WheelKnown) -> tuple[float, float] | None:
         """Interval [s] and the mean drag over it [rad/s^2], signed as the speed is; None: nothing was learned."""
         step = self._timeline.step(tick)
-        speed_rad_s = self._usable(tick, known)
-        if step is None or self._speed_rad_s is None or tick.estimate.outcome is Outcome.RESEEDED:
+        filtered = self._readings is None
+        speed_rad_s = known.speed_rad_s if self._readings is None else self._readings.usable(tick)
+        seeded = filtered and tick.estimate.outcome is Outcome.RESEEDED
+        if step is None or self._speed_rad_s is None or seeded:
             self._begin(speed_rad_s)
             return None
         dt_s, current_A = step
@@ -51,11 +69,6 @@ class DragReading:
     def asked(self, current_A: float) -> float:
         """Note what is asked for [A], for wheels whose telemetry has no current; returns it."""
         return self._timeline.asked(current_A)
-
-    def _usable(self, tick: Tick, known: WheelKnown) -> float | None:
-        if not self._raw:
-            return known.speed_rad_s
-        return None if tick.estimate.outcome in _UNUSABLE else tick.sample.speed_rad_s
 
     def _begin(self, speed_rad_s: float | None) -> None:
         self._speed_rad_s = speed_rad_s

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rw_ekf.control.compensation.drag_reading import Readings
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.timeline import Timeline
-from rw_ekf.records import Outcome, Tick
+from rw_ekf.records import Tick
 
 _FIRST_STD_RAD_S2 = 1.0  # of the friction, before anything was read
 _LARGEST_RAD_S = 1.0e6  # of an innovation: no wheel; keeps the estimate finite
@@ -89,13 +90,14 @@ class KalmanBucyCompensation:
         self._gain = motor_gain
         self._noise = speed_noise_rad_s
         self._timeline = Timeline()
+        self._readings = Readings()
         self.filter = FrictionKalman(process)
 
     def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
         """The current [A] for an acceleration [rad/s^2]."""
         step, noise = self._timeline.step(tick), self._noise_of(tick)
-        read = None if tick.estimate.outcome is Outcome.GATED else tick.sample.speed_rad_s
-        if step is None or tick.estimate.outcome is Outcome.RESEEDED:
+        read = self._readings.usable(tick)
+        if step is None:
             self.filter.seed(read, noise)
         else:
             self.filter.predict(step[0], self._gain * step[1])

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rw_ekf.control.compensation.drag_reading import SpeedSource
+from rw_ekf.control.compensation.drag_reading import Readings, SpeedSource
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.timeline import Timeline
 from rw_ekf.model.state import FrictionParameters
@@ -58,7 +58,7 @@ class Mrac:
         self._proportional = parameters.proportional_1_s
         self._integral = parameters.integral_1_s2
         self._limit_rad_s2 = parameters.limit_of_static * sheet.static
-        self._raw = parameters.speed == "raw"
+        self._readings = Readings() if parameters.speed == "raw" else None
         self._timeline = Timeline()
         self._model_rad_s: float | None = None
         self._asked_rad_s2 = 0.0  # of the model, over the interval that the next sample ends
@@ -70,8 +70,9 @@ class Mrac:
     def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
         """The current [A] for an acceleration [rad/s^2]."""
         step = self._timeline.step(tick)
-        speed = _read(tick) if self._raw else known.speed_rad_s
-        if step is None or tick.estimate.outcome is Outcome.RESEEDED or self._model_rad_s is None:
+        speed = known.speed_rad_s if self._readings is None else self._readings.usable(tick)
+        seeded = self._readings is None and tick.estimate.outcome is Outcome.RESEEDED
+        if step is None or seeded or self._model_rad_s is None:
             self._model_rad_s = None if speed is None else speed + self.error_rad_s  # after a gap the lead is kept
         else:
             self._follow(*step, speed)
@@ -99,10 +100,6 @@ class Mrac:
         self.coulomb_rad_s2 = min(max(learned, 0.0), self._limit_rad_s2)
         self.error_rad_s = error
         self._model_rad_s = speed_rad_s + error
-
-
-def _read(tick: Tick) -> float | None:
-    return None if tick.estimate.outcome is Outcome.GATED else tick.sample.speed_rad_s
 
 
 def _sign(value: float) -> Literal[-1, 0, 1]:
