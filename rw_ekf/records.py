@@ -176,6 +176,16 @@ class FilterHealth:
     beyond_mending: bool  # reset so often of late that only a person helps
 
 
+class Outlook(Protocol):
+    """The wheel a little ahead, as the filter propagates it."""
+
+    begin_rad_s: float  # when a command that is issued now acts
+
+    def end_rad_s(self, current_A: float, duration_s: float) -> float:
+        """The speed [rad/s] after a current [A] has acted for so long [s]."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """What the filter says after a sample. `innovation` is None where there was no speed to compare with."""
@@ -193,6 +203,7 @@ class Estimate:
     health: FilterHealth | None = None  # None where all is well
     valid: ParameterFlags | None = None  # which parameters may be relied on (docs/filter.md#what-may-be-relied-on)
     friction: Callable[[float | None], Believed] | None = field(default=None, compare=False, repr=False)
+    ahead: Callable[[float | None], Outlook] | None = field(default=None, compare=False, repr=False)
 
     def friction_torque_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
         """Friction torque per unit inertia, all effects of the model included: value and standard deviation.
@@ -203,6 +214,16 @@ class Estimate:
         if self.friction is None:
             raise ValueError("nothing is known of the friction of an estimate that no estimator made")
         return self.friction(speed_rad_s)
+
+    def outlook(self, speed_rad_s: float | None = None) -> Outlook:
+        """The wheel from when a command acts that is issued on this sample, as late as the one before it did.
+
+        speed_rad_s: a speed to take for known in place of the believed one. Raises ValueError for an estimate that no
+        estimator made.
+        """
+        if self.ahead is None:
+            raise ValueError("nothing is known of what follows an estimate that no estimator made")
+        return self.ahead(speed_rad_s)
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -7,7 +7,9 @@ A command takes force `command_delay_s` after the reading it was computed from; 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -80,12 +82,41 @@ def _pieces_of_prompt_commands(
     return Pieces(edges[:-1], np.diff(edges), current[kept[:-1]]), start
 
 
+class GivenCurrents(NamedTuple):
+    """The current in force, the commands that are still to act, and how late the last command was."""
+
+    in_force_A: float
+    pending: tuple[tuple[float, float], ...]  # (takes force at [s], current [A]), in order of time
+    delay_s: float
+
+
+def pieces_between(
+    in_force_A: float, pending: Iterable[tuple[float, float]], from_s: float, to_s: float
+) -> tuple[list[float], list[float]]:
+    """Durations [s] and currents [A] of an interval that begins with a current in force."""
+    durations: list[float] = []
+    currents: list[float] = []
+    at, current = from_s, in_force_A
+    for acts, following in pending:
+        if acts >= to_s:
+            break
+        if acts > at:
+            durations.append(acts - at)
+            currents.append(current)
+            at = acts
+        current = following
+    durations.append(to_s - at)
+    currents.append(current)
+    return durations, currents
+
+
 class CurrentSchedule:
     """The same rule online: commands go in as they are issued, pieces come out for each interval."""
 
     def __init__(self) -> None:
         self._in_force: float | None = None
         self._pending: deque[tuple[float, float]] = deque()  # (takes force at [s], current [A]), in order of time
+        self._delay_s = 0.0  # of the last command
 
     @property
     def knows_current(self) -> bool:
@@ -106,25 +137,21 @@ class CurrentSchedule:
         """Note a command issued after the reading at `time_s`, in force from `time_s + delay_s`."""
         if self._in_force is None:
             self._in_force = current_A
-        acts = time_s + max(delay_s, 0.0)
+        self._delay_s = max(delay_s, 0.0)
+        acts = time_s + self._delay_s
         while self._pending and self._pending[-1][0] >= acts:
             self._pending.pop()
         self._pending.append((acts, current_A))
 
     def pieces(self, from_s: float, to_s: float) -> tuple[list[float], list[float]]:
         """Durations [s] and currents [A] of the interval; commands that came to act within it are used up."""
-        durations: list[float] = []
-        currents: list[float] = []
-        at = from_s
-        current = self.in_force_A
+        found = pieces_between(self.in_force_A, self._pending, from_s, to_s)
         while self._pending and self._pending[0][0] < to_s:
-            acts, following = self._pending.popleft()
-            if acts > at:
-                durations.append(acts - at)
-                currents.append(current)
-                at = acts
-            current = following
-        self._in_force = current
-        durations.append(to_s - at)
-        currents.append(current)
-        return durations, currents
+            self._pending.popleft()
+        self._in_force = found[1][-1]
+        return found
+
+    @property
+    def given(self) -> GivenCurrents:
+        """What is known of the currents from now on."""
+        return GivenCurrents(self.in_force_A, tuple(self._pending), self._delay_s)

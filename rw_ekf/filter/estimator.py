@@ -20,7 +20,7 @@ from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.identifiability import Validity
 from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import Physician, findings
-from rw_ekf.filter.surroundings import Gatherer
+from rw_ekf.filter.surroundings import Gatherer, outlook
 from rw_ekf.model.state import PARAMETERS, STATE_SIZE, FrictionParameters
 from rw_ekf.records import (
     Believed,
@@ -226,10 +226,11 @@ class Estimator:
                 None if table.memory_state_at == ABSENT else values[table.memory_state_at],
             )
         delay_s = 0.0 if table.delay_at == ABSENT else values[table.delay_at]
-        conditions = self._gatherer.conditions
+        given = self._gatherer.given
+        conditions = given.conditions
         current_A = self._gatherer.current_A(sample.time_s - delay_s)
         at = (current_A, conditions.temperature_degC, conditions.angle_rad, sample.time_s)
-        covariance = ekf.P.copy()
+        mean, covariance, stribeck = ekf.x.copy(), ekf.P.copy(), self.constants.stribeck
         return Estimate(
             time_s=sample.time_s,
             outcome=OUTCOMES[what],
@@ -243,5 +244,6 @@ class Estimator:
             covariance=covariance,
             health=self._physician.health,
             valid=self._validity.step(values[PARAMETERS], stds[PARAMETERS], self.points.shown),
-            friction=partial(friction_torque, ekf.x.copy(), covariance, table, self.constants.stribeck, at),
+            friction=partial(friction_torque, mean, covariance, table, stribeck, at),
+            ahead=partial(outlook, mean, table, stribeck, given, sample.time_s),
         )

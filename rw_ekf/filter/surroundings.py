@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rw_ekf.course.current_schedule import CurrentSchedule
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course.current_schedule import CurrentSchedule, GivenCurrents, pieces_between
 from rw_ekf.model.effect import REFERENCE_DEGC
+from rw_ekf.model.friction import Stribeck
 from rw_ekf.records import Conditions, WheelSample
 from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.outlook import WheelOutlook
+from rw_ekf.wheel.table import EffectTable
 
 _REMEMBERED_S = 10.0  # of past commands, for a model with a delay
 
@@ -18,6 +22,31 @@ class Surroundings(NamedTuple):
 
     interval: Interval
     pieces: Pieces
+
+
+class Given(NamedTuple):
+    """What is known at a sample of what follows it, as it is before a command is issued."""
+
+    conditions: Conditions
+    currents: GivenCurrents
+    past: tuple[tuple[float, float, float], ...]  # begin [s], duration [s], current [A] of remembered pieces
+
+
+def outlook(
+    x: Float64Array, table: EffectTable, stribeck: Stribeck, given: Given, time_s: float,
+    speed_rad_s: float | None = None,
+) -> WheelOutlook:  # fmt: skip
+    """The wheel after a sample at time_s [s], from when a command acts that is as late as the last one was.
+
+    x (n,): belief. speed_rad_s: a speed to take for known in place of the believed one.
+    """
+    to_s = time_s + given.currents.delay_s
+    durations, currents = pieces_between(given.currents.in_force_A, given.currents.pending, time_s, to_s)
+    begins = [time_s + sum(durations[:i]) for i in range(len(durations))]
+    rows = [*given.past, *zip(begins, durations, currents, strict=True)]  # past ones only where the model has a delay
+    interval = Interval(time_s, to_s, *given.conditions, 0, len(given.past), len(rows))
+    pieces = Pieces(*(list(column) for column in zip(*rows, strict=True)))
+    return WheelOutlook(x, table, stribeck, interval, pieces, speed_rad_s)
 
 
 class Gatherer:
@@ -44,6 +73,11 @@ class Gatherer:
             if time_s >= begin_s:
                 return current_A
         return self.schedule.in_force_A
+
+    @property
+    def given(self) -> Given:
+        """What is known of what follows the last sample."""
+        return Given(self.conditions, self.schedule.given, tuple(self._past) if self._remembers else ())
 
     def restart(self) -> None:
         """Forget the currents: a new segment, whose clock says nothing about the old one's."""

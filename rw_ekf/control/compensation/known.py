@@ -6,11 +6,20 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.friction import Stribeck, friction
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.records import Estimate, WheelState
+from rw_ekf.records import Estimate, Outlook, WheelState
+from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.outlook import WheelOutlook
+from rw_ekf.wheel.table import NO_EFFECTS
 
 Friction = Callable[[float], float]  # at a speed [rad/s]: the friction [rad/s^2], signed as the speed is
+
+_NO_TABLE = NO_EFFECTS.table()
+_NO_TIME = Interval(0.0, 0.0, REFERENCE_DEGC, 0.0, 0, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -54,6 +63,16 @@ class WheelKnown:
         if speed_rad_s != 0.0:
             return self.friction_rad_s2(speed_rad_s)
         return math.copysign(self.parameters.static, drive_rad_s2) if drive_rad_s2 != 0.0 else 0.0
+
+    def outlook(self, speed_rad_s: float) -> Outlook:
+        """The wheel from when a command acts that is issued now, its speed taken for known.
+
+        Parameters that are not the filter's lead on from the tick itself: how late a command acts is not known.
+        """
+        if self.estimate is not None and self.estimate.ahead is not None:
+            return self.estimate.outlook(speed_rad_s)
+        x = np.array([speed_rad_s, *self.parameters])
+        return WheelOutlook(x, _NO_TABLE, self.stribeck, _NO_TIME, Pieces([], [], []))
 
 
 def parameters_of(state: WheelState) -> FrictionParameters:

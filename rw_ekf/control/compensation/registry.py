@@ -22,6 +22,7 @@ from rw_ekf.control.compensation import (
 from rw_ekf.control.compensation.dmc import DynamicModelCompensation
 from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S
 from rw_ekf.control.compensation.pid_current import PidCurrent
+from rw_ekf.control.compensation.predictive_crossing import PredictiveCrossing
 from rw_ekf.control.compensation.scheme import Compensation
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import FrictionParameters
@@ -97,6 +98,18 @@ SCHEMES: dict[str, SchemeEntry] = {
         ),
         SchemeEntry(
             "dmc_diagnosed", "ours: [CK13] 4.2 with effects", lambda sheet: DynamicModelCompensation(), "diagnosed"
+        ),
+        SchemeEntry(
+            "predictive_crossing",
+            "ours: the filter's propagation inverted",
+            lambda sheet: PredictiveCrossing(sheet.rate_hz),
+            "estimator",
+        ),
+        SchemeEntry(
+            "predictive_diagnosed",
+            "ours: the same with effects",
+            lambda sheet: PredictiveCrossing(sheet.rate_hz),
+            "diagnosed",
         ),
         SchemeEntry("pistiner_offset", "[S91] of Pistiner", _pistiner, tunable=pistiner.TUNABLE),
         SchemeEntry("dither_triangular", "[S91] claims 1 to 6", lambda sheet: _dither(sheet, dither.triangular)),

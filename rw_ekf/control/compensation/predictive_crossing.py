@@ -1,0 +1,155 @@
+"""Model predictive crossing: the estimator's own propagation, inverted over the interval in which a current acts.
+
+A current that is commanded now acts from t + d until the next one does, T later; until t + d the old one holds. The
+one is sought with which the propagation ends where the request leads,
+
+    Phi(omega(t + d); I, T) = omega(t + d) + a T + p,
+
+Phi with the located crossing, stick and break-away, effects and hidden states (docs/model.md). It rises with I, and is
+flat where the wheel would come to rest and stay. p pays back what the intervals before fell short of (`Payback`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from rw_ekf.control.compensation.known import WheelKnown, signed_friction
+from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.model.friction import Stribeck
+from rw_ekf.model.state import FrictionParameters
+from rw_ekf.records import Tick
+
+_EXACT = 1.0e-9  # rad/s, and of the speed
+_MOST_A = 1.0e3  # no wheel takes more
+_TURNS = 100
+_REST_SIGMAS = 3.0  # within so many the belief allows a wheel to stand
+
+
+class Payback(NamedTuple):
+    """How a shortfall of momentum is paid back: what was asked for, less what the believed speed gained.
+
+    The noise of the belief must not reach the current: what lies within so many of its sigmas is not paid, and a wheel
+    at rest is not moved for less than `least_rad_s`.
+    """
+
+    share: float = 0.5  # of the shortfall in one interval; stable where the current acts a period later than believed
+    sigmas: float = 2.0
+    forgotten_s: float = 10.0  # what attitude control has made up for by itself by then
+    least_rad_s: float = 0.02
+    most_rad_s: float = 0.5
+
+
+class PredictiveCrossing:
+    """The current with which the believed wheel ends the next interval with the momentum that was asked for."""
+
+    def __init__(self, rate_hz: float, payback: Payback | None = None) -> None:
+        """rate_hz: of the loop, whose period a current acts."""
+        self._period_s = 1.0 / rate_hz
+        self._payback = Payback() if payback is None else payback
+        self._timeline = Timeline()
+        self._promised_rad_s: float | None = None  # speed where the next command acts, if what was asked for is done
+        self._owed_rad_s = 0.0
+        self._stood = False
+
+    def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
+        """The current [A] for an acceleration [rad/s^2]; none while the motor gain is believed not to be positive."""
+        if self._timeline.step(tick) is None:
+            self._promised_rad_s, self._owed_rad_s = None, 0.0
+        if not known.parameters.motor_gain > 0.0:
+            self._promised_rad_s = None
+            return 0.0
+        wanted = request_rad_s2 * self._period_s
+        stands = self._stands(tick, known, wanted)
+        ahead = known.outlook(0.0 if stands else known.speed_rad_s)
+        begin = ahead.begin_rad_s
+        if stands and not self._stood:
+            self._promised_rad_s = None  # what the belief was off is not owed
+        self._stood = stands
+        self._note_shortfall(begin)
+        self._promised_rad_s = begin + wanted
+        target = begin + wanted + self._paid(wanted, begin, known)
+        if begin == target == 0.0:
+            return 0.0
+        return inverted(
+            lambda current: ahead.end_rad_s(current, self._period_s),
+            target,
+            _guess(begin, target, self._period_s, known.parameters, known.stribeck),
+            known.parameters.motor_gain * self._period_s,
+        )
+
+    def _stands(self, tick: Tick, known: WheelKnown, wanted: float) -> bool:
+        """Whether the wheel is taken to stand: its belief allows that, and says it, or nothing is asked for.
+
+        At rest the belief follows the noise of the readings about zero; friction that changed its sign with it, or that
+        held a speed which is none, would never end. A wheel that does move loses no more by it than the belief's noise.
+        """
+        estimate = known.estimate
+        if estimate is None or estimate is not tick.estimate:
+            return known.speed_rad_s == 0.0
+        if not abs(known.speed_rad_s) <= _REST_SIGMAS * estimate.std.speed_rad_s:
+            return False
+        return estimate.predicted_speed_rad_s == 0.0 or abs(self._owed_rad_s + wanted) <= self._payback.least_rad_s
+
+    def _note_shortfall(self, begin: float) -> None:
+        if self._promised_rad_s is None:
+            return
+        pay = self._payback
+        owed = self._owed_rad_s * math.exp(-self._period_s / pay.forgotten_s) + self._promised_rad_s - begin
+        self._owed_rad_s = max(-pay.most_rad_s, min(pay.most_rad_s, owed))
+
+    def _paid(self, wanted: float, begin: float, known: WheelKnown) -> float:
+        """What this interval gives beyond what is asked for [rad/s]; at rest all of what is due, or nothing of it."""
+        owed, pay = self._owed_rad_s, self._payback
+        if begin == 0.0:
+            return owed if abs(owed + wanted) > pay.least_rad_s else -wanted
+        sigma = 0.0 if known.estimate is None else known.estimate.std.speed_rad_s
+        return math.copysign(pay.share * max(abs(owed) - pay.sigmas * sigma, 0.0), owed)
+
+
+def _guess(begin: float, target: float, period_s: float, parameters: FrictionParameters, stribeck: Stribeck) -> float:
+    """The current [A] of the base model: friction at the begin, or break-away where the wheel starts or turns."""
+    if begin * target > 0.0:
+        curve = (parameters.viscous, parameters.coulomb, parameters.static, *stribeck)
+        friction = signed_friction(begin, *curve)
+    else:
+        friction = math.copysign(parameters.static, target)
+    return ((target - begin) / period_s + friction) / parameters.motor_gain
+
+
+def inverted(end: Callable[[float], float], target: float, guess: float, slope: float) -> float:
+    """The current [A] at which `end`, which rises with it, reaches the target [rad/s]; what lies nearest if none does.
+
+    slope > 0 [rad/s/A]: what it is far from zero speed. From the guess steps that grow until the target lies between
+    two currents, then regula falsi as in the Illinois method, the end that stays at half its weight, and bisections.
+    """
+    exact = _EXACT * (1.0 + abs(target))
+    low = high = max(-_MOST_A, min(_MOST_A, guess))
+    below = above = end(low) - target
+    step = max(abs(below) / slope, exact / slope)
+    while above < -exact and high < _MOST_A:
+        low, below = high, above
+        high = min(high + step, _MOST_A)
+        above = end(high) - target
+        step *= 2.0
+    while below > exact and low > -_MOST_A:
+        high, above = low, below
+        low = max(low - step, -_MOST_A)
+        below = end(low) - target
+        step *= 2.0
+    weigh_low = weigh_high = 1.0
+    for turn in range(_TURNS):
+        if above <= exact:
+            return high
+        if below >= -exact or high - low <= 1.0e-15 * (abs(high) + abs(low)):
+            return low
+        middle = low - weigh_low * below * (high - low) / (weigh_high * above - weigh_low * below)
+        if turn % 4 == 3 or not low < middle < high:
+            middle = 0.5 * (low + high)
+        error = end(middle) - target
+        if error < 0.0:
+            low, below, weigh_low, weigh_high = middle, error, 1.0, 0.5 * weigh_high
+        else:
+            high, above, weigh_low, weigh_high = middle, error, 0.5 * weigh_low, 1.0
+    return 0.5 * (low + high)
