@@ -37,7 +37,7 @@ def peaks_picture(rows: Sequence[Row], noises_rpm: Sequence[float]) -> bytes:
     axis.set_yticks(range(len(order)), order)
     axis.set_ylim(len(order) - 0.5, -0.5)
     axis.set_xlabel("peak attitude error after the reversal [deg]")
-    axis.legend(title="speed noise", frameon=False, loc="lower right", fontsize=8.5, title_fontsize=8.5)
+    axis.legend(title="speed noise", frameon=False, loc="upper right", fontsize=8.5, title_fontsize=8.5)
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     plain(axis)
     return png(figure)
