@@ -55,6 +55,8 @@ output: {{directory: DIRECTORY/runs, part_hours: 6}}
 """
 PROFILE = "{profile: random-sines, amplitude_A: 0.25, period_s: 40, bias_A: 0.03}"
 STEADY = "{profile: sine, amplitude_A: 0.0, bias_A: 0.041}"
+_TOLD_WHOLLY = ("not_written", "part_not_begun", "drag_spike", "sink_failed")
+_MEMORY_EVERY_H = 4.0  # readings of memory stand 600 s apart
 _SETTLED_S = 3600.0  # memory is compared from here on
 
 
@@ -75,19 +77,21 @@ class Soaked:
 
     seen: Observer
     outcome: RunOutcome
-    events: Counter[str]
+    told: Told
     seconds: float
 
 
 class Told:
-    """A logger that counts."""
+    """A logger that counts, and keeps what it was told first of each event."""
 
     def __init__(self) -> None:
         self.events: Counter[str] = Counter()
+        self.first: dict[str, dict[str, Any]] = {}
 
     def info(self, event: str, **context: Any) -> None:
         """Count one event."""
         self.events[event] += 1
+        self.first.setdefault(event, context)
 
     warning = error = info
 
@@ -109,7 +113,7 @@ def soak(plan: Plan, directory: Path, bar: Any) -> Soaked:
         with _watched_by(observer):
             configuration = load_configuration(path)
             outcome = run_daemon(configuration, protocol, GivenModel(), 3600.0 * plan.hours, told, stop, clock)
-    return Soaked(observer, outcome, told.events, time.monotonic() - began)
+    return Soaked(observer, outcome, told, time.monotonic() - began)
 
 
 @contextlib.contextmanager
@@ -193,10 +197,12 @@ def _report(soaked: Soaked, plan: Plan) -> list[str]:
         *(f"  {text}" for text in seen.unexplained[:20]),
         f"line back -> TRACKING: median {middle:.2f} s, worst {worst:.2f} s of {len(back)} (mark 1 s)",
         f"resident memory: {settled[0]} KiB, at the end {settled[-1]}: "
-        f"{(settled[-1] - settled[0]) / 1024:+.1f} MB (mark 5)",
+        f"{(settled[-1] - settled[0]) / 1024:+.1f} MB (mark 5); every {_MEMORY_EVERY_H:g} h: "
+        + ", ".join(f"{kib // 1024}" for _, kib in seen.rss_kib[:: round(6 * _MEMORY_EVERY_H)]),
         f"state at the end {outcome.state.state.value}; errors in sigma: "
         + ", ".join(f"{name} {value:+.1f}" for name, value in z.items()),
-        f"events: {dict(soaked.events.most_common())}",
+        f"events: {dict(soaked.told.events.most_common())}",
+        *(f"{event}: {soaked.told.first[event]}" for event in _TOLD_WHOLLY if event in soaked.told.first),
         f"explained: {dict(seen.explained_by.most_common(25))}",
     ]
 
