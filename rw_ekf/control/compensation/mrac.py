@@ -16,7 +16,7 @@ _LARGEST_RAD_S = 1.0e6  # of an error: no wheel; keeps what is learned finite
 
 
 TUNABLE = {"bandwidth_rad_s": (0.05, 6.0)}
-ON_READINGS_RAD_S = 0.1  # the bandwidth that was tuned for them: their noise turns the sign of what was learned
+ON_READINGS_RAD_S = 0.1  # the bandwidth that was tuned for them
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class MracParameters:
     bandwidth_rad_s: float = 1.2
     damping: float = 0.707
     limit_of_static: float = 6.0  # of what is learned, as a multiple of the data sheet's break-away friction
-    speed: SpeedSource = "filtered"
+    speed: SpeedSource = "filtered"  # that the model is compared with
+    sign: SpeedSource = "filtered"  # of the speed
 
     @property
     def proportional_1_s(self) -> float:
@@ -48,7 +49,9 @@ class Mrac:
 
     For a wheel with friction b omega + c sgn(omega), de/dt = -(b + lambda) e + (c - C) sgn(omega), and
     V = e^2/2 + (c - C)^2/(2 gamma) falls as dV/dt = -(b + lambda) e^2: C is learned once, for both directions, and
-    changes its sign with the wheel. A wheel at rest is taken to move the way that it is asked to.
+    changes its sign with the wheel. A wheel at rest is taken to move the way that it is asked to. On the filter's speed
+    it is deaf to a drag that the filter's model knows not of, on the sign of readings it chatters: the model compared
+    with readings and the filter's sign have neither.
     """
 
     def __init__(self, sheet: FrictionParameters, parameters: MracParameters) -> None:
@@ -59,6 +62,7 @@ class Mrac:
         self._integral = parameters.integral_1_s2
         self._limit_rad_s2 = parameters.limit_of_static * sheet.static
         self._readings = Readings() if parameters.speed == "raw" else None
+        self._raw_sign = parameters.sign == "raw"
         self._timeline = Timeline()
         self._model_rad_s: float | None = None
         self._asked_rad_s2 = 0.0  # of the model, over the interval that the next sample ends
@@ -76,8 +80,9 @@ class Mrac:
             self._model_rad_s = None if speed is None else speed + self.error_rad_s  # after a gap the lead is kept
         else:
             self._follow(*step, speed)
-        if speed is not None:
-            self._sign = math.copysign(1.0, speed) if speed != 0.0 else _sign(request_rad_s2)
+        way = speed if self._raw_sign else known.speed_rad_s
+        if way is not None:
+            self._sign = math.copysign(1.0, way) if way != 0.0 else _sign(request_rad_s2)
         viscous = self._viscous * (known.speed_rad_s if speed is None else speed)
         friction = viscous + self.coulomb_rad_s2 * self._sign + self._proportional * self.error_rad_s
         self._asked_rad_s2 = request_rad_s2

@@ -164,6 +164,14 @@ SCHEMES: dict[str, SchemeEntry] = {
         SchemeEntry(
             "mrac_raw",
             "[L17] V.2, on readings",
+            lambda sheet, **given: _mrac(
+                sheet, **{"bandwidth_rad_s": mrac.ON_READINGS_RAD_S, **given, "speed": "raw", "sign": "raw"}
+            ),
+            tunable=mrac.TUNABLE,
+        ),
+        SchemeEntry(
+            "mrac_filtered_sign",
+            "[L17] V.2, on readings, with the filter's sign",
             lambda sheet, **given: _mrac(sheet, speed="raw", **{"bandwidth_rad_s": mrac.ON_READINGS_RAD_S, **given}),
             tunable=mrac.TUNABLE,
         ),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -60,12 +62,15 @@ def test_the_learned_friction_is_limited() -> None:
     assert scheme.coulomb_rad_s2 <= 6.0 * SHEET.static
 
 
-def test_the_raw_speed_is_used_where_it_is_asked_for() -> None:
-    """A reading on the other side of zero turns the sign of what was learned; the filtered one does not see it."""
+def test_readings_are_used_where_they_are_asked_for() -> None:
+    """A reading on the other side of zero turns the sign of what was learned, but not the filter's sign."""
     currents = []
-    for speed in ("filtered", "raw"):
-        scheme = Mrac(SHEET, MracParameters(speed=speed))
+    given: list[dict[str, Any]] = [{}, {"speed": "raw", "sign": "raw"}, {"speed": "raw"}]
+    for sources in given:
+        scheme = Mrac(SHEET, MracParameters(**sources))
         scheme.coulomb_rad_s2 = COULOMB
         currents.append(scheme.current_A(tick_of(WheelSample(0.0, -0.1)), 0.0, at_speed(0.1)))
-    b, k = SHEET.viscous, SHEET.motor_gain
-    assert currents == pytest.approx([(COULOMB + 0.1 * b) / k, -(COULOMB + 0.1 * b) / k], rel=1e-12)
+    viscous, k = 0.1 * SHEET.viscous, SHEET.motor_gain
+    assert currents == pytest.approx(
+        [(COULOMB + viscous) / k, -(COULOMB + viscous) / k, (COULOMB - viscous) / k], rel=1e-12
+    )
