@@ -17,8 +17,8 @@ pytestmark = pytest.mark.slow
     [
         ("pid_tuned", 0.47),
         ("speed_mode", 0.006),
-        ("disturbance_observer", 0.16),
-        ("adrc", 0.16),
+        ("disturbance_observer", 0.07),
+        ("adrc", 0.065),
         ("adrc_model", 0.01),
         ("sliding_mode", 0.01),
     ],

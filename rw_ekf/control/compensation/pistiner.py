@@ -21,10 +21,10 @@ _AWAY = 1.5  # times the noted speed, from where on the wheel has a side again
 
 
 class OffsetSpeeds(NamedTuple):
-    """Where the request is noted, and where the offset is applied: towards 0 the later, but never beside the noise."""
+    """Where the request is noted, and where the offset is applied: all but at the reversal, as tuned."""
 
-    noted_rpm: float = 10.0
-    applied_rpm: float = 0.5
+    noted_rpm: float = 5.5
+    applied_rpm: float = 0.05
 
 
 class PistinerOffset:

@@ -22,8 +22,8 @@ TUNABLE = {"bandwidth_rad_s": (0.3, 30.0), "damping": (0.5, 3.0)}
 class SpeedLoop(NamedTuple):
     """The inner loop's two poles, on a wheel without friction."""
 
-    bandwidth_rad_s: float = 15.0  # w
-    damping: float = 1.0  # zeta
+    bandwidth_rad_s: float = 9.4  # w
+    damping: float = 0.8  # zeta
     raw: bool = False  # hold the raw reading, not the filter's speed
 
 
