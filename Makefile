@@ -10,7 +10,7 @@ INSTALLED := $(VENV)/.installed
 .PHONY: help demo test check lint quick-tests all-tests install clean
 
 help:
-	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, and the proof; three minutes"
+	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, the proof, and a table held by it; four minutes"
 	@echo "make test     lint, types, import contracts and all tests, as CI runs them"
 	@echo "make check    the same without the slow tests"
 	@echo "make install  .venv with everything; then: source $(BIN)/activate && rw-ekf --help"

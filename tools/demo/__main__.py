@@ -18,6 +18,8 @@ from typing import Any
 
 from tools.demo.commands import command_json, run_daemon, write_configuration
 from tools.demo.frozen import frozen_figures
+from tools.demo.reversal import draw_reversal, print_peaks, reversals
+from tools.demo.table import OUTPUT
 from tools.demo.wheel import SPEED_FACTOR, Lot, draw, simulated_wheel
 from tools.demo.words import (
     draw_run,
@@ -30,13 +32,12 @@ from tools.demo.words import (
     wrapped,
 )
 
-OUTPUT = Path("demo-output")
 FIRST_S, SECOND_S = 600.0, 300.0  # of the wheel's time
 SAME = 1.0e-6  # of a sigma: a replay gives the run's own numbers
 
 
 def main() -> int:
-    """Run the demonstration; returns the exit status: 0 if the effect was named and the error fell."""
+    """Run the demonstration; returns the exit status: 0 if the effect was named, the error fell, the table was held."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, help="of the wheel's lot; default: another each time")
     seed: int | None = parser.parse_args().seed
@@ -77,7 +78,8 @@ def main() -> int:
     say("the truth, which only the simulator knew")
     named = print_truth(lot, [("first run", first["logs"][0]), ("second run", second["logs"][0])], found)
     draw_pictures(lot, (first, first_config), (second, second_config))
-    return 0 if identical and named and better else 1
+    pointed = reverse(lot, first, found)
+    return 0 if identical and named and better and pointed else 1
 
 
 def report_first_run(run: dict[str, Any], config: Path) -> bool:
@@ -115,6 +117,17 @@ def judge_second_run(first: dict[str, Any], second: dict[str, Any]) -> bool:
     say("diagnosed again, with the model: nothing should be left, or the next effect named")
     print_verdict(command_json("diagnose", log, "--model", str(model), "--out", str(OUTPUT / "diagnosis-2")))
     return better
+
+
+def reverse(lot: Lot, first: dict[str, Any], found: dict[str, Any]) -> bool:
+    """Step 10: what the models are for; whether compensation kept the attitude."""
+    say("what it is for: a table held by this wheel while the wheel reverses; three at once, in real time, 75 s")
+    print("   a fan pushes the table, the attitude controller asks the daemon for torques; largest attitude error")
+    crossings = reversals(lot, Path(first["model"]), OUTPUT / "diagnosis" / found["model"], OUTPUT)
+    pointed = print_peaks(crossings)
+    draw_reversal(OUTPUT / "reversal.png", crossings)
+    print(f"   picture: {OUTPUT / 'reversal.png'}")
+    return pointed
 
 
 def draw_pictures(lot: Lot, *runs: tuple[dict[str, Any], Path]) -> None:
