@@ -9,7 +9,13 @@ from rw_ekf.records import Tick
 class DynamicModelCompensation:
     """I = (a + f(omega)) / k; at rest f is the break-away friction in the direction that is asked for.
 
-    omega is the filter's speed: the sign of a raw reading chatters (the friction changes sign with the noise).
+    omega is the filter's speed: the sign of a raw reading chatters (the friction changes sign with the noise). With
+    parameters that are exact, and readings of 1 and 5 rpm noise, the raw speed costs 0.02 and 0.15 deg at the reversal
+    of the default bench, the filter's under 0.01 at both.
+
+    Of a diagnosed model f has all that slows the wheel, offset, temperature, ripple, and hidden states as they stand
+    now. What changes the current itself (saturation, a dead zone, a lag, a delay) is not in f: a sum cannot undo it,
+    predictive crossing inverts it.
     """
 
     def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:

@@ -18,6 +18,7 @@ from rw_ekf.wheel.table import NO_EFFECTS
 
 Friction = Callable[[float], float]  # at a speed [rad/s]: the friction [rad/s^2], signed as the speed is
 
+_CREEP_RAD_S = 1.0e-12  # of a wheel that has just broken away: with effects that takes more than s
 _NO_TABLE = NO_EFFECTS.table()
 _NO_TIME = Interval(0.0, 0.0, REFERENCE_DEGC, 0.0, 0, 0, 0)
 
@@ -60,9 +61,9 @@ class WheelKnown:
 
     def friction_against_rad_s2(self, drive_rad_s2: float, speed_rad_s: float) -> float:
         """Friction at a speed; of a wheel at rest that which has to be broken in the drive's direction: [CK13 (15)]."""
-        if speed_rad_s != 0.0:
-            return self.friction_rad_s2(speed_rad_s)
-        return math.copysign(self.parameters.static, drive_rad_s2) if drive_rad_s2 != 0.0 else 0.0
+        if speed_rad_s == 0.0 == drive_rad_s2:
+            return 0.0
+        return self.friction_rad_s2(math.copysign(_CREEP_RAD_S, drive_rad_s2) if speed_rad_s == 0.0 else speed_rad_s)
 
     def outlook(self, speed_rad_s: float) -> Outlook:
         """The wheel from when a command acts that is issued now, its speed taken for known.
