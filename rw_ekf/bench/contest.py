@@ -74,7 +74,7 @@ def models_of(schemes: Sequence[str], scenario: Scenario, model: WheelModel | No
         return dict.fromkeys(noises, model)
     if not any(SCHEMES[name].parameters_from == "diagnosed" for name in schemes):
         return {}
-    with _pool(len(noises)) as pool:
+    with workers(len(noises)) as pool:
         return dict(zip(noises, pool.map(diagnosed, [scenario] * len(noises), noises), strict=True))
 
 
@@ -92,7 +92,7 @@ def hold_contest(
     entries = entries_of(schemes, scenario, seeds)
     figures: dict[Entry, Metrics] = {}
     courses: dict[Entry, BenchRun] = {}
-    with _pool(len(entries)) as pool:
+    with workers(len(entries)) as pool:
         waiting = {pool.submit(_judged, entry, scenario, models): entry for entry in entries}
         for done in as_completed(waiting):
             entry, (figures[entry], course) = waiting[done], done.result()
@@ -111,7 +111,7 @@ def hold_runs(
 ) -> dict[Condition, dict[str, list[float]]]:
     """Peaks [deg] of every scheme under every condition, one a seed, each at its scenario's first noise."""
     peaks: dict[Condition, dict[str, list[float]]] = {}
-    with _pool(len(conditions) * len(schemes)) as pool:
+    with workers(len(conditions) * len(schemes)) as pool:
         waiting = {
             pool.submit(_judged, Entry(scheme, there.cycle.speed_noise_rpm[0], seed), there, models[condition]): (
                 condition,
@@ -129,7 +129,7 @@ def hold_runs(
 
 
 @contextmanager
-def _pool(most: int) -> Iterator[Executor]:
+def workers(most: int) -> Iterator[Executor]:
     """Processes, one for each core but no more than `most`; left at once where something is raised."""
     count = max(min(len(os.sched_getaffinity(0)), most), 1)
     context = multiprocessing.get_context("spawn")

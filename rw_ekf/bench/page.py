@@ -53,7 +53,8 @@ def headline_of(rows: Sequence[Row]) -> str:
     if BASELINE not in here:
         return "No wheel reversed under the plain controller: there is nothing to compare with."
     base = here[BASELINE]
-    others = [row for row in here.values() if row.scheme != BASELINE]
+    # A loop in the wheel's own electronics is other hardware.
+    others = [row for row in here.values() if row.scheme != BASELINE and SCHEMES[row.scheme].inner_rate_hz is None]
     if not others:
         return f"A reversal throws the attitude off by {base.peak_deg:.2f} deg."
     best = min(others, key=lambda row: row.peak_deg)

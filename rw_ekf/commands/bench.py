@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robustness", action="store_true", help="sweep what no scheme is told, until it does no better than none"
     )
+    parser.add_argument("--spikes", action="store_true", help="beside the reversal, a drag spike at a steady speed")
     parser.add_argument("--out", metavar="DIR", help="write the page, its pictures and the document there")
 
 
@@ -47,7 +48,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from pathlib import Path
 
-    from rw_ekf.bench import robustness
+    from rw_ekf.bench import robustness, spike_table
     from rw_ekf.bench.contest import entries_of, hold_contest, models_of
     from rw_ekf.bench.page import headline_of, write_page
     from rw_ekf.bench.prepare import scenario_of, schemes_of
@@ -60,15 +61,19 @@ def execute(args: argparse.Namespace) -> int:
     schemes = schemes_of(args.schemes)
     scenario, model = scenario_of(args.scenario, args.model, args.effect)
     make_ready(DIAGNOSIS)
-    sweeps = robustness.runs_of(schemes, args.seeds) if args.robustness else 0
-    with progress("bench", len(entries_of(schemes, scenario, args.seeds)) + sweeps, " runs") as bar:
+    more = robustness.runs_of(schemes, args.seeds) if args.robustness else 0
+    more += len(schemes) * len(scenario.cycle.speed_noise_rpm) if args.spikes else 0
+    with progress("bench", len(entries_of(schemes, scenario, args.seeds)) + more, " runs") as bar:
         models = models_of(schemes, scenario, model)
         contest = hold_contest(schemes, scenario, args.seeds, models, bar.update)
         bearings = robustness.sweep_all(schemes, scenario, args.seeds, models, bar.update) if args.robustness else []
+        answers = spike_table.answers_of(schemes, scenario, models, bar.update) if args.spikes else {}
     rows = rows_of(contest)
     document, headline = document_of(contest), headline_of(rows)
     if args.robustness:
         document["robustness"] = [bearing.document() for bearing in bearings]
+    if args.spikes:
+        document["spikes"] = spike_table.documents_of(answers)
     if args.out is not None:
         for path in write_page(Path(args.out), contest, document, headline):
             sys.stderr.write(f"rw-ekf: wrote {path}\n")
@@ -76,5 +81,6 @@ def execute(args: argparse.Namespace) -> int:
         print_json(document)
     else:
         swept = f"{robustness.table_text(bearings)}\n" if args.robustness else ""
+        swept += f"{spike_table.table_text(answers)}\n" if args.spikes else ""
         sys.stdout.write(f"{table_text(rows, scenario)}\n{swept}{headline}\n")
     return 0

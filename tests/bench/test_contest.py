@@ -97,5 +97,5 @@ def test_wrong_parameters_lose_what_right_ones_gain() -> None:
 def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is started for nothing: one run, one process, many cores or not."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(64)))
-    with contests._pool(1) as pool:
+    with contests.workers(1) as pool:
         assert pool._max_workers == 1  # type: ignore[attr-defined]
