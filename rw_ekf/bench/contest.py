@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -130,14 +131,25 @@ def hold_runs(
 
 @contextmanager
 def workers(most: int) -> Iterator[Executor]:
-    """Processes, one for each core but no more than `most`; left at once where something is raised."""
+    """Processes, one for each core but no more than `most`; killed at once where something is raised."""
     count = max(min(len(os.sched_getaffinity(0)), most), 1)
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
+    # What is started while interrupts are ignored ignores them: that of the terminal is the parent's affair.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        pool.submit(die_with_parent)
+    finally:
+        signal.signal(signal.SIGINT, before)
     try:
         yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+    except BaseException:
+        for process in list((pool._processes or {}).values()):  # an interrupt shall not wait for runs under way
+            process.kill()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    # Without waiting the pool's own thread can miss the word to end (CPython 3.11), and the program would never exit.
+    pool.shutdown(wait=True)
 
 
 def _judged(entry: Entry, scenario: Scenario, models: Models) -> tuple[Metrics, BenchRun | None]:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -99,3 +103,36 @@ def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(64)))
     with contests.workers(1) as pool:
         assert pool._max_workers == 1  # type: ignore[attr-defined]
+
+
+def test_an_interrupt_ends_a_contest_at_once_and_leaves_no_process(tmp_path: Path) -> None:
+    """SIGINT to the whole group, as a terminal sends it, while runs are under way: status 130, no traceback."""
+    program = "import sys; from rw_ekf.cli import main; sys.exit(main(['bench', '--schemes', 'pid_current', 'dmc']))"
+    started = subprocess.Popen(
+        [sys.executable, "-c", f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler); {program}"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    while len(_group(started.pid)) < 3 and started.poll() is None:  # itself, and two workers or their like
+        time.sleep(0.05)
+    os.killpg(started.pid, signal.SIGINT)
+    _, said = started.communicate()
+    assert started.returncode == 130
+    assert "Traceback" not in said
+    assert said.strip().splitlines()[-1] == "rw-ekf: interrupted"
+    while _group(started.pid):
+        time.sleep(0.05)
+
+
+def _group(number: int) -> list[int]:
+    """Processes of a group that are not dead already."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[2]) == number and fields[0] != "Z":
+            found.append(int(stat.parent.name))
+    return found
