@@ -38,16 +38,12 @@ def compensated(
     """The commander with friction compensation where the configuration asks for it, and what it does at each turn.
 
     sign: of the wheel; until it is confirmed nothing is compensated, because a compensation with the wrong sign drives
-    the wheel by itself. Raises ConfigError where there is no such scheme, or no motor gain.
+    the wheel by itself. Raises ConfigError where the motor gain is zero.
     """
     section = configuration.compensation
     if commander is None or section.scheme is None:
         return commander, lambda state: None
-    entry = SCHEMES.get(section.scheme)
-    if entry is None:
-        raise ConfigError(
-            f"compensation.scheme {section.scheme} is not in this version; there are: {', '.join(SCHEMES)}"
-        )
+    entry = SCHEMES[section.scheme]
     setup = start.setup
     sheet = WheelSheet(setup.prior.parameters, setup.constants.stribeck, configuration.loop.rate_hz)
     gain = sheet.parameters.motor_gain
