@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -135,12 +136,8 @@ def workers(most: int) -> Iterator[Executor]:
     count = max(min(len(os.sched_getaffinity(0)), most), 1)
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
-    # What is started while interrupts are ignored ignores them: that of the terminal is the parent's affair.
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        pool.submit(die_with_parent)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with _interrupts_ignored():
+        pool.submit(die_with_parent)  # starts them all
     try:
         yield pool
     except BaseException:
@@ -150,6 +147,19 @@ def workers(most: int) -> Iterator[Executor]:
         raise
     # Without waiting the pool's own thread can miss the word to end (CPython 3.11), and the program would never exit.
     pool.shutdown(wait=True)
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """What is started meanwhile ignores them for good: an interrupt of the terminal is the parent's affair."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _judged(entry: Entry, scenario: Scenario, models: Models) -> tuple[Metrics, BenchRun | None]:
