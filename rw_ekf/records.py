@@ -203,6 +203,7 @@ class Estimate:
     health: FilterHealth | None = None  # None where all is well
     valid: ParameterFlags | None = None  # which parameters may be relied on (docs/filter.md#what-may-be-relied-on)
     friction: Callable[[float | None], Believed] | None = field(default=None, compare=False, repr=False)
+    current: Callable[[float], float] | None = field(default=None, compare=False, repr=False)
     ahead: Callable[[float | None], Outlook] | None = field(default=None, compare=False, repr=False)
 
     def friction_torque_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
@@ -214,6 +215,13 @@ class Estimate:
         if self.friction is None:
             raise ValueError("nothing is known of the friction of an estimate that no estimator made")
         return self.friction(speed_rad_s)
+
+    def current_for_A(self, drive_rad_s2: float) -> float:
+        """The current [A] that drives the wheel by so much, after what the model's effects take from it at once.
+
+        A lag or a delay is not undone. Raises ZeroDivisionError for a motor gain of zero.
+        """
+        return drive_rad_s2 / self.state.motor_gain if self.current is None else self.current(drive_rad_s2)
 
     def outlook(self, speed_rad_s: float | None = None) -> Outlook:
         """The wheel from when a command acts that is issued on this sample, as late as the one before it did.

@@ -15,6 +15,8 @@ from rw_ekf.wheel.pieces import Moment, driven_by, stribeck_of
 from rw_ekf.wheel.table import ABSENT, EffectTable
 from rw_ekf.wheel.transition import factor_covariance
 
+_TURNS = 60
+_MOST_GAIN = 1.0e3  # of a current over what it leaves; more is no motor
 _INSTANT_S = 1.0e-7  # over which a friction with a memory is followed
 
 
@@ -43,6 +45,32 @@ def friction_torque(
     steps = math.sqrt(3.0) * root.T
     differences = [_friction(x + d, table, stribeck, moment) - _friction(x - d, table, stribeck, moment) for d in steps]
     return Believed(_friction(x, table, stribeck, moment), math.hypot(*differences) / math.sqrt(12.0))
+
+
+def current_for(
+    x: Float64Array,
+    table: EffectTable,
+    stribeck: Stribeck,
+    at: tuple[float, float, float, float],
+    drive_rad_s2: float,
+) -> float:
+    """The current [A] whose drive k I, after a dead zone, saturation and the gain's temperature, is drive_rad_s2.
+
+    By fixed point, which contracts while less than half of the current is lost; a lag and a delay are not undone. at:
+    as in `friction_torque`. Raises ZeroDivisionError for a motor gain of zero.
+    """
+    values = x.tolist()
+    needed: float = drive_rad_s2 / values[MOTOR_GAIN]
+    moment = Moment(0.0, *at, 0.0)._replace(omega=values[SPEED])
+    current: float = needed
+    for _ in range(_TURNS):
+        terms, _, _ = driven_by(values, table, stribeck_of(values, table, stribeck), moment._replace(current=current))
+        before, current = current, needed - terms.amperes
+        if not abs(current) <= _MOST_GAIN * abs(needed):
+            return needed
+        if abs(current - before) <= 1.0e-12:
+            break
+    return current
 
 
 def _friction(x: Float64Array, table: EffectTable, stribeck: Stribeck, moment: Moment) -> float:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -70,3 +73,27 @@ def test_an_estimate_that_no_estimator_made_knows_nothing_of_it() -> None:
     state = WheelState(1.0, 15.0, 0.003, 0.58, 0.6)
     with pytest.raises(ValueError, match="no estimator made"):
         Estimate(0.0, Outcome.FIRST, state, state).outlook()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "left"),
+    [
+        ("current_deadzone", 0.004, lambda i: i - math.copysign(0.004, i)),
+        ("motor_saturation", 0.3, lambda i: i * (1.0 - 0.3 * abs(i))),
+        ("motor_gain_temperature", -0.002, lambda i: i * (1.0 - 0.002 * 15.0)),
+        ("offset_torque", 0.03, lambda i: i),
+    ],
+)
+def test_the_current_for_a_drive_undoes_what_effects_take_from_it(
+    name: str, value: float, left: Callable[[float], float]
+) -> None:
+    """Put through the effect by hand, the current found is the drive over the motor gain."""
+    effects = EffectSet((Term.of(CATALOGUE[name], value=value, std=1e-6),))
+    belief = Belief.of_known([*DEFAULT_PRIOR.parameters, value], 1e-12 * np.eye(5))
+    estimate = Estimator(CONSTANTS, belief.mean, belief.covariance, effects).step(
+        WheelSample(0.0, 5.0, temperature_degC=35.0)
+    )
+    for drive in (0.9, -0.4, 0.003):
+        current = estimate.current_for_A(drive)
+        assert left(current) * estimate.state.motor_gain == pytest.approx(drive, rel=1e-9)
+    assert estimate.current_for_A(0.0) == 0.0

@@ -14,11 +14,11 @@ class DynamicModelCompensation:
     of the default bench, the filter's under 0.01 at both.
 
     Of a diagnosed model f has all that slows the wheel, offset, temperature, ripple, and hidden states as they stand
-    now. What changes the current itself (saturation, a dead zone, a lag, a delay) is not in f: a sum cannot undo it,
-    predictive crossing inverts it.
+    now; a dead zone, saturation and the gain's temperature are undone in the current. A lag, a delay, and how a hidden
+    state changes until the next current are not: predictive crossing inverts them too.
     """
 
     def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
         """The current [A] for an acceleration [rad/s^2]."""
         friction = known.friction_against_rad_s2(request_rad_s2, known.speed_rad_s)  # (14), (15)
-        return (request_rad_s2 + friction) / known.parameters.motor_gain
+        return known.current_for_A(request_rad_s2 + friction)

@@ -65,6 +65,12 @@ class WheelKnown:
             return 0.0
         return self.friction_rad_s2(math.copysign(_CREEP_RAD_S, drive_rad_s2) if speed_rad_s == 0.0 else speed_rad_s)
 
+    def current_for_A(self, drive_rad_s2: float) -> float:
+        """The current [A] of a drive: over the motor gain, and more where the model's effects take from it."""
+        if self.estimate is None:
+            return drive_rad_s2 / self.parameters.motor_gain
+        return self.estimate.current_for_A(drive_rad_s2)
+
     def outlook(self, speed_rad_s: float) -> Outlook:
         """The wheel from when a command acts that is issued now, its speed taken for known.
 
