@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 _TICK_S = 0.5
 _LONG = 1.0e5  # beyond it, times mostly, six digits would lose the unit
@@ -103,10 +103,18 @@ def shown_path(path: str | Path) -> str:
         return shlex.quote(str(absolute))
 
 
-def abandon_output() -> None:
-    """Send standard output nowhere from now on: its reader, or its terminal, has gone."""
+def abandon_output(stream: TextIO | None = None) -> None:
+    """Send standard output, or another stream, nowhere from now on: its reader, or its terminal, has gone."""
     with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), (sys.stdout if stream is None else stream).fileno())
+
+
+def settle_errors() -> None:
+    """Let nothing wait to be written to standard error: where it has gone, Python would end with status 120 for it."""
+    try:
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        abandon_output(sys.stderr)
 
 
 def _short_numbers(_logger: object, _name: str, entry: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
