@@ -10,16 +10,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
-from rw_ekf.bench.margins import scenario_for
 from rw_ekf.bench.metrics import Metrics, metrics_of
-from rw_ekf.bench.run import BenchRun, run_bench
+from rw_ekf.bench.run import BenchRun
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import diagnosed, start_of
+from rw_ekf.bench.scheme_run import run_scheme
+from rw_ekf.bench.start import diagnosed
 from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.parent import die_with_parent
 from rw_ekf.wheel.model_file import WheelModel
 
+Key = TypeVar("Key")
+Result = TypeVar("Result")
 Condition = tuple[str, float]  # a sweep and its level
 Models = Mapping[float, WheelModel]  # what `diagnose` makes of the wheel, by the noise of the readings [rpm]
 
@@ -55,18 +59,7 @@ def entries_of(schemes: Sequence[str], scenario: Scenario, seeds: int) -> list[E
 
 def run_entry(entry: Entry, scenario: Scenario, models: Models) -> BenchRun:
     """Run one entry."""
-    scheme = SCHEMES[entry.scheme]
-    start = start_of(scheme, scenario, entry.noise_rpm, entry.seed, models.get(entry.noise_rpm))
-    return run_bench(
-        scenario_for(scheme, scenario),
-        start.plant,
-        entry.noise_rpm,
-        entry.seed,
-        start.estimator,
-        scheme.make(start.sheet),
-        start.knowledge,
-        scheme.inner_rate_hz,
-    )
+    return run_scheme(SCHEMES[entry.scheme], scenario, entry.noise_rpm, entry.seed, models.get(entry.noise_rpm))
 
 
 def models_of(schemes: Sequence[str], scenario: Scenario, model: WheelModel | None = None) -> Models:
@@ -76,8 +69,8 @@ def models_of(schemes: Sequence[str], scenario: Scenario, model: WheelModel | No
         return dict.fromkeys(noises, model)
     if not any(SCHEMES[name].parameters_from == "diagnosed" for name in schemes):
         return {}
-    with workers(len(noises)) as pool:
-        return dict(zip(noises, pool.map(diagnosed, [scenario] * len(noises), noises), strict=True))
+    found = dict(finished({noise_rpm: partial(diagnosed, scenario, noise_rpm) for noise_rpm in noises}))
+    return {noise_rpm: found[noise_rpm] for noise_rpm in noises}
 
 
 def hold_contest(
@@ -94,13 +87,11 @@ def hold_contest(
     entries = entries_of(schemes, scenario, seeds)
     figures: dict[Entry, Metrics] = {}
     courses: dict[Entry, BenchRun] = {}
-    with workers(len(entries)) as pool:
-        waiting = {pool.submit(_judged, entry, scenario, models): entry for entry in entries}
-        for done in as_completed(waiting):
-            entry, (figures[entry], course) = waiting[done], done.result()
-            if course is not None:
-                courses[entry] = course
-            tick(1)
+    for entry, run in finished({entry: partial(_judged, entry, scenario, models) for entry in entries}):
+        figures[entry], course = run
+        if course is not None:
+            courses[entry] = course
+        tick(1)
     return Contest(scenario, seeds, figures, courses)
 
 
@@ -113,21 +104,26 @@ def hold_runs(
 ) -> dict[Condition, dict[str, list[float]]]:
     """Peaks [deg] of every scheme under every condition, one a seed, each at its scenario's first noise."""
     peaks: dict[Condition, dict[str, list[float]]] = {}
-    with workers(len(conditions) * len(schemes)) as pool:
-        waiting = {
-            pool.submit(_judged, Entry(scheme, there.cycle.speed_noise_rpm[0], seed), there, models[condition]): (
-                condition,
-                scheme,
-            )
-            for condition, there in conditions.items()
-            for seed in range(1, seeds + 1)
-            for scheme in schemes
-        }
-        for done in as_completed(waiting):
-            condition, scheme = waiting[done]
-            peaks.setdefault(condition, {}).setdefault(scheme, []).append(done.result()[0].peak_deg)
-            tick(1)
+    jobs = {
+        (condition, scheme, seed): partial(
+            _figures, Entry(scheme, there.cycle.speed_noise_rpm[0], seed), there, models[condition]
+        )
+        for condition, there in conditions.items()
+        for seed in range(1, seeds + 1)
+        for scheme in schemes
+    }
+    for (condition, scheme, _), figures in finished(jobs):
+        peaks.setdefault(condition, {}).setdefault(scheme, []).append(figures.peak_deg)
+        tick(1)
     return peaks
+
+
+def finished(jobs: Mapping[Key, Callable[[], Result]]) -> Iterator[tuple[Key, Result]]:
+    """Each job's key and result as it is done, in processes of their own; what a job raises is raised here."""
+    with workers(len(jobs)) as pool:
+        waiting = {pool.submit(job): key for key, job in jobs.items()}
+        for done in as_completed(waiting):
+            yield waiting[done], done.result()
 
 
 @contextmanager
@@ -145,7 +141,7 @@ def workers(most: int) -> Iterator[Executor]:
             process.kill()
         pool.shutdown(wait=True, cancel_futures=True)
         raise
-    # Without waiting the pool's own thread can miss the word to end (CPython 3.11), and the program would never exit.
+    # A pool that is left without waiting for it can keep the program from ever exiting (CPython 3.11).
     pool.shutdown(wait=True)
 
 
@@ -160,6 +156,10 @@ def _interrupts_ignored() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _figures(entry: Entry, scenario: Scenario, models: Models) -> Metrics:
+    return metrics_of(run_entry(entry, scenario, models))
 
 
 def _judged(entry: Entry, scenario: Scenario, models: Models) -> tuple[Metrics, BenchRun | None]:

@@ -102,7 +102,5 @@ def _unstable_integral(scenario: Scenario) -> float:
 
 
 def _with_integral(scenario: Scenario, integral_Nm_rad_s: float) -> Scenario:
-    control = scenario.control
-    settling = max(control.settling_integral_Nm_rad_s, integral_Nm_rad_s)
-    changed = {"integral_Nm_rad_s": integral_Nm_rad_s, "settling_integral_Nm_rad_s": settling}
-    return scenario.model_copy(update={"control": control.model_copy(update=changed)})
+    settling = max(scenario.control.settling_integral_Nm_rad_s, integral_Nm_rad_s)
+    return scenario.changed("control", integral_Nm_rad_s=integral_Nm_rad_s, settling_integral_Nm_rad_s=settling)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.bench.run import BenchRun
 from rw_ekf.flyby.impulse import zero_crossing_impulse
 
@@ -37,22 +38,23 @@ def metrics_of(run: BenchRun) -> Metrics:
     before = (run.time_s >= reversal_s - STEADY_S[0]) & (run.time_s <= reversal_s - STEADY_S[1])
     time_s, error, current_A = run.time_s[after], error_deg[after], np.nan_to_num(run.current_A[after])
     lasts_s = max(float(time_s[-1] - time_s[0]), 1e-9)
-    beyond = np.flatnonzero(error > RECOVERED_DEG)
-    if beyond.size == 0:
-        recover_s = 0.0
-    elif beyond[-1] == error.size - 1:
-        recover_s = math.nan
-    else:
-        recover_s = float(time_s[beyond[-1] + 1] - reversal_s)
     return Metrics(
         peak_deg=float(error.max()),
         steady_deg=float(np.sqrt(np.mean(error_deg[before] ** 2))) if before.any() else math.nan,
-        recover_s=recover_s,
+        recover_s=recovered_s(time_s, error, RECOVERED_DEG, reversal_s),
         stop_s=run.stood_s,
         effort_A_s=float(np.sum(np.abs(current_A[:-1]) * np.diff(time_s))),
         chatter_A_per_s=float(np.sum(np.abs(np.diff(current_A))) / lasts_s),
         impulse_Nms=_impulse_Nms(run, reversal_s),
     )
+
+
+def recovered_s(time_s: Float64Array, error_deg: Float64Array, within_deg: float, from_s: float) -> float:
+    """How long after from_s [s] errors (n,) at times (n,) are within a bound for good; NaN where the last is not."""
+    beyond = np.flatnonzero(error_deg > within_deg)
+    if beyond.size == 0:
+        return 0.0
+    return math.nan if beyond[-1] == error_deg.size - 1 else float(time_s[beyond[-1] + 1] - from_s)
 
 
 def _impulse_Nms(run: BenchRun, reversal_s: float) -> float:

@@ -38,8 +38,7 @@ def scenario_of(path: str | None, model_path: str | None, effects: Sequence[str]
     if model is not None:
         scenario = with_wheel_of(scenario, model)
     if effects:
-        wheel = scenario.wheel.model_copy(update={"effects": (*scenario.wheel.effects, *effects)})
-        scenario = scenario.model_copy(update={"wheel": wheel})
+        scenario = scenario.changed("wheel", effects=(*scenario.wheel.effects, *effects))
     _: PlantParameters = drawn_wheel(scenario, 1)  # an effect that cannot be is found here, before any run
     reversal_s = scenario.reversal_s
     if reversal_s is None:

@@ -84,14 +84,13 @@ def _middle(values: Sequence[float]) -> float:
     return found if math.isfinite(found) else math.nan
 
 
-def document_of(contest: Contest, gains: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def document_of(contest: Contest) -> dict[str, Any]:
     """The `rw_ekf.bench/1` document."""
     return {
         "schema": SCHEMA,
         "scenario": contest.scenario.model_dump(mode="json"),
         "seeds": contest.seeds,
         "schemes": [row.document() for row in rows_of(contest)],
-        **({} if gains is None else dict(gains)),
     }
 
 

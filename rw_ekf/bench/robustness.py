@@ -25,40 +25,36 @@ class Sweep:
     at: Callable[[Scenario, float], Scenario]
 
 
-def _changed(scenario: Scenario, section: str, **values: Any) -> Scenario:
-    return scenario.model_copy(update={section: getattr(scenario, section).model_copy(update=values)})
-
-
 def _delayed(scenario: Scenario, delay_ms: float) -> Scenario:
     delay = f"transport_delay:delay_s={1e-3 * delay_ms:g}"
-    return _changed(scenario, "wheel", effects=(*scenario.wheel.effects, delay))
+    return scenario.changed("wheel", effects=(*scenario.wheel.effects, delay))
 
 
 SWEEPS = (
     Sweep(
         "friction_low", "%", (5.0, 10.0, 20.0, 40.0, 80.0), "what is believed of the friction is too low by",
-        lambda scenario, level: _changed(scenario, "belief", friction_error_percent=-level),
+        lambda scenario, level: scenario.changed("belief", friction_error_percent=-level),
     ),
     Sweep(
         "friction_high", "%", (5.0, 10.0, 20.0, 40.0, 80.0), "what is believed of the friction is too high by",
-        lambda scenario, level: _changed(scenario, "belief", friction_error_percent=level),
+        lambda scenario, level: scenario.changed("belief", friction_error_percent=level),
     ),
     Sweep(
         "gain", "%", (10.0, 20.0, 40.0, 80.0), "what is believed of the motor gain is too high by",
-        lambda scenario, level: _changed(scenario, "belief", gain_error_percent=level),
+        lambda scenario, level: scenario.changed("belief", gain_error_percent=level),
     ),
     Sweep(
         "speed_noise", "rpm", (5.0, 10.0, 20.0, 50.0, 100.0), "noise of a speed reading, told to the filter",
-        lambda scenario, level: _changed(scenario, "cycle", speed_noise_rpm=(level,)),
+        lambda scenario, level: scenario.changed("cycle", speed_noise_rpm=(level,)),
     ),
     Sweep(
         "torque_noise", "rpm/sqrt(s)", (0.1, 0.3, 1.0, 3.0), "random walk of the true speed, told to the filter",
-        lambda scenario, level: _changed(scenario, "wheel", torque_noise_rpm_per_sqrt_s=level),
+        lambda scenario, level: scenario.changed("wheel", torque_noise_rpm_per_sqrt_s=level),
     ),
     Sweep("delay", "ms", (20.0, 50.0, 100.0, 200.0, 400.0), "every command acts later than known, by", _delayed),
     Sweep(
         "rate", "Hz", (50.0, 20.0, 5.0, 2.0), "rate of the loop",
-        lambda scenario, level: _changed(scenario, "cycle", rate_hz=level),
+        lambda scenario, level: scenario.changed("cycle", rate_hz=level),
     ),
 )  # fmt: skip
 
@@ -99,7 +95,7 @@ def sweep_all(
 ) -> list[Bearing]:
     """Sweep every scheme, and the baseline under the very same conditions. models: of the wheel as it was told."""
     noise_rpm = scenario.cycle.speed_noise_rpm[0]
-    fixed = _changed(scenario, "cycle", speed_noise_rpm=(noise_rpm,))
+    fixed = scenario.changed("cycle", speed_noise_rpm=(noise_rpm,))
     model = models.get(noise_rpm)
     rivals = [BASELINE, *(name for name in schemes if name != BASELINE)]
     conditions = {(sweep.id, level): sweep.at(fixed, level) for sweep in sweeps for level in sweep.levels}

@@ -133,9 +133,12 @@ class Bench:
             self._scenario.body.inertia_kg_m2,
         )
 
-    def _truth(self, now_s: float) -> AxisState:
+    def _rigid(self, now_s: float) -> AxisState:
         wheel = self._wheel.truth.state
-        axis = self._axis.at(now_s, wheel.speed_rad_s, wheel.angle_rad)
+        return self._axis.at(now_s, wheel.speed_rad_s, wheel.angle_rad)
+
+    def _truth(self, now_s: float) -> AxisState:
+        axis = self._rigid(now_s)
         if self._mode is None:
             return axis
         return AxisState(axis.attitude_rad + self._mode.deflection_rad, axis.rate_rad_s + self._mode.deflection_rad_s)
@@ -149,8 +152,7 @@ class Bench:
         assert self._mode is not None
         now_s = self._clock.monotonic()
         self._wheel.truth.advance_to(now_s)
-        wheel = self._wheel.truth.state
-        self._mode.step(self._axis.at(now_s, wheel.speed_rad_s, wheel.angle_rad).rate_rad_s, self._mode_step_s)
+        self._mode.step(self._rigid(now_s).rate_rad_s, self._mode_step_s)
         self._clock.at(now_s + self._mode_step_s, self._bend)
 
 

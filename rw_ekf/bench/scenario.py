@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field, ValidationError
 
@@ -107,6 +108,10 @@ class Scenario(Section):
     wheel: BenchWheelSection = Field(default_factory=BenchWheelSection, description="the true wheel")
     belief: BeliefSection = Field(default_factory=BeliefSection, description="what compensations are told wrongly")
     cycle: CycleSection = Field(default_factory=CycleSection, description="the loop and the readings")
+
+    def changed(self, section: str, **values: Any) -> Scenario:
+        """The same with other values, unchecked, in one of its sections."""
+        return self.model_copy(update={section: getattr(self, section).model_copy(update=values)})
 
     @property
     def derivative_Nms_rad(self) -> float:

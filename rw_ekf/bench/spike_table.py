@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
+from functools import partial
 from typing import Any
 
-from rw_ekf.bench.contest import Models, workers
+from rw_ekf.bench.contest import Models, finished
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.bench.spikes import RECOVERED_DEG, Spike, SpikeAnswer, answer_to_spike, rate_error_threshold_rpm
 from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.wheel.model_file import WheelModel
 
 Place = tuple[str, float]  # a scheme and a noise [rpm]
 
@@ -20,16 +21,17 @@ def answers_of(
 ) -> dict[Place, SpikeAnswer]:
     """What each scheme makes of the spike at each noise, on the first seed's wheel."""
     places = [(name, noise_rpm) for noise_rpm in scenario.cycle.speed_noise_rpm for name in schemes]
+    jobs = {(name, noise): partial(_answered, name, scenario, noise, models.get(noise)) for name, noise in places}
     found: dict[Place, SpikeAnswer] = {}
-    with workers(len(places)) as pool:
-        waiting = {
-            pool.submit(answer_to_spike, SCHEMES[name], scenario, noise, 1, None, models.get(noise)): (name, noise)
-            for name, noise in places
-        }
-        for done in as_completed(waiting):
-            found[waiting[done]] = done.result()
-            tick(1)
+    for place, answer in finished(jobs):
+        found[place] = answer
+        tick(1)
     return {place: found[place] for place in places}
+
+
+def _answered(name: str, scenario: Scenario, noise_rpm: float, model: WheelModel | None) -> SpikeAnswer:
+    """By the scheme's name: an entry of the registry does not go from process to process."""
+    return answer_to_spike(SCHEMES[name], scenario, noise_rpm, 1, None, model)
 
 
 def documents_of(answers: dict[Place, SpikeAnswer]) -> list[dict[str, Any]]:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.bench.margins import scenario_for
-from rw_ekf.bench.run import BenchRun, run_bench
+from rw_ekf.bench.metrics import recovered_s
+from rw_ekf.bench.run import BenchRun
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import start_of
+from rw_ekf.bench.scheme_run import run_scheme
 from rw_ekf.bench.wheels import drawn_wheel
 from rw_ekf.control.compensation.registry import SchemeEntry
 from rw_ekf.units import rad_s_from_rpm
@@ -54,13 +53,8 @@ def rate_error_threshold_rpm(top_rpm: float = TOP_RPM) -> float:
 
 def steady_scenario(scenario: Scenario, spike: Spike) -> Scenario:
     """The scenario without disturbance: the wheel keeps the speed at which the spike comes, and never reverses."""
-    return scenario.model_copy(
-        update={
-            "body": scenario.body.model_copy(update={"disturbance_Nm": 0.0}),
-            "wheel": scenario.wheel.model_copy(update={"start_rpm": spike.speed_rpm}),
-            "cycle": scenario.cycle.model_copy(update={"duration_s": spike.onset_s + spike.watched_s}),
-        }
-    )
+    still = scenario.changed("body", disturbance_Nm=0.0).changed("wheel", start_rpm=spike.speed_rpm)
+    return still.changed("cycle", duration_s=spike.onset_s + spike.watched_s)
 
 
 def answer_to_spike(
@@ -78,8 +72,9 @@ def answer_to_spike(
     """
     spike = Spike() if spike is None else spike
     steady = steady_scenario(scenario, spike)
+    spiked = steady.changed("wheel", effects=(*steady.wheel.effects, _effect(steady, spike)))
     with_spike, without = (
-        _run(entry, steady, noise_rpm, seed, model, text) for text in ((_effect(steady, spike),), ())
+        run_scheme(entry, steady, noise_rpm, seed, model, plant=drawn_wheel(wheel, seed)) for wheel in (spiked, steady)
     )
     return _answer(with_spike, without, spike, top_rpm)
 
@@ -92,37 +87,13 @@ def _effect(scenario: Scenario, spike: Spike) -> str:
     )
 
 
-def _run(
-    entry: SchemeEntry, scenario: Scenario, noise_rpm: float, seed: int, model: WheelModel | None, more: tuple[str, ...]
-) -> BenchRun:
-    start = start_of(entry, scenario, noise_rpm, seed, model)
-    effects = (*scenario.wheel.effects, *more)
-    spiked = scenario.model_copy(update={"wheel": scenario.wheel.model_copy(update={"effects": effects})})
-    return run_bench(
-        scenario_for(entry, scenario),
-        drawn_wheel(spiked, seed),
-        noise_rpm,
-        seed,
-        start.estimator,
-        entry.make(start.sheet),
-        start.knowledge,
-        entry.inner_rate_hz,
-    )
-
-
 def _answer(with_spike: BenchRun, without: BenchRun, spike: Spike, top_rpm: float) -> SpikeAnswer:
     """From two runs that differ in the spike alone."""
     n = min(with_spike.time_s.size, without.time_s.size)
     time_s = with_spike.time_s[:n]
     after = time_s >= spike.onset_s
     attitude_deg = np.abs(np.degrees(with_spike.attitude_rad[:n] - without.attitude_rad[:n]))[after]
-    beyond = np.flatnonzero(attitude_deg > RECOVERED_DEG)
-    if beyond.size == 0:
-        recover_s = 0.0
-    elif beyond[-1] == attitude_deg.size - 1:
-        recover_s = math.nan
-    else:
-        recover_s = float(time_s[after][beyond[-1] + 1] - spike.onset_s)
+    recover_s = recovered_s(time_s[after], attitude_deg, RECOVERED_DEG, spike.onset_s)
     asked = (with_spike.request_rad_s2[:n] - without.request_rad_s2[:n])[:-1] * np.diff(time_s)
     reached = with_spike.wheel_rad_s[:n] - without.wheel_rad_s[:n]
     error_rpm = float(np.abs(np.concatenate([[0.0], np.cumsum(asked)]) - reached).max()) / rad_s_from_rpm(1.0)

@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rw_ekf.bench import contest as contests
@@ -21,6 +22,10 @@ from rw_ekf.bench.result import document_of, document_text, rows_of, table_text
 from rw_ekf.bench.robustness import SWEEPS, sweep_all
 from rw_ekf.bench.robustness import table_text as sweep_text
 from rw_ekf.bench.scenario import Scenario
+from rw_ekf.bench.spike_table import answers_of, documents_of
+from rw_ekf.bench.spike_table import table_text as spikes_text
+from rw_ekf.bench.spikes import answer_to_spike
+from rw_ekf.control.compensation.registry import SCHEMES
 
 SHORT = Scenario.model_validate(
     {
@@ -96,6 +101,17 @@ def test_wrong_parameters_lose_what_right_ones_gain() -> None:
     assert 0.6 < found.shares[-1] < 1.0
     assert math.isclose(found.shares[-1], 0.8, abs_tol=0.15)
     assert "never" in sweep_text([found], [sweep])
+
+
+def test_the_spikes_of_a_contest_are_those_of_single_runs_in_the_order_asked_for() -> None:
+    """Every scheme at every noise, over processes: the same answer to the last bit, and a row each."""
+    schemes = ["pid_current", "dmc"]
+    found = answers_of(schemes, SHORT, {})
+    assert list(found) == [("pid_current", 1.0), ("dmc", 1.0)]
+    alone = answer_to_spike(SCHEMES["dmc"], SHORT, 1.0, 1)
+    np.testing.assert_array_equal(np.array(found["dmc", 1.0]), np.array(alone))  # NaN where nobody saw it recover
+    assert [document["scheme"] for document in documents_of(found)] == schemes
+    assert "trips" in spikes_text(found).splitlines()[3]  # the plain controller
 
 
 def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPatch) -> None:

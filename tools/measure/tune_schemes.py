@@ -21,15 +21,14 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.bench.margins import scenario_for
-from rw_ekf.bench.run import BenchRun, run_bench
+from rw_ekf.bench.metrics import metrics_of
+from rw_ekf.bench.run import BenchRun
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import start_of
+from rw_ekf.bench.scheme_run import run_scheme
 from rw_ekf.control.compensation.registry import SCHEMES, SchemeEntry
 
 TRAINING_SEED = 0
 SPREAD_PERCENT = 15.0
-WINDOW_S = 120.0
 CHATTER_DEG_S_PER_A = 0.05
 
 Trial = Mapping[str, float]
@@ -37,40 +36,22 @@ Trial = Mapping[str, float]
 
 def training_scenario() -> Scenario:
     """The default scenario with a wheel that is not its data sheet's."""
-    scenario = Scenario()
-    return scenario.model_copy(update={"wheel": scenario.wheel.model_copy(update={"spread_percent": SPREAD_PERCENT})})
-
-
-def run_scheme(entry: SchemeEntry, scenario: Scenario, noise_rpm: float, seed: int, trial: Trial) -> BenchRun:
-    """One run of a scheme with parameters in place of its own."""
-    start = start_of(entry, scenario, noise_rpm, seed)
-    return run_bench(
-        scenario_for(entry, scenario),
-        start.plant,
-        noise_rpm,
-        seed,
-        start.estimator,
-        entry.make(start.sheet, **trial),
-        start.knowledge,
-        entry.inner_rate_hz,
-    )
+    return Scenario().changed("wheel", spread_percent=SPREAD_PERCENT)
 
 
 def cost_deg(run: BenchRun) -> float:
     """Peak attitude error [deg] and the price of chatter; infinite where the wheel never reversed."""
-    if run.reversal_s is None:
+    figures = metrics_of(run)
+    if math.isnan(figures.peak_deg):
         return math.inf
-    after = (run.time_s >= run.reversal_s) & (run.time_s <= run.reversal_s + WINDOW_S)
-    peak_deg = math.degrees(float(np.abs(run.attitude_rad[after]).max()))
-    time_s, current_A = run.time_s[after], np.nan_to_num(run.current_A[after])
-    chatter_A_per_s = float(np.abs(np.diff(current_A)).sum() / (time_s[-1] - time_s[0]))
-    return peak_deg + CHATTER_DEG_S_PER_A * chatter_A_per_s
+    return figures.peak_deg + CHATTER_DEG_S_PER_A * figures.chatter_A_per_s
 
 
 def mean_cost_deg(entry: SchemeEntry, scenario: Scenario, trial: Trial) -> float:
     """The rule's cost [deg] of one trial."""
     noises = scenario.cycle.speed_noise_rpm
-    return float(np.mean([cost_deg(run_scheme(entry, scenario, noise, TRAINING_SEED, trial)) for noise in noises]))
+    runs = [run_scheme(entry, scenario, noise_rpm, TRAINING_SEED, parameters=trial) for noise_rpm in noises]
+    return float(np.mean([cost_deg(run) for run in runs]))
 
 
 def searched(cost: Callable[[Trial], float], box: Mapping[str, tuple[float, float]], budget: int) -> dict[str, float]:
