@@ -21,13 +21,16 @@ from rw_ekf.bench.wheels import (
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.registry import SchemeEntry, WheelSheet
 from rw_ekf.control.compensation.scheme import Knowledge
+from rw_ekf.control.compensation.timeline import Elapsed
+from rw_ekf.control.compensation.trust import ParameterTrust
 from rw_ekf.errors import ConfigError
 from rw_ekf.filter.belief import Belief, prior_around
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.learning.carry import carried_over
-from rw_ekf.model.state import PARAMETERS, FrictionParameters
+from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS, FrictionParameters
+from rw_ekf.records import Tick
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
@@ -81,7 +84,7 @@ def start_of(
         sheet = _off(scenario.belief, sheet)
     return BenchStart(
         estimator=Estimator(constants, belief.mean, belief.covariance, effects),
-        knowledge=_knowledge(constants, fixed),
+        knowledge=_knowledge(constants, fixed, adaptive=entry.parameters_from == "adaptive"),
         plant=plant,
         sheet=WheelSheet(sheet, constants.stribeck, rate_hz),
     )
@@ -163,9 +166,25 @@ def _sized(belief: Belief, size: int) -> Belief:
     return Belief.of_known(values, covariance, size, effect_ids=belief.effect_ids)
 
 
-def _knowledge(constants: FilterConstants, fixed: FrictionParameters | None) -> Knowledge:
-    """The filter's belief, or its speed with fixed parameters."""
+def _knowledge(constants: FilterConstants, fixed: FrictionParameters | None, *, adaptive: bool) -> Knowledge:
+    """The filter's speed with fixed parameters, or its belief as far as a run on a wheel would trust it.
+
+    adaptive: its belief from the first tick on, whatever the motion has shown so far; a filter that is not well is not
+    asked for parameters there either.
+    """
     stribeck = constants.stribeck
-    if fixed is None:
-        return lambda tick: WheelKnown.of_estimate(tick.estimate, stribeck)
-    return lambda tick: WheelKnown.of_parameters(tick.estimate.state.speed_rad_s, fixed, stribeck)
+    if fixed is not None:
+        return lambda tick: WheelKnown.of_parameters(tick.estimate.state.speed_rad_s, fixed, stribeck)
+    trust = ParameterTrust(() if adaptive else PARAMETER_NAMES, stribeck, start_trusted=True, well=_filter_is_well)
+    elapsed = Elapsed()
+
+    def knowledge(tick: Tick) -> WheelKnown:
+        known = trust.step(tick, elapsed.step(tick)).known
+        assert known is not None  # what a run starts with is trusted
+        return known
+
+    return knowledge
+
+
+def _filter_is_well(tick: Tick) -> bool:
+    return tick.estimate.health is None

@@ -69,3 +69,12 @@ def test_a_limiter_below_the_spike_is_what_lets_the_rate_error_grow() -> None:
         )
         errors.append(answer_to_spike(entry, Scenario(), 1.0, 1, spike).rate_error_rpm)
     assert errors[1] > 10.0 * errors[0]
+
+
+@pytest.mark.slow
+def test_a_filter_that_a_spike_leads_astray_does_not_lead_the_wheel_astray() -> None:
+    """Attitude control holds the speed while friction decays, which looks as if current did nothing: k falls to zero.
+
+    A scheme that divided by it drove this wheel at full current, two turns round; it goes on with the last good set.
+    """
+    assert answer_to_spike(SCHEMES["adrc_model"], Scenario(), 1.0, 1).peak_deg < 0.6

@@ -16,7 +16,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import ConfigError
 from rw_ekf.filter.belief import prior_around
 from rw_ekf.model.effect import Term
-from rw_ekf.records import Tick, WheelSample
+from rw_ekf.records import FilterHealth, FilterReset, FilterTrouble, Tick, WheelSample
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import EffectSet
 
@@ -98,3 +98,18 @@ def test_a_structure_is_diagnosed_once_and_is_a_plain_value() -> None:
         assert found.effects.ids == ids
         assert pickle.loads(pickle.dumps(found)) == found
         assert diagnosed(scenario, 1.0) is found
+
+
+def test_parameters_of_a_filter_that_is_not_well_are_not_used() -> None:
+    """As on a wheel: the last trusted ones are, with the present speed."""
+    start, known = known_at_the_first_tick("estimator")
+    sample = WheelSample(0.1, 49.0, current_command_A=0.0, temperature_degC=20.0, angle_rad=0.0)
+    estimate = start.estimator.step(sample)
+    sick = replace(
+        estimate,
+        state=estimate.state._replace(motor_gain=-0.01),
+        health=FilterHealth(FilterTrouble.DIVERGED, FilterReset.PARAMETERS, "lost", 0.1, beyond_mending=False),
+    )
+    after = start.knowledge(Tick(sample, sick))
+    assert after.parameters == known.parameters
+    assert after.speed_rad_s == estimate.state.speed_rad_s

@@ -6,7 +6,7 @@ filter that has gone astray did so some time before anybody noticed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from typing import NamedTuple
@@ -40,8 +40,19 @@ class Trusted(NamedTuple):
 class ParameterTrust:
     """Decides, tick by tick, on the parameters that a scheme uses."""
 
-    def __init__(self, used: Sequence[str], stribeck: Stribeck, *, start_trusted: bool) -> None:
-        """used: names of the parameters that the scheme uses. start_trusted: the run starts from a trusted set."""
+    def __init__(
+        self,
+        used: Sequence[str],
+        stribeck: Stribeck,
+        *,
+        start_trusted: bool,
+        well: Callable[[Tick], bool] | None = None,
+    ) -> None:
+        """used: names of the parameters that the scheme uses. start_trusted: the run starts from a trusted set.
+
+        well: whether run and filter are well at a tick; None: as `is_well` says, of a run with a state.
+        """
+        self._well = is_well if well is None else well
         self._used = tuple(used)
         self._stribeck = stribeck
         self._start_trusted = start_trusted
@@ -53,7 +64,7 @@ class ParameterTrust:
         """Weigh one tick, elapsed_s [s] after the one before."""
         estimate = tick.estimate
         self._age_s += min(elapsed_s, _LONGEST_STEP_S)
-        if is_well(tick) and self._is_valid(estimate):
+        if self._well(tick) and self._is_valid(estimate):
             self._keep(estimate)
             source = Source.FILTER if self._used else Source.NOT_NEEDED
             return Trusted(source, WheelKnown.of_estimate(estimate, self._stribeck))
