@@ -179,7 +179,8 @@ class FilterHealth:
 class Outlook(Protocol):
     """The wheel a little ahead, as the filter propagates it."""
 
-    begin_rad_s: float  # when a command that is issued now acts
+    begin_rad_s: float  # when a command that is issued now acts, ...
+    lead_s: float  # ... so long after the sample
 
     def end_rad_s(self, current_A: float, duration_s: float) -> float:
         """The speed [rad/s] after a current [A] has acted for so long [s]."""

@@ -23,6 +23,7 @@ from rw_ekf.control.compensation.registry import SchemeEntry, WheelSheet
 from rw_ekf.control.compensation.scheme import Knowledge
 from rw_ekf.control.compensation.timeline import Elapsed
 from rw_ekf.control.compensation.trust import ParameterTrust
+from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
 from rw_ekf.errors import ConfigError
 from rw_ekf.filter.belief import Belief, prior_around
 from rw_ekf.filter.constants import FilterConstants
@@ -86,7 +87,7 @@ def start_of(
         estimator=Estimator(constants, belief.mean, belief.covariance, effects),
         knowledge=_knowledge(constants, fixed, adaptive=entry.parameters_from == "adaptive"),
         plant=plant,
-        sheet=WheelSheet(sheet, constants.stribeck, rate_hz),
+        sheet=WheelSheet(sheet, constants.stribeck, rate_hz, SpeedNoise.of(constants)),
     )
 
 

@@ -13,6 +13,7 @@ from rw_ekf.control.compensation.on_wheel import Terms, WheelCompensator
 from rw_ekf.control.compensation.registry import SCHEMES, WheelSheet
 from rw_ekf.control.compensation.scheme import Request
 from rw_ekf.control.compensation.trust import ParameterTrust, is_trusted_start
+from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
 from rw_ekf.errors import ConfigError
 from rw_ekf.learning.start import Start
 from rw_ekf.live.request_socket import RequestSocket, RequestTerms
@@ -45,13 +46,15 @@ def compensated(
         return commander, lambda state: None
     entry = SCHEMES[section.scheme]
     setup = start.setup
-    sheet = WheelSheet(setup.prior.parameters, setup.constants.stribeck, configuration.loop.rate_hz)
+    constants = setup.constants
+    noise = SpeedNoise.of(constants)
+    sheet = WheelSheet(setup.prior.parameters, constants.stribeck, configuration.loop.rate_hz, noise)
     gain = sheet.parameters.motor_gain
     if gain == 0.0:
         raise ConfigError("compensation: the motor gain that the run starts from is zero: no current gives a torque")
     trust = ParameterTrust(
         PARAMETER_NAMES if entry.parameters_from == "estimator" else (),
-        setup.constants.stribeck,
+        constants.stribeck,
         start_trusted=start.document["from"] != "configuration" and is_trusted_start(setup.prior),
     )
     terms = Terms(

@@ -37,6 +37,7 @@ class WheelOutlook:
         if speed_rad_s is not None:
             values[SPEED] = speed_rad_s
         self._plain = table.size == STATE_SIZE
+        self.lead_s: float = interval.to_s - interval.from_s
         self._curve = FrictionCurve(values[VISCOUS], values[COULOMB], values[STATIC], stribeck.omega_s, stribeck.law)
         if self._plain:
             for piece in range(interval.start, interval.stop):
@@ -47,6 +48,7 @@ class WheelOutlook:
             self._row, self._end = np.zeros(table.size), np.zeros(table.size)
             delay_s = 0.0 if table.delay_at == ABSENT else max(values[table.delay_at], 0.0)
             to_s = interval.to_s + delay_s
+            self.lead_s += delay_s
             before = values[SPEED]
             values = self._followed(values, interval._replace(to_s=to_s), pieces)
             angle = interval.angle_rad + 0.5 * (before + values[SPEED]) * (to_s - interval.from_s)

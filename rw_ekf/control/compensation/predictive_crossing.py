@@ -7,6 +7,7 @@ one is sought with which the propagation ends where the request leads,
 
 Phi with the located crossing, stick and break-away, effects and hidden states (docs/model.md). It rises with I, and is
 flat where the wheel would come to rest and stay. p pays back what the intervals before fell short of (`Payback`).
+Drag that the model lacks (`unmodelled_drag`) is added by its mean over the interval.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from rw_ekf.control.compensation.followed_wheel import FollowedWheel
 from rw_ekf.control.compensation.known import WheelKnown, signed_friction
 from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise, mean_sign
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.records import Tick
+from rw_ekf.records import Outlook, Tick
 
 _EXACT = 1.0e-9  # rad/s, and of the speed
 _MOST_A = 1.0e3  # no wheel takes more
@@ -44,9 +47,10 @@ class Payback(NamedTuple):
 class PredictiveCrossing:
     """The current with which the believed wheel ends the next interval with the momentum that was asked for."""
 
-    def __init__(self, rate_hz: float, payback: Payback | None = None) -> None:
-        """rate_hz: of the loop, whose period a current acts."""
+    def __init__(self, rate_hz: float, noise: SpeedNoise | None = None, payback: Payback | None = None) -> None:
+        """rate_hz: of the loop, whose period a current acts. noise: of the readings; None: the model is all."""
         self._period_s = 1.0 / rate_hz
+        self._wheel = None if noise is None else FollowedWheel(noise)
         self._payback = Payback() if payback is None else payback
         self._timeline = Timeline()
         self._promised_rad_s: float | None = None  # speed where the next command acts, if what was asked for is done
@@ -55,14 +59,17 @@ class PredictiveCrossing:
 
     def current_A(self, tick: Tick, request_rad_s2: float, known: WheelKnown) -> float:
         """The current [A] for an acceleration [rad/s^2]; none while the motor gain is believed not to be positive."""
-        if self._timeline.step(tick) is None:
+        span = self._timeline.step(tick)
+        if span is None:
             self._promised_rad_s, self._owed_rad_s = None, 0.0
         if not known.parameters.motor_gain > 0.0:
             self._promised_rad_s = None
-            return 0.0
+            if self._wheel is not None:
+                self._wheel.forget()
+            return self._timeline.asked(0.0)
         wanted = request_rad_s2 * self._period_s
         stands = self._stands(tick, known, wanted)
-        ahead = known.outlook(0.0 if stands else known.speed_rad_s)
+        ahead = self._ahead(tick, known, span, stands)
         begin = ahead.begin_rad_s
         if stands and not self._stood:
             self._promised_rad_s = None  # what the belief was off is not owed
@@ -71,13 +78,25 @@ class PredictiveCrossing:
         self._promised_rad_s = begin + wanted
         target = begin + wanted + self._paid(wanted, begin, known)
         if begin == target == 0.0:
-            return 0.0
-        return inverted(
+            return self._timeline.asked(0.0)
+        current_A = inverted(
             lambda current: ahead.end_rad_s(current, self._period_s),
             target,
             _guess(begin, target, self._period_s, known.parameters, known.stribeck),
             known.parameters.motor_gain * self._period_s,
         )
+        if self._wheel is not None:
+            current_A += mean_sign(begin, target) * self._wheel.drag_rad_s2 / known.parameters.motor_gain
+        return self._timeline.asked(current_A)
+
+    def _ahead(self, tick: Tick, known: WheelKnown, span: tuple[float, float] | None, stands: bool) -> Outlook:
+        """What follows, from the believed speed or, where readings are followed beside it, from that."""
+        if self._wheel is None:
+            return known.outlook(0.0 if stands else known.speed_rad_s)
+        self._wheel.follow(tick, known, span)
+        if stands:
+            self._wheel.stand()
+        return self._wheel.ahead(known)
 
     def _stands(self, tick: Tick, known: WheelKnown, wanted: float) -> bool:
         """Whether the wheel is taken to stand: its belief allows that, and says it, or nothing is asked for.

@@ -24,17 +24,22 @@ from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S
 from rw_ekf.control.compensation.pid_current import PidCurrent
 from rw_ekf.control.compensation.predictive_crossing import PredictiveCrossing
 from rw_ekf.control.compensation.scheme import Compensation
+from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import FrictionParameters
 
 
 @dataclass(frozen=True)
 class WheelSheet:
-    """What is known of a wheel before anything is estimated: nominal parameters, Stribeck speed, the loop's rate."""
+    """What is known of a wheel before anything is estimated: nominal parameters, Stribeck speed, rate of the loop.
+
+    noise: as the filter is told; None: not known.
+    """
 
     parameters: FrictionParameters
     stribeck: Stribeck
     rate_hz: float = 10.0
+    noise: SpeedNoise | None = None
 
 
 @dataclass(frozen=True)
@@ -102,13 +107,13 @@ SCHEMES: dict[str, SchemeEntry] = {
         SchemeEntry(
             "predictive_crossing",
             "ours: the filter's propagation inverted",
-            lambda sheet: PredictiveCrossing(sheet.rate_hz),
+            lambda sheet: PredictiveCrossing(sheet.rate_hz, sheet.noise),
             "estimator",
         ),
         SchemeEntry(
             "predictive_diagnosed",
             "ours: the same with effects",
-            lambda sheet: PredictiveCrossing(sheet.rate_hz),
+            lambda sheet: PredictiveCrossing(sheet.rate_hz, sheet.noise),
             "diagnosed",
         ),
         SchemeEntry("pistiner_offset", "[S91] of Pistiner", _pistiner, tunable=pistiner.TUNABLE),

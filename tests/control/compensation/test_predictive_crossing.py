@@ -144,7 +144,7 @@ def test_without_a_motor_nothing_is_asked_of_it() -> None:
 def reversal(payback: Payback) -> tuple[float, float]:
     """Final and largest lag behind the speed that was asked for, of a wheel with 5 % more friction than is believed."""
     wheel = BareWheel(coulomb(1.05 * COULOMB), speed=0.6, believed=BELIEVED)
-    wheel.run(PredictiveCrossing(10.0, payback), lambda time_s: -0.2, 8.0)
+    wheel.run(PredictiveCrossing(10.0, payback=payback), lambda time_s: -0.2, 8.0)
     lag = np.array(wheel.speeds) - (0.6 - 0.2 * 0.1 * np.arange(1, len(wheel.speeds) + 1))
     return abs(float(lag[-1])), float(np.abs(lag).max())
 
