@@ -112,6 +112,8 @@ def _unjudged(source: Source, kind: Kind) -> Diagnosis:
         "before": nothing,
         "after": nothing,
         "model": None,
+        "explanations": [],
+        "ended": None,
         "map": [],
         "residual_tests": {"before": None, "after": None},
         "warnings": [*source.notes, *log.warnings],

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.judge.event import event_gain
+from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
 from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, residual_tests
@@ -86,6 +88,8 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         model = None
     if chosen and quantised and not names:
         after = before
+    advance("weighing explanations")
+    explanations = explanation_entries(found, surviving(found))
     document = {
         "schema": SCHEMA,
         **prepared.source.document(),
@@ -95,6 +99,8 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         "before": before.figures,
         "after": after.figures if chosen else before.figures,
         "model": MODEL_FILE if model is not None else None,
+        "explanations": explanations,
+        "ended": ended(course, found.fit.trajectory.speed, with_temperature=prepared.temperature_is_logged),
         "map": [
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}
             for d in found.dependences

@@ -188,31 +188,39 @@ def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Ad
 
 def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     """The final model, fitted to the whole record, as a file carries it on."""
+    model = model_of_fit(found.fit, found.prepared)
+    if lattice is None:
+        return model
+    variance = found.fit.noise.variance - GRID.variance(lattice.grid_rad_s)
+    return replace(
+        model,
+        effects=EffectSet((*model.effects.terms, Term.of(GRID, value=lattice.grid_rad_s))),
+        speed_noise_rad_s=float(np.sqrt(max(variance, (0.02 * lattice.grid_rad_s) ** 2))),
+    )
+
+
+def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
+    """A fit to the whole record as a file carries it on."""
     from rw_ekf import __version__
     from rw_ekf.model.friction import LAW_NAMES
     from rw_ekf.wheel.model_file import WheelModel
 
-    fit, prepared = found.fit, found.prepared
     known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)
-    effects = fit.model.effects.with_values(fit.model.effects.values, fit.std[PARAMETER_COUNT:known])
     variance = fit.noise.variance
-    if lattice is not None:
-        effects = EffectSet((*effects.terms, Term.of(GRID, value=lattice.grid_rad_s)))
-        variance = max(variance - GRID.variance(lattice.grid_rad_s), (0.02 * lattice.grid_rad_s) ** 2)
     return WheelModel(
         parameters=fit.model.parameters,
         covariance=tuple(tuple(float(v) for v in row) for row in covariance),
         stribeck_speed_rad_s=fit.model.stribeck.omega_s,
         stribeck_law=LAW_NAMES[fit.model.stribeck.law],
         speed_noise_rad_s=float(np.sqrt(variance)),
-        acceleration_noise=float(np.sqrt(fit.noise.ratio * fit.noise.variance / prepared.course.period_s)),
+        acceleration_noise=float(np.sqrt(fit.noise.ratio * variance / prepared.course.period_s)),
         inertia_kg_m2=prepared.setup.inertia_kg_m2,
         source={
             "method": "diagnose, fitted to the whole record",
             "log": prepared.source.log.name,
             "rw_ekf": __version__,
         },
-        effects=effects,
+        effects=fit.model.effects.with_values(fit.model.effects.values, fit.std[PARAMETER_COUNT:known]),
     )

@@ -36,7 +36,12 @@ def diagnosis_text(
     _, name, statement = verdict_of(document)
     lines = [f"{document.get('log')}: {name.lower()}", f"  {statement}"]
     lines += _ascii(
-        [*_figures(document, Units(wheel_units, None), inertia), *_effects(document), *_candidates(document)]
+        [
+            *_figures(document, Units(wheel_units, None), inertia),
+            *_effects(document),
+            *_explanations(document),
+            *_candidates(document),
+        ]
     )
     lines += [f"  warning: {text}" for text in document.get("warnings") or ()]
     if directory is not None:
@@ -78,6 +83,15 @@ def _effects(document: Mapping[str, Any]) -> list[str]:
             texts = [f"{name} {parameter_text(parameter)}" for name, parameter in parameters.items()]
             lines.append(f"    {candidate['effect']}: {', '.join(texts) or 'no parameters'}")
     return ["", "  added", *lines] if lines else []
+
+
+def _explanations(document: Mapping[str, Any]) -> list[str]:
+    """What stands, with its probability, where more than one explanation does."""
+    entries = list(document.get("explanations") or ())
+    if len(entries) < 2:
+        return []
+    said = [f"{'+'.join(entry['effects']) or 'none'} {entry['posterior']:.2g}" for entry in entries]
+    return ["", f"  explanations that stand, with their probability: {', '.join(said)}"]
 
 
 def _candidates(document: Mapping[str, Any]) -> list[str]:

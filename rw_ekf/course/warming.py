@@ -1,0 +1,92 @@
+"""How a wheel warms up, as its own record shows it: what a prediction of its temperature needs.
+
+A body that loses heat to its surroundings and is heated by drag and by current,
+
+    tau dT/dt = ambient + h |omega| + g I^2 - T,
+
+is linear in (ambient/tau, 1/tau, h/tau, g/tau) once integrated over windows; surroundings that warm up or cool down go
+along as a straight line of time, held from the end of the record on.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
+
+_WINDOW_S = 10.0
+_LEAST_WINDOWS = 12
+_LONGEST_S, _SHORTEST_S = 3600.0, 30.0  # time constants
+
+
+class Warming(NamedTuple):
+    """The law of a wheel's temperature; surroundings as they were at the end of the record."""
+
+    ambient_degC: float
+    time_constant_s: float
+    per_speed_K_s_rad: float  # above ambient at a steady speed
+    per_current_K_A2: float  # above ambient under a steady current
+
+    @classmethod
+    def of(cls, entry: Any) -> Self | None:
+        """From `ended.warming` of a diagnosis document; None where it holds none."""
+        if not isinstance(entry, dict) or not all(isinstance(entry.get(name), int | float) for name in cls._fields):
+            return None
+        return cls(*(float(entry[name]) for name in cls._fields))
+
+    def temperature(
+        self, start_degC: float, time_s: Float64Array, speed_rad_s: Float64Array, current_A: Float64Array
+    ) -> Float64Array:
+        """Temperature (n,) along a motion (n,) that begins at start_degC [degC]."""
+        target = self.ambient_degC + self.per_speed_K_s_rad * np.abs(speed_rad_s) + self.per_current_K_A2 * current_A**2
+        keep = np.exp(-np.diff(time_s, prepend=time_s[:1]) / self.time_constant_s)
+        found = np.empty(time_s.size)
+        now = start_degC
+        for i in range(time_s.size):
+            now = target[i] + (now - target[i]) * keep[i]
+            found[i] = now
+        return found
+
+
+def warming_of(course: Course, speed_rad_s: Float64Array) -> Warming | None:
+    """Fit the law to a course with its speed (n,) without gaps; None where it is too short to show any."""
+    from scipy.optimize import lsq_linear
+
+    time, temperature = course.time_s, course.temperature_degC
+    per = max(round(_WINDOW_S / course.period_s), 1)
+    edges = np.arange(0, time.size, per)
+    if edges.size <= _LEAST_WINDOWS:
+        return None
+    step = np.diff(time, prepend=time[:1])
+    step[np.diff(course.segment, prepend=course.segment[:1]) != 0] = 0.0
+    columns = np.column_stack(
+        (np.ones(time.size), time - time[-1], -temperature, np.abs(speed_rad_s), course.mean_current_A**2)
+    )
+    sums = np.cumsum(columns * step[:, None], axis=0)
+    A = np.diff(sums[edges], axis=0)
+    rise = np.diff(temperature[edges])
+    kept = np.all(np.diff(course.segment[edges][:, None], axis=0) == 0, axis=1)
+    A, rise = A[kept], rise[kept]
+    scale = np.maximum(np.linalg.norm(A, axis=0), 1.0e-12)
+    low = np.array([-np.inf, -np.inf, 1.0 / _LONGEST_S, 0.0, 0.0]) * scale
+    high = np.array([np.inf, np.inf, 1.0 / _SHORTEST_S, np.inf, np.inf]) * scale
+    if rise.size < _LEAST_WINDOWS:
+        return None
+    found = lsq_linear(A / scale, rise, bounds=(low, high)).x / scale
+    rate = float(found[2])
+    return Warming(float(found[0]) / rate, 1.0 / rate, float(found[3]) / rate, float(found[4]) / rate)
+
+
+def ended(course: Course, speed_rad_s: Float64Array, *, with_temperature: bool) -> dict[str, Any]:
+    """How a record ended, as its diagnosis document has it: time, temperature, and how the wheel warms up."""
+    said: dict[str, Any] = {"time_s": float(course.time_s[-1]), "temperature_degC": None, "warming": None}
+    if with_temperature:
+        law = warming_of(course, speed_rad_s)
+        said |= {
+            "temperature_degC": float(course.temperature_degC[-1]),
+            "warming": None if law is None else law._asdict(),
+        }
+    return said
