@@ -58,6 +58,11 @@ class GuardedSink:
             self._thread = threading.Thread(target=self._serve, args=(queue,), name=f"sink-{name}", daemon=True)
             self._thread.start()
 
+    @property
+    def behind(self) -> int:
+        """Ticks that wait."""
+        return len(self._waiting)
+
     def write(self, tick: Tick) -> None:
         """Hand a tick over, if it is one for this sink. Never raises."""
         if not (tick.fresh or self._every_turn):
