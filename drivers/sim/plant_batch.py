@@ -6,6 +6,7 @@ Import this only where numbers are crunched: it loads numpy and numba.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,17 +75,28 @@ def plain_run(
 ) -> PlantState:
     """Advance from sample to sample and return the last state.
 
-    truth: (n, 4), filled with speed, temperature, angle and winding current.
+    truth: (n, 5), filled with speed, temperature, angle, winding current and the angle where the window of the reading
+    began (0 where readings have none).
     The command of sample i acts from times_s[i] + delay_s on, however many samples that is later.
     """
     n = times_s.shape[0]
     in_force = 0.0
     following = 0  # the next command to take force
+    window = p.speed_window_s
+    opening = 0 if window > 0.0 else n  # the next sample whose window begins
     for i in range(n):
-        while following < i and times_s[following] + delay_s <= times_s[i]:
-            state = advance(p, state, in_force, times_s[following] + delay_s - state.time_s, fine_step_s)
-            in_force = current_A[following]
-            following += 1
+        while True:
+            opens_s = float(times_s[opening]) - window if opening < n else math.inf
+            acts_s = float(times_s[following]) + delay_s if following < i else math.inf
+            if min(opens_s, acts_s) > times_s[i]:
+                break
+            state = advance(p, state, in_force, min(opens_s, acts_s) - state.time_s, fine_step_s)
+            if acts_s < opens_s:
+                in_force = current_A[following]
+                following += 1
+            else:  # before the run began the wheel turned as it did when it began
+                truth[opening, 4] = state.angle_rad - state.speed_rad_s * max(state.time_s - opens_s, 0.0)
+                opening += 1
         state = advance(p, state, in_force, times_s[i] - state.time_s, fine_step_s)
         if i > 0:
             kicked = state.speed_rad_s + kicks_rad_s[i] if state.speed_rad_s != 0.0 else 0.0
@@ -179,13 +191,15 @@ def simulate_run(
     readings, kicks, wanders = np.random.default_rng(seed).standard_normal((3, times_s.size))
     warmth = parameters.ambient_degC if initial_temperature_degC is None else initial_temperature_degC
     state = PlantState(float(times_s[0]), float(initial_speed_rad_s), 0.0, float(warmth))
-    truth = np.empty((times_s.size, 4))
+    truth = np.zeros((times_s.size, 5))
     run(
         PlantParameters(*(float(value) for value in parameters)), state, currents_A, times_s,
         float(command_delay_s + parameters.transport_delay_s), kicks * noise.process_rad_s * np.sqrt(steps_s),
         wanders * parameters.drift_wander_rad_s2 * np.sqrt(steps_s), float(fine_step_s), truth,
     )  # fmt: skip
-    measured = truth[:, 0] + readings * noise.speed_rad_s
+    window_s = parameters.speed_window_s
+    seen = truth[:, 0] if window_s == 0.0 else (truth[:, 2] - truth[:, 4]) / window_s
+    measured = seen + readings * noise.speed_rad_s
     grid = parameters.speed_grid_rad_s
     if grid > 0.0:
         measured = np.round(measured / grid) * grid

@@ -14,7 +14,7 @@ from rw_ekf.errors import BadInputError
 # Numbers that cannot be negative: sizes, times and orders.
 NOT_NEGATIVE = (
     "width_A", "time_constant_s", "delay_s", "deflection_rad", "damping", "order", "grid_rad_s", "frequency_Hz",
-    "decay_s", "wander_rad_s2", "onset_s", "width_rad_s", "ratio",
+    "decay_s", "wander_rad_s2", "onset_s", "width_rad_s", "ratio", "window_s",
 )  # fmt: skip
 
 

@@ -247,6 +247,15 @@ class DragBump(PlantEffect):
 
 
 @dataclass(frozen=True)
+class SpeedAveraging(PlantEffect):
+    """The speed reading is the angle turned in the window before it, over the window; noise and grid come after."""
+
+    id = "speed_averaging"
+    fills = ("speed_window_s",)
+    window_s: float = 0.1
+
+
+@dataclass(frozen=True)
 class MotorGainSpeed(PlantEffect):
     """NOT IN THE CATALOGUE. k(omega) = k (1 - slope |omega|): commutation that lags behind a fast rotor."""
 

@@ -60,6 +60,7 @@ class PlantParameters(NamedTuple):
     external_Hz: float = 0.0
     external_phase_rad: float = 0.0
     # telemetry
+    speed_window_s: float = 0.0  # a reading is the mean speed over it; applied by whoever reads, as the grid is
     speed_grid_rad_s: float = 0.0
     # not in the catalogue of effects: for proofs that the unknown is called unknown
     bump_rad_s2: float = 0.0

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from drivers.sim.plant import advance
 from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
 
+_STRETCHES = 10  # of a reading's window
+
 Advance = Callable[[PlantParameters, PlantState, float, float, float], PlantState]
 
 
@@ -33,6 +35,7 @@ class PlantRunner:
         self.state = state if state is not None else PlantState(temperature_degC=self.parameters.ambient_degC)
         self.current_A = 0.0  # commanded, in force
         self._pending: deque[tuple[float, float]] = deque()  # (from when, current)
+        self._turned: deque[tuple[float, float]] = deque()  # (when, angle), back to where the reading's window begins
         self._random = random.Random(seed)
         self._fine_step_s = fine_step_s
         self._law = law
@@ -68,16 +71,36 @@ class PlantRunner:
         self._run(time_s)
 
     def read_speed(self) -> float:
-        """A reading of the speed [rad/s]: noise, then the telemetry's grid."""
-        reading = self.state.speed_rad_s + self._random.gauss(0.0, self.noise.speed_rad_s)
+        """A reading of the speed [rad/s]: the mean over its window, noise, then the telemetry's grid."""
+        reading = self._mean_speed() + self._random.gauss(0.0, self.noise.speed_rad_s)
         grid = self.parameters.speed_grid_rad_s
         return round(reading / grid) * grid if grid > 0.0 else reading
 
+    def _mean_speed(self) -> float:
+        """Over the window that ends now [rad/s]; over what there is of it where the run began within it."""
+        if len(self._turned) < 2:
+            return self.state.speed_rad_s
+        (from_s, from_rad), (to_s, to_rad), *_ = self._turned
+        opens_s = max(self.time_s - self.parameters.speed_window_s, from_s)
+        from_rad += (to_rad - from_rad) * (opens_s - from_s) / (to_s - from_s)
+        return (self.state.angle_rad - from_rad) / (self.time_s - opens_s)
+
     def _run(self, time_s: float) -> None:
+        """Stretches under one current, short enough for the window of a reading to begin between them."""
+        window_s = self.parameters.speed_window_s
+        if window_s > 0.0:
+            step_s = window_s / _STRETCHES
+            while self.state.time_s + step_s < time_s:
+                self._stretch(self.state.time_s + step_s)
+        self._stretch(time_s)
+
+    def _stretch(self, time_s: float) -> None:
         """One stretch under one current, then the random walks of that stretch."""
         duration_s = time_s - self.state.time_s
         if duration_s <= 0.0:
             return
+        if self.parameters.speed_window_s > 0.0 and not self._turned:
+            self._turned.append((self.state.time_s, self.state.angle_rad))
         state = self._law(self.parameters, self.state, self.current_A, duration_s, self._fine_step_s)
         root = math.sqrt(duration_s)
         wander = self.parameters.drift_wander_rad_s2
@@ -88,3 +111,7 @@ class PlantRunner:
             kick = self._random.gauss(0.0, self.noise.process_rad_s * root)
             state = state._replace(speed_rad_s=state.speed_rad_s + kick)
         self.state = state._replace(time_s=time_s)
+        if self.parameters.speed_window_s > 0.0:
+            self._turned.append((time_s, state.angle_rad))
+            while len(self._turned) > 2 and self._turned[1][0] <= time_s - self.parameters.speed_window_s:
+                self._turned.popleft()

@@ -120,7 +120,7 @@ def free_run(
     """Run from states (k, m) at samples first (k,) to samples last (k,), both included.
 
     The jacobian holds for the five states and static effects alone: the flow does not know how the speed depends on a
-    hidden state, a delay or a Stribeck shape.
+    hidden state, a delay, a window or a Stribeck shape.
     """
     n, m = course.samples, states.shape[1]
     kept = n if keep_path or with_jacobian else 0

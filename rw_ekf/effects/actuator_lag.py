@@ -21,7 +21,8 @@ class ActuatorLag(CurrentEffect):
     lacking = (lacks_current,)  # a coast-down has no current to lag behind
     excitation = "many changes of current: `rw-ekf excite P2`"
     confounded: ClassVar[dict[str, str]] = {
-        "transport_delay": "current steps read at a rate faster than one over the lag"
+        "transport_delay": "current steps read at a rate faster than one over the lag",
+        "speed_averaging": "steps of current read several times within the window, after which a mean has no tail",
     }
 
     @staticmethod

@@ -20,7 +20,8 @@ class TransportDelay(DelayEffect):
     lacking = (lacks_current,)
     excitation = "many changes of current: `rw-ekf excite P2`"
     confounded: ClassVar[dict[str, str]] = {
-        "actuator_lag": "current steps read at a rate faster than one over the delay"
+        "actuator_lag": "current steps read at a rate faster than one over the delay",
+        "speed_averaging": "steps of current read several times within the window, in which a mean rises on a ramp",
     }
 
     @staticmethod
@@ -42,4 +43,7 @@ class TransportDelay(DelayEffect):
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """In milliseconds, and in samples."""
         late = plus_minus(1e3 * value, 1e3 * std)
-        return f"Commands act {late} ms later than the log says ({value / facts.period_s:.2g} sample periods)"
+        return (
+            f"Commands act {late} ms later than the log says ({value / facts.period_s:.2g} sample periods), or "
+            "readings are as much older than their time stamps: to a log these are one and the same"
+        )

@@ -34,6 +34,7 @@ from rw_ekf.records import (
 )
 from rw_ekf.wheel.friction_torque import current_for, friction_torque
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
+from rw_ekf.wheel.window import lateness
 
 OUTCOMES = {
     decisions.FIRST: Outcome.FIRST,
@@ -69,7 +70,7 @@ class Estimator:
         start = Belief(self.mean, self.covariance)
         self.points = OperatingPoints.of_wheel(start.parameters, constants.stribeck.omega_s)
         self._validity = Validity(start)
-        self._gatherer = Gatherer(remembers=self.ekf.table.delay_at != ABSENT)
+        self._gatherer = Gatherer(remembers=max(self.ekf.table.delay_at, self.ekf.table.window_at) != ABSENT)
         self._last: WheelSample | None = None
         self._seeded = False
         self._ever_seeded = False
@@ -225,10 +226,9 @@ class Estimator:
                 None if table.lag_state_at == ABSENT else values[table.lag_state_at],
                 None if table.memory_state_at == ABSENT else values[table.memory_state_at],
             )
-        delay_s = 0.0 if table.delay_at == ABSENT else values[table.delay_at]
         given = self._gatherer.given
         conditions = given.conditions
-        current_A = self._gatherer.current_A(sample.time_s - delay_s)
+        current_A = self._gatherer.current_A(sample.time_s - lateness(values, table))
         at = (current_A, conditions.temperature_degC, conditions.angle_rad, sample.time_s)
         mean, covariance, stribeck = ekf.x.copy(), ekf.P.copy(), self.constants.stribeck
         return Estimate(

@@ -14,7 +14,7 @@ from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.outlook import WheelOutlook
 from rw_ekf.wheel.table import EffectTable
 
-_REMEMBERED_S = 10.0  # of past commands, for a model with a delay
+_REMEMBERED_S = 10.0  # of past commands, for a model with a delay or a window
 
 
 class Surroundings(NamedTuple):
@@ -43,7 +43,7 @@ def outlook(
     to_s = time_s + given.currents.delay_s
     durations, currents = pieces_between(given.currents.in_force_A, given.currents.pending, time_s, to_s)
     begins = [time_s + sum(durations[:i]) for i in range(len(durations))]
-    rows = [*given.past, *zip(begins, durations, currents, strict=True)]  # past ones only where the model has a delay
+    rows = [*given.past, *zip(begins, durations, currents, strict=True)]  # past ones only where the model looks back
     interval = Interval(time_s, to_s, *given.conditions, 0, len(given.past), len(rows))
     pieces = Pieces(*(list(column) for column in zip(*rows, strict=True)))
     return WheelOutlook(x, table, stribeck, interval, pieces, speed_rad_s)
@@ -53,7 +53,7 @@ class Gatherer:
     """Collects, sample by sample, what the compiled pass over a log reads from its columns."""
 
     def __init__(self, *, remembers: bool) -> None:
-        """remembers: keep past pieces of current, which only a delayed command looks back at."""
+        """remembers: keep past pieces of current, which only a delay and a window look back at."""
         self.schedule = CurrentSchedule()
         self.angle_rad = 0.0
         self._remembers = remembers

@@ -80,7 +80,7 @@ def _one_step_pass(
     analytic = rows.shape[0] > 0
     sloped = slopes.shape[0] > 0
     at = table.memory_state_at
-    differentiable = table.hidden == 0 and table.delay_at < 0 and table.stribeck_at < 0
+    differentiable = table.hidden == 0 and table.delay_at < 0 and table.window_at < 0 and table.stribeck_at < 0
     omega_s = stribeck.omega_s
     near_zero_speed = FAST_STRIBECK_SPEEDS * omega_s
     if table.stribeck_at >= 0:

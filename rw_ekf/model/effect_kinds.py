@@ -10,8 +10,8 @@ Six contributions, linear or not in the effect's one coefficient (the filter's s
 fixed in the filter. f > 0 slows a wheel that turns forward: external = -f. What is not linear in omega is linearised at
 the piece's start, f(omega_0) + f'(omega_0) (omega - omega_0): over a sample the speed moves little.
 
-Four kinds enter otherwise, and derive from the classes below: another current (a lag), another time (a delay), friction
-with a memory, another Stribeck curve, another reading.
+The others enter otherwise, and derive from the classes below: another current (a lag), another time (a delay), readings
+that are means over a window, friction with a memory, another Stribeck curve, another reading.
 """
 
 from __future__ import annotations
@@ -77,6 +77,14 @@ class CurrentEffect(Effect):
 
 class DelayEffect(Effect):
     """Commands act later than the log says, by the coefficient [s]: the pieces are read elsewhere in time."""
+
+    linear = False
+    analytic = False
+    shown_against = "current"
+
+
+class WindowEffect(Effect):
+    """Readings are means of the speed over the coefficient [s] before their time, and so is the filter's speed."""
 
     linear = False
     analytic = False

@@ -2,7 +2,7 @@
 
 The rule is that of `transition` (docs/filter.md eq. 6-8): the derivative of the flow away from zero speed, the
 statistical slope over a turned root of the covariance near it; and always the latter where an effect has a hidden
-state, a delay or a Stribeck shape, whose derivatives are not written out.
+state, a delay, a window or a Stribeck shape, whose derivatives are not written out.
 """
 
 import math
@@ -57,7 +57,7 @@ def effect_transition(
     """
     n = table.size
     hidden = table.hidden
-    analytic = hidden == 0 and table.delay_at < 0 and table.stribeck_at < 0
+    analytic = hidden == 0 and table.delay_at < 0 and table.window_at < 0 and table.stribeck_at < 0
     end = work[3 * n + 2]
     row = F[SPEED]
     effect_interval(x, table, stribeck, pieces, interval, analytic, row, end)

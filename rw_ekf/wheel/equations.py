@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 
 from rw_ekf.model import flow, friction, state
-from rw_ekf.wheel import dispatch, effect_transition, interval, pieces, table, transition
+from rw_ekf.wheel import dispatch, effect_transition, interval, pieces, table, transition, window
 from rw_ekf.wheel.compiled import make_jitable
 
 make_jitable(
@@ -33,6 +33,8 @@ make_jitable(
         dispatch.contribution_slope,
         dispatch.lagged,
         dispatch.memory_flow,
+        window.lateness,
+        window.rounding,
         pieces._gather,
         pieces.stribeck_of,
         pieces.driven_by,
@@ -52,5 +54,5 @@ make_jitable(
 
 # Everything that is compiled into a pass with them: its cache is stale when one of them changes.
 EQUATIONS: list[ModuleType] = [
-    state, friction, flow, interval, transition, dispatch, pieces, effect_transition, table, *dispatch.MODULES,
+    state, friction, flow, interval, transition, dispatch, window, pieces, effect_transition, table, *dispatch.MODULES,
 ]  # fmt: skip

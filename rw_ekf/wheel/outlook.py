@@ -10,13 +10,15 @@ from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
-from rw_ekf.wheel.table import ABSENT, EffectTable
+from rw_ekf.wheel.table import EffectTable
+from rw_ekf.wheel.window import lateness
 
 
 class WheelOutlook:
     """From when a command that is issued now acts: crossing, stick, effects and hidden states as in the filter.
 
-    A delay of the model comes on top of that of the command. Temperature stays; the angle goes on with the speed.
+    A delay of the model, or half the window of its readings, comes on top of the
+    command's delay. Temperature stays; the angle goes on with the speed.
     """
 
     def __init__(
@@ -46,7 +48,7 @@ class WheelOutlook:
         else:
             self._table, self._stribeck = table, stribeck
             self._row, self._end = np.zeros(table.size), np.zeros(table.size)
-            delay_s = 0.0 if table.delay_at == ABSENT else max(values[table.delay_at], 0.0)
+            delay_s = lateness(values, table)
             to_s = interval.to_s + delay_s
             self.lead_s += delay_s
             before = values[SPEED]

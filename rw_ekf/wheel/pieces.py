@@ -11,6 +11,7 @@ from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.table import EffectTable
+from rw_ekf.wheel.window import lateness, rounding
 
 _HELD = 0.05  # of the Stribeck speed
 _STEP = 1.0e-3  # of a friction or the Stribeck speed, in differences over one piece
@@ -186,9 +187,10 @@ def effect_interval(
 ) -> None:
     """Propagate the state x (n,) over an interval: end (n,) gets speed and hidden states, row (n,) the slopes.
 
-    With `slopes` the row has those of the speed by the state, but not by the coefficient of a delay, a current's lag
-    or a Stribeck shape, nor by their hidden states. For a friction with a memory it is `row_size` long, the memory's
-    slopes follow, and those by speed and memory at the interval's begin are left zero. Without, row is not touched.
+    With `slopes` the row has those of the speed by the state, but not by the coefficient of a delay, a current's lag, a
+    window or a Stribeck shape, nor by their hidden states. For a friction with a memory it is `row_size` long, the
+    memory's slopes follow, and those by speed and memory at the interval's begin are left zero. Without, row is not
+    touched.
     The coefficients in `end` are those of x.
     """
     from_s, to_s, temperature, angle, first, start, stop = interval
@@ -202,11 +204,13 @@ def effect_interval(
     if slopes and table.memory_at >= 0:
         for j in range(n):
             row[j] = row[n + j] = 0.0
-    delay = max(x[table.delay_at], 0.0) if table.delay_at >= 0 else 0.0
+    delay = lateness(x, table)
     piece = start
     while piece > first and begins[piece] > from_s - delay:
         piece -= 1
     omega = x[SPEED]
+    if table.window_at >= 0:
+        omega -= rounding(x, table, pieces, first, start, from_s, omega)
     at = from_s
     while at < to_s:
         until = begins[piece] + durations[piece] + delay
@@ -247,4 +251,6 @@ def effect_interval(
             angle += 0.5 * (before + omega) * h
             at = until if h == left else at + h
         piece += 1
+    if table.window_at >= 0:
+        omega += rounding(x, table, pieces, first, stop - 1, to_s, omega)
     end[SPEED] = omega

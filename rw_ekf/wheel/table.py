@@ -21,6 +21,7 @@ from rw_ekf.model.effect_kinds import (
     ReadingEffect,
     StaticEffect,
     StribeckEffect,
+    WindowEffect,
 )
 from rw_ekf.model.state import STATE_SIZE
 
@@ -36,6 +37,7 @@ class EffectTable(NamedTuple):
     static_code: Int64Array  # (m,)
     static_shape: Float64Array  # (m, 3)
     delay_at: int
+    window_at: int
     lag_at: int
     lag_code: int
     lag_shape: Float64Array  # (3,)
@@ -100,7 +102,7 @@ class EffectSet:
         from rw_ekf.wheel.dispatch import CURRENT_EFFECTS, MEMORY_EFFECTS, STATIC_EFFECTS
 
         terms = self.state_terms
-        places: dict[str, int] = dict.fromkeys(("delay", "lag", "memory", "stribeck"), ABSENT)
+        places: dict[str, int] = dict.fromkeys(("delay", "window", "lag", "memory", "stribeck"), ABSENT)
         shapes: dict[str, Shape] = dict.fromkeys(("lag", "memory"), NO_SHAPE)
         codes: dict[str, int] = dict.fromkeys(("lag", "memory", "law"), ABSENT)
         static: list[tuple[int, int, Shape]] = []
@@ -113,6 +115,8 @@ class EffectSet:
                 static += [(at + i, code, kind.component_shape(term.shape, i)) for i in range(len(term.values))]
             elif issubclass(kind, DelayEffect):
                 places["delay"] = at
+            elif issubclass(kind, WindowEffect):
+                places["window"] = at
             elif issubclass(kind, CurrentEffect):
                 places["lag"], codes["lag"], shapes["lag"] = at, CURRENT_EFFECTS.index(kind), term.shape
             elif issubclass(kind, FrictionMemoryEffect):
@@ -133,6 +137,7 @@ class EffectSet:
             static_code=np.array([code for _, code, _ in static], dtype=np.int64),
             static_shape=np.array([shape for _, _, shape in static], dtype=np.float64).reshape(-1, 3),
             delay_at=places["delay"],
+            window_at=places["window"],
             lag_at=places["lag"],
             lag_code=codes["lag"],
             lag_shape=np.array(shapes["lag"]),

@@ -81,7 +81,10 @@ def test_it_slows_the_wheel_by_its_formula(
     assert slowing(effect, speed, current, time_s, degC) == pytest.approx(expected, rel=2e-3, abs=2e-5)
 
 
-@pytest.mark.parametrize("effect", [name for name in EFFECTS if name != "speed_quantisation"])
+READINGS = {"speed_quantisation", "speed_averaging"}  # of the sensor: the wheel does not notice
+
+
+@pytest.mark.parametrize("effect", [name for name in EFFECTS if name not in READINGS])
 def test_every_default_shows_in_a_record(effect: str) -> None:
     """With its defaults alone every effect moves the true speed; the base is the same run without it."""
     speed = 70.0 if effect in {"drag_bump", "cubic_drag", "quadratic_drag"} else 0.0
@@ -173,6 +176,27 @@ def test_quantisation_puts_readings_on_a_grid() -> None:
     quantised = run("speed_quantisation:grid_rad_s=0.5")
     assert np.all(quantised.measured_speed_rad_s % 0.5 == 0.0)
     assert np.array_equal(quantised.speed_rad_s, run(None).speed_rad_s)
+
+
+@pytest.mark.parametrize("window_s", [0.03, 0.1, 0.25])
+def test_averaging_reads_the_mean_of_the_speed_before(window_s: float) -> None:
+    """Live and in a batch a reading is the mean of the true speed over the window; the true speed is not touched."""
+    p = parse_effects([f"speed_averaging:window_s={window_s}"])
+    times, fine = np.arange(60) * 0.1, np.arange(5901) * 1e-3
+    currents = 0.3 * np.sign(np.sin(times))
+    truth = simulate_run(BASE, np.repeat(currents, 100)[: fine.size], fine, PlantNoise(0.0)).speed_rad_s
+    batch = simulate_run(p, currents, times, PlantNoise(0.0))
+    runner = PlantRunner(p, PlantNoise(0.0))
+    for i in range(60):
+        runner.advance_to(times[i])
+        runner.command(currents[i])
+        if times[i] <= window_s:
+            continue
+        inside = truth[round(1e3 * (times[i] - window_s)) : round(1e3 * times[i]) + 1]
+        mean = float(np.mean(0.5 * (inside[1:] + inside[:-1])))
+        assert batch.measured_speed_rad_s[i] == pytest.approx(mean, abs=2e-4)
+        assert runner.read_speed() == pytest.approx(mean, abs=5e-3)
+    assert np.max(np.abs(batch.speed_rad_s - truth[::100])) < 1e-5
 
 
 def test_a_drifting_coulomb_friction_wanders_from_the_seed() -> None:

@@ -42,6 +42,7 @@ from rw_ekf.model.effect_kinds import (
     ReadingEffect,
     StaticEffect,
     StribeckEffect,
+    WindowEffect,
 )
 from rw_ekf.model.friction import acceleration
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
@@ -49,7 +50,9 @@ from rw_ekf.units import RAD_S_PER_RPM
 
 K, B, C, S = CK13_STATISTICAL
 OMEGA_S = 4.0 * RAD_S_PER_RPM
-KINDS = (StaticEffect, CurrentEffect, DelayEffect, FrictionMemoryEffect, StribeckEffect, ReadingEffect)
+KINDS = (
+    StaticEffect, CurrentEffect, DelayEffect, WindowEffect, FrictionMemoryEffect, StribeckEffect, ReadingEffect,
+)  # fmt: skip
 ALL = list(CATALOGUE.values())
 STATIC = [effect for effect in ALL if issubclass(effect, StaticEffect)]
 CHANNELS = frozenset({"temperature_degC", "angle_rad"})
@@ -423,6 +426,7 @@ UNTESTABLE = [
     ("motor_saturation", {"top_current_A": 0.0}, "current"),
     ("current_deadzone", {"top_current_A": 0.0}, "current"),
     ("transport_delay", {"top_current_A": 0.0}, "current"),
+    ("speed_averaging", {"top_current_A": 0.0}, "current"),
     ("torque_ripple", {"angle": False}, "angle"),
     ("torque_ripple", {"period_s": 1.0, "top_speed_rad_s": 1.0e4}, "slower turning"),
     ("external_torque", {"last_s": 1.0}, "samples"),
@@ -460,6 +464,8 @@ SENTENCES = [
     ("viscous_temperature", -0.03, 0.001, "Viscous friction falls 3.00 +- 0.10 % per K"),
     ("current_deadzone", 0.002, 0.0003, "Currents below 2.0 +- 0.3 mA make no torque, and stronger ones lose as much"),
     ("transport_delay", 0.052, 0.002, "Commands act 52 +- 2 ms later than the log says (0.52 sample periods)"),
+    ("transport_delay", 0.052, 0.002, "or readings are as much older than their time stamps: to a log these are one"),
+    ("speed_averaging", 0.1, 0.004, "Speed readings are means over 100 +- 4 ms before their time stamps (1 sample"),
     ("offset_torque", 0.03, 0.001, "5.12 +- 0.17 % of Coulomb friction slows forward and helps backward motion"),
     ("offset_torque", 0.03, 0.001, "1.97 +- 0.07 mA below its command"),
     ("quadratic_drag", 1e-6, 1e-7, "by 7.5 +- 0.8 % of Coulomb friction at top speed"),

@@ -104,6 +104,7 @@ LEARNT = (
     injected("current_deadzone", "width_A=0.003", [(0.003, 0.001, 0.004, NONE)]),
     injected("actuator_lag", "time_constant_s=0.08", [(0.08, 0.04, 0.06, NONE)]),
     injected("transport_delay", "delay_s=0.08", [(0.08, 0.04, 0.06, NONE)]),
+    injected("speed_averaging", "window_s=0.16", [(0.16, 0.08, 0.12, NONE)]),
     injected("presliding_hysteresis", "deflection_rad=0.1,damping=0.3", [(0.1, 0.05, 0.07, (0.3, 0.0, 0.0))]),
     injected("friction_lag", "time_constant_s=0.2", [(0.2, 0.1, 0.15, NONE)]),
     injected("stribeck_shape", "speed_rad_s=1.2", [(1.2, 0.6, 0.8, NONE)]),

@@ -30,6 +30,7 @@ INJECTED: dict[str, tuple[dict[str, float], dict[str, float]]] = {
     "current_deadzone": ({"width_A": 0.003}, {"width_A": 0.3}),
     "actuator_lag": ({"time_constant_s": 0.06}, {"time_constant_s": 0.2}),
     "transport_delay": ({"delay_s": 0.06}, {"delay_s": 0.2}),
+    "speed_averaging": ({"window_s": 0.12}, {"window_s": 0.2}),
     "presliding_hysteresis": ({"deflection_rad": 0.06, "damping": 0.3}, {"deflection_rad": 0.4}),
     "friction_lag": ({"time_constant_s": 0.2}, {"time_constant_s": 0.3}),
     "torque_ripple": ({"amplitude_rad_s2": 0.04, "order": 1.0, "phase_rad": 1.0}, {"amplitude_rad_s2": 0.3}),

@@ -156,17 +156,17 @@ def _imitation(case: Case, p: Float64Array) -> Float64Array:
 
 
 def _truth(case: Case) -> Float64Array:
-    """True speeds of the case's own wheel without any noise, (n,)."""
+    """What would be read of the case's own wheel without any noise and grid, (n,)."""
     if case.plant == "own":
         return _noiseless(case, case.parameters)
     return run_of(replace(case, noise_rpm=0.0, process_rpm=0.0)).speed_rad_s
 
 
 def _noiseless(case: Case, parameters: PlantParameters) -> Float64Array:
-    """True speeds without any noise, (n,)."""
+    """Readings without any noise and grid, (n,)."""
     time_s, current_A = schedule(case)
     run = simulate_run(
-        parameters,
+        parameters._replace(speed_grid_rad_s=0.0),
         current_A,
         time_s,
         PlantNoise(0.0),
@@ -175,4 +175,4 @@ def _noiseless(case: Case, parameters: PlantParameters) -> Float64Array:
         initial_speed_rad_s=case.initial_rpm * RAD_S_PER_RPM,
         fine_step_s=_FIT_STEP_S if parameters.presliding_rad == 0.0 else FINE_STEP_S,
     )
-    return run.speed_rad_s
+    return run.measured_speed_rad_s

@@ -32,6 +32,7 @@ _LADDERS = {
     "presliding_hysteresis": (0.03, 0.10, 0.01),  # rad
     "friction_lag": (0.10, 0.30, 0.03),  # s
     "speed_quantisation": (5.0 * RAD_S_PER_RPM, 10.0 * RAD_S_PER_RPM, 3.0 * RAD_S_PER_RPM),  # rad/s
+    "speed_averaging": (0.05, 0.10, 0.03),  # s
     "stribeck_shape": (3.5, 5.0, 2.5),  # times the model's Stribeck speed
 }
 
@@ -216,6 +217,7 @@ _RECIPES: dict[str, Recipe] = {
     "external_torque": _external,
     "speed_quantisation": _ladder("speed_quantisation", "grid_rad_s"),
     "drag_bump": _bump,
+    "speed_averaging": _ladder("speed_averaging", "window_s"),
     "motor_gain_speed": _gain_speed,
     "acceleration_friction": _load_friction,
 }
