@@ -12,6 +12,9 @@ from rw_ekf.model.effect import Candidate, Effect, Term
 
 INDISTINGUISHABLE = 9.0  # two explanations whose log-likelihoods differ by less than half of this: three sigma
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
+_TIE = (
+    0.1  # of the log-likelihood: two that are nearer are one model under two names, and the catalogue's first is said
+)
 _RIVAL_MARGIN = 16.0  # of twice the log-likelihood on the part: nearer ones are compared on the whole record
 
 
@@ -91,6 +94,7 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
 
     Where it cannot either, what holds at any time goes before what is tied to this record's clock.
     """
+    order = [*CATALOGUE]
     for name, fits in list(selection.rivals.items()):
         tried = [(selection.final.widened(search.record, search.seen).likelihood.value, name, selection.final)]
         for fit in fits:
@@ -104,7 +108,13 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
             if 2.0 * (top - item[0]) < INDISTINGUISHABLE or item[1] in same or (same and item[1] == name)
         ]
         _, winner, best = max(
-            near, key=lambda item: (item[1] not in same, not CATALOGUE[item[1]].of_one_record, item[0])
+            near,
+            key=lambda item: (
+                item[1] not in same,
+                not CATALOGUE[item[1]].of_one_record,
+                min(item[0], top - _TIE),
+                -order.index(item[1]),
+            ),
         )
         selection.rivals.pop(name)
         if best is not selection.final:
