@@ -132,9 +132,9 @@ def workers(most: int) -> Iterator[Executor]:
     count = max(min(len(os.sched_getaffinity(0)), most), 1)
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
-    with _interrupts_ignored():
-        pool.submit(die_with_parent)  # starts them all
     try:
+        with _interrupts_held():
+            pool.submit(die_with_parent)  # starts them all
         yield pool
     except BaseException:
         for process in list((pool._processes or {}).values()):  # an interrupt shall not wait for runs under way
@@ -146,16 +146,25 @@ def workers(most: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """What is started meanwhile ignores them for good: an interrupt of the terminal is the parent's affair."""
+def _interrupts_held() -> Iterator[None]:
+    """What is started meanwhile never takes one: an interrupt of the terminal is the parent's affair, and comes after.
+
+    A process inherits which signals its starter's thread blocks. Another thread of the parent may still take the
+    signal, and Python then interrupts the main thread wherever it is: so the handler only notes it meanwhile.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)  # one that waited is noted now
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _figures(entry: Entry, scenario: Scenario, models: Models) -> Metrics:
