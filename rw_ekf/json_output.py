@@ -1,4 +1,4 @@
-"""One JSON document on standard output. JSON has no NaN: it is written as null."""
+"""JSON documents, as text and on standard output. JSON has no NaN: it is written as null."""
 
 from __future__ import annotations
 
@@ -11,8 +11,13 @@ from typing import Any
 
 def print_json(document: Mapping[str, Any]) -> None:
     """Write one document to standard output, and nothing else."""
-    sys.stdout.write(json.dumps(finite(document), indent=2, allow_nan=False) + "\n")
+    sys.stdout.write(json_text(document))
     sys.stdout.flush()
+
+
+def json_text(document: Mapping[str, Any]) -> str:
+    """The document as it is printed and written, indented, with a newline at its end."""
+    return json.dumps(finite(document), indent=2, allow_nan=False) + "\n"
 
 
 def finite(value: Any) -> Any:

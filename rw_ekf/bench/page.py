@@ -12,10 +12,11 @@ from typing import Any
 from rw_ekf.bench.contest import Contest
 from rw_ekf.bench.metrics import RECOVERED_DEG
 from rw_ekf.bench.pictures import courses_picture, peaks_picture
-from rw_ekf.bench.result import BASELINE, Row, document_text, rows_of
+from rw_ekf.bench.result import BASELINE, Row, rows_of
 from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.diagnosis.report.markup import STYLE, prose
 from rw_ekf.errors import BadInputError
+from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import atomic_path, write_text
 
 DOCUMENT, PAGE = "bench.json", "bench.html"
@@ -35,7 +36,7 @@ def write_page(directory: Path, contest: Contest, document: Mapping[str, Any], h
         if course is not None:
             pictures[f"attitude-{noise_rpm:g}rpm"] = course
     written = [directory / DOCUMENT]
-    write_text(written[0], document_text(document))
+    write_text(written[0], json_text(document))
     for name, content in pictures.items():
         path = directory / f"{name}.png"
         with atomic_path(path) as temporary:

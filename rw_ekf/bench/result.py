@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
@@ -13,7 +12,6 @@ from rw_ekf.bench.contest import Contest, Entry
 from rw_ekf.bench.metrics import RECOVERED_DEG
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.control.compensation.registry import SCHEMES
-from rw_ekf.json_output import finite
 
 SCHEMA = "rw_ekf.bench/1"
 BASELINE = "pid_current"
@@ -92,11 +90,6 @@ def document_of(contest: Contest) -> dict[str, Any]:
         "seeds": contest.seeds,
         "schemes": [row.document() for row in rows_of(contest)],
     }
-
-
-def document_text(document: Mapping[str, Any]) -> str:
-    """The document as JSON text."""
-    return json.dumps(finite(document), indent=2, allow_nan=False) + "\n"
 
 
 def table_text(rows: Sequence[Row], scenario: Scenario) -> str:

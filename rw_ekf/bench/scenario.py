@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings.findings import validation_findings
-from rw_ekf.settings.schema import Effect, Section
+from rw_ekf.settings.schema import Effect, Section, TrueWheelSection
 from rw_ekf.settings.wording import shown
 from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.units import rad_s_from_rpm
@@ -51,13 +51,9 @@ class GyroSection(Section):
     walk_deg_per_sqrt_h: float = Field(0.001, ge=0, le=1e3, description="random walk of the attitude [deg/sqrt(h)]")
 
 
-class BenchWheelSection(Section):
+class BenchWheelSection(TrueWheelSection):
     """The true wheel, which no compensation reads."""
 
-    motor_gain: float = Field(15.205, gt=0, le=1e6, description="motor gain [rad/s^2/A]")
-    viscous: float = Field(0.00322, ge=0, le=1e3, description="viscous friction per inertia [1/s]")
-    coulomb: float = Field(0.5863, ge=0, le=1e6, description="Coulomb friction per inertia [rad/s^2]")
-    static: float = Field(0.6037, ge=0, le=1e6, description="break-away friction per inertia [rad/s^2]")
     stribeck_speed_rpm: float = Field(4.0, gt=0, le=1e4, description="speed scale of the Stribeck bump [rpm]")
     inertia_kg_m2: float = Field(1.5e-3, gt=0, le=1e3, description="rotor inertia [kg m^2]")
     start_rpm: float = Field(

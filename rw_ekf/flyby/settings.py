@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import BeforeValidator, Field
 
 from rw_ekf.errors import ConfigError
 from rw_ekf.flyby.geometry import Flyby, Wheels
-from rw_ekf.settings.findings import validation_findings
+from rw_ekf.settings.findings import validated_sections
 from rw_ekf.settings.resources import config_resource
 from rw_ekf.settings.schema import Section
-from rw_ekf.settings.wording import shown, suggestion
+from rw_ekf.settings.wording import shown
 from rw_ekf.settings.yaml_loader import PathTuple, YamlDocument, load_yaml
 
 DEFAULT = "flyby-titan"
@@ -78,18 +78,7 @@ def read_flyby(path: str | Path | None = None) -> Flyby:
     if not isinstance(document.data, dict):
         found = shown(document.data)
         raise ConfigError(f"{document.where()}: a geometry is a table of {', '.join(SECTIONS)}, found {found}")
-    findings = [
-        f"{document.where_key((name,))}: unknown section {name}; {suggestion(name, SECTIONS)}"
-        for name in document.data
-        if name not in SECTIONS
-    ]
-    sections: dict[str, Section] = {}
-    for name, model in SECTIONS.items():
-        written = document.data.get(name)
-        try:
-            sections[name] = model.model_validate({} if written is None else written)
-        except ValidationError as error:
-            findings += validation_findings(document, (name,), model, error)
+    sections, findings = validated_sections(document, document.data, SECTIONS)
     wheels, spacecraft, track = (sections.get(name) for name in SECTIONS)
     if isinstance(wheels, WheelsSection):
         findings += _wheel_findings(document, wheels)

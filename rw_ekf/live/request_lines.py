@@ -11,6 +11,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
+from rw_ekf.json_output import finite
+
 MOST_LINE_BYTES = 4096
 MOST_LINES = 8  # that are looked at, from the newest back, until one is a request
 
@@ -62,8 +64,7 @@ def newest_torque(lines: list[bytes]) -> tuple[float | None, list[str]]:
 
 def line_of(answer: Mapping[str, Any]) -> bytes:
     """A line that tells of a turn; what is not a number is null."""
-    plain = {key: _finite(value) for key, value in answer.items()}
-    return json.dumps(plain, allow_nan=False).encode() + b"\n"
+    return json.dumps(finite(answer), allow_nan=False).encode() + b"\n"
 
 
 class FadingRequest:
@@ -99,7 +100,3 @@ class FadingRequest:
 
 def _refuse(name: str) -> NoReturn:
     raise ValueError(name)
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from rw_ekf.settings.schema import Section
 from rw_ekf.settings.wording import shown, suggestion
 from rw_ekf.settings.yaml_loader import PathTuple, YamlDocument
 
@@ -34,6 +36,27 @@ def validation_findings(
 ) -> list[str]:
     """One line per mistake that pydantic found in the part of `document` at `prefix`, checked against `model`."""
     return [_finding(document, prefix, model, detail) for detail in error.errors(include_url=False)]
+
+
+def validated_sections(
+    document: YamlDocument, data: Mapping[str, Any], models: Mapping[str, type[Section]]
+) -> tuple[dict[str, Section], list[str]]:
+    """The sections of `data` that hold, by name, and one line for each mistake in the others.
+
+    A section written with nothing under it is the same as one left out: all defaults.
+    """
+    findings = [
+        f"{document.where_key((name,))}: unknown section {name}; {suggestion(name, models)}"
+        for name in data
+        if name not in models
+    ]
+    sections: dict[str, Section] = {}
+    for name, model in models.items():
+        try:
+            sections[name] = model.model_validate({} if data.get(name) is None else data[name])
+        except ValidationError as error:
+            findings += validation_findings(document, (name,), model, error)
+    return sections, findings
 
 
 def _finding(document: YamlDocument, prefix: PathTuple, model: type[BaseModel], detail: ErrorDetails) -> str:

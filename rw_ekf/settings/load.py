@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.bounds import VALUES, std_fault, value_fault
-from rw_ekf.settings.findings import validation_findings
+from rw_ekf.settings.findings import validated_sections
 from rw_ekf.settings.resources import is_path, protocol_path
 from rw_ekf.settings.schema import (
     SECTIONS,
@@ -30,7 +30,7 @@ from rw_ekf.settings.schema import (
     Section,
     WheelSection,
 )
-from rw_ekf.settings.wording import shown, suggestion
+from rw_ekf.settings.wording import shown
 from rw_ekf.settings.yaml_loader import YamlDocument, load_yaml
 
 SHAPED_PROFILES = frozenset({"sine", "steps", "random-sines"})  # those that use amplitude_A and bias_A
@@ -53,18 +53,7 @@ def configuration_from(document: YamlDocument) -> Configuration:
         message = f"the configuration must be a table of sections, found {shown(document.data)}"
         raise ConfigError(f"{document.where()}: {message}; known here: {', '.join(SECTIONS)}")
     data = _with_resolved_paths(document)
-    findings = [
-        f"{document.where_key((name,))}: unknown section {name}; {suggestion(name, SECTIONS)}"
-        for name in data
-        if name not in SECTIONS
-    ]
-    sections: dict[str, Section] = {}
-    for name, model in SECTIONS.items():
-        try:
-            # A section written with nothing under it is the same as one left out: all defaults.
-            sections[name] = model.model_validate({} if data.get(name) is None else data[name])
-        except ValidationError as error:
-            findings += validation_findings(document, (name,), model, error)
+    sections, findings = validated_sections(document, data, SECTIONS)
     findings += _cross_findings(document, sections)
     if findings:
         raise ConfigError(sorted(findings, key=_place_order))

@@ -191,13 +191,18 @@ class OutputSection(Section):
     )
 
 
-class SimulationSection(Section):
-    """The wheel that `simulate` serves; an estimator never reads this."""
+class TrueWheelSection(Section):
+    """What a simulated wheel is in truth."""
 
     motor_gain: float = Field(15.205, gt=0, le=1e6, description="true motor gain [rad/s^2/A]")
     viscous: float = Field(0.00322, ge=0, le=1e3, description="true viscous friction per inertia [1/s]")
     coulomb: float = Field(0.5863, ge=0, le=1e6, description="true Coulomb friction per inertia [rad/s^2]")
     static: float = Field(0.6037, ge=0, le=1e6, description="true break-away friction per inertia [rad/s^2]")
+
+
+class SimulationSection(TrueWheelSection):
+    """The wheel that `simulate` serves; an estimator never reads this."""
+
     speed_noise_rpm: float = Field(1.0, ge=0, le=1e4, description="standard deviation of one speed reading [rpm]")
     ambient_degC: float = Field(20.0, ge=-100, le=500, description="ambient temperature [degC]")
     acceleration_noise_rpm_per_sqrt_s: float = Field(

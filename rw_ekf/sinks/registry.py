@@ -83,22 +83,22 @@ def _events(run: RunContext) -> tuple[Sink, Queue]:
     return EventsSink(run.files.events, run.clock, run.began), Queue(_LOG_TICKS)
 
 
-def _learned(run: RunContext) -> tuple[Sink, Queue]:
-    assert run.learning is not None
+def _learned(run: RunContext) -> tuple[Sink, Queue] | None:
+    if run.learning is None:
+        return None
     every_s = LEARNED_EVERY_S
     sink = LearnedSink(run.files, run.learning, run.clock, every_s, run.unwritten, run.logger.warning)
     return sink, Queue(1, every_s=every_s)
 
 
-def _requests(run: RunContext) -> tuple[Sink, None]:
-    assert run.requests is not None
-    return run.requests, None
+def _requests(run: RunContext) -> tuple[Sink, None] | None:
+    return None if run.requests is None else (run.requests, None)
 
 
 class SinkKind(NamedTuple):
     """How a sink is made, and which turns it takes."""
 
-    make: Callable[[RunContext], tuple[Sink, Queue | None]]
+    make: Callable[[RunContext], tuple[Sink, Queue | None] | None]  # None: such a run has none
     every_turn: bool = False  # also those that brought no sample
 
 
@@ -122,9 +122,10 @@ def sinks_of(run: RunContext) -> list[GuardedSink]:
     with contextlib.ExitStack() as undo:
         made = []
         for name, kind in SINKS.items():
-            if (name == "learned" and run.learning is None) or (name == "requests" and run.requests is None):
+            parts = kind.make(run)
+            if parts is None:
                 continue
-            sink, queue = kind.make(run)
+            sink, queue = parts
             guarded = GuardedSink(
                 name, sink, queue, run.clock, run.unwritten, run.logger.error, every_turn=kind.every_turn
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from rw_ekf.clock import Clock
 from rw_ekf.errors import RwEkfError
+from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import utc_text
 from rw_ekf.records import LinkCounters, StateNow, Tick
@@ -72,7 +72,7 @@ class StateFileSink:
         if publisher.watched:
             document["alarms"] = [] if tick is None else [alarm.document() for alarm in tick.alarms]
         try:
-            write_text(self._path, json.dumps(document, indent=2, allow_nan=False) + "\n", follow=False)
+            write_text(self._path, json_text(document), follow=False)
         except (OSError, ValueError, RwEkfError):
             self._unwritten.state_files += 1  # it tells of the moment: the next one is tried, the log says why
 

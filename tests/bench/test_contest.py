@@ -18,7 +18,7 @@ from rw_ekf.bench import contest as contests
 from rw_ekf.bench.contest import Contest, Entry, hold_contest, run_entry
 from rw_ekf.bench.metrics import metrics_of
 from rw_ekf.bench.page import headline_of, write_page
-from rw_ekf.bench.result import document_of, document_text, rows_of, table_text
+from rw_ekf.bench.result import document_of, rows_of, table_text
 from rw_ekf.bench.robustness import SWEEPS, sweep_all
 from rw_ekf.bench.robustness import table_text as sweep_text
 from rw_ekf.bench.scenario import Scenario
@@ -26,6 +26,7 @@ from rw_ekf.bench.spike_table import answers_of, documents_of
 from rw_ekf.bench.spike_table import table_text as spikes_text
 from rw_ekf.bench.spikes import answer_to_spike
 from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.json_output import json_text
 
 SHORT = Scenario.model_validate(
     {
@@ -76,7 +77,7 @@ def test_every_seed_counts_and_the_worst_is_kept(held: Contest) -> None:
 def test_the_document_and_the_page_say_what_was_found(held: Contest, tmp_path: Path) -> None:
     """JSON without NaN, a page that holds its pictures, a table and a sentence with the same figures."""
     rows = rows_of(held)
-    document = json.loads(document_text(document_of(held)))
+    document = json.loads(json_text(document_of(held)))
     assert document["schema"] == "rw_ekf.bench/1"
     assert document["seeds"] == 2
     assert [(s["scheme"], s["noise_rpm"]) for s in document["schemes"]] == [("pid_current", 1.0), ("dmc", 1.0)]

@@ -12,7 +12,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.logs.parts import parts_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.records import IssuedCommand, LinkCounters, RunState, StateNow, WheelSample
+from rw_ekf.records import IssuedCommand, LinkCounters, RunState, Sink, StateNow, WheelSample
 from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.registry import SINKS, RunContext
 from rw_ekf.sinks.run_files import RunFiles
@@ -39,9 +39,16 @@ def context(directory: Path, **output: float) -> RunContext:
     )
 
 
+def log_sink(made: RunContext) -> Sink:
+    """As a run makes it."""
+    parts = SINKS["log"].make(made)
+    assert parts is not None
+    return parts[0]
+
+
 def feed(made: RunContext, rows: range, meanwhile: dict[int, object] | None = None) -> WheelLog:
     """Write rows ten a second through the log's sink, calling what shall happen before some of them; the log."""
-    sink, _ = SINKS["log"].make(made)
+    sink = log_sink(made)
     for i in rows:
         if meanwhile and i in meanwhile:
             meanwhile[i]()  # type: ignore[operator]
@@ -81,7 +88,7 @@ def test_a_part_that_cannot_be_begun_is_said_once_and_the_log_goes_on(tmp_path: 
     """A stranger's file has the name of the next part: it stays, and every row is in the first."""
     (tmp_path / "run.part002.csv").write_text("precious")
     made = context(tmp_path, part_hours=10.0 / 3600.0)
-    sink, _ = SINKS["log"].make(made)
+    sink = log_sink(made)
     for i in range(3000):
         sink.write(tick_of(WheelSample(0.1 * i, 1.0), IssuedCommand(0.1)))
     sink.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from rw_ekf.diagnosis.report.residual import residual_picture
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
-from rw_ekf.json_output import finite
+from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import atomic_path, write_text
 
 DOCUMENT, PAGE, MODEL = "diagnosis.json", "report.html", "augmented-model.yaml"
@@ -42,7 +41,7 @@ def write_report(
     }
     pictures = {name: content for name, content in drawn.items() if content is not None}
     written = [directory / DOCUMENT]
-    write_text(written[0], json.dumps(finite(diagnosis.document), indent=2, allow_nan=False) + "\n")
+    write_text(written[0], json_text(diagnosis.document))
     model = directory / MODEL
     if diagnosis.model is not None:
         write_text(model, diagnosis.model.to_text())
