@@ -18,7 +18,9 @@ from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 from rw_ekf.units import rpm_from_rad_s
 
 _WIDEST = 0.3  # of the top speed: a wider one is drag of another kind
-_WIDTHS = (0.03, 0.06, 0.12, 0.24)  # of the top speed
+_WIDTHS = tuple(0.24 * 0.5**halved for halved in range(8))  # of the top speed
+_NARROW = 0.03  # of the top speed: what is narrower is sought at low speeds, up to so many widths
+_NARROW_PLACES = 12
 _READINGS = 3.0  # across a bump at the fastest change of speed
 
 
@@ -58,8 +60,10 @@ class DragBump(StaticEffect):
         """Widths that the readings resolve, each at speeds a width apart, as far as both flanks are in the record."""
         top, found = top_speed(facts), []
         for width in (share * top for share in _WIDTHS if share * top >= _narrowest(facts)):
-            count = math.floor((top - 1.5 * width) / width)
-            found += [Candidate(1.0, (width * (1 + i), width, 0.0)) for i in range(count + 1)]
+            count = math.floor((top - 1.5 * width) / width) + 1
+            if width < _NARROW * top:
+                count = min(count, _NARROW_PLACES)
+            found += [Candidate(1.0, (width * (1 + i), width, 0.0)) for i in range(count)]
         return found
 
     @staticmethod

@@ -460,6 +460,17 @@ def test_the_search_stays_within_bounds_over_long_records() -> None:
         assert np.max(np.diff(onsets)) <= 2.0 * min(shape[1] for _, shape in spikes) + 1e-9
 
 
+@pytest.mark.parametrize(("speed", "width"), [(6.3, 1.6), (20.0, 5.0), (60.0, 8.0), (150.0, 30.0)])
+def test_a_bump_has_a_place_near_it_wherever_it_is(speed: float, width: float) -> None:
+    """Within a width of its speed, and within the square root of two of its width, slow and narrow ones as well."""
+    near = [
+        shape
+        for _, shape in CATALOGUE["drag_bump"].candidates(WHEEL)
+        if abs(shape[0] - speed) <= width and 0.7 <= shape[1] / width <= 1.43
+    ]
+    assert near
+
+
 SENTENCES = [
     ("viscous_temperature", -0.03, 0.001, "Viscous friction falls 3.00 +- 0.10 % per K"),
     ("current_deadzone", 0.002, 0.0003, "Currents below 2.0 +- 0.3 mA make no torque, and stronger ones lose as much"),
