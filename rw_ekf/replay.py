@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
+from rw_ekf.hindsight import belief_of_log, filtered, run_of_log
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.learning.carry import carried_over
@@ -77,13 +77,15 @@ def replay_log(
 ) -> Replayed:
     """Filter a log. Raises LogError for a log without a single speed, FilterError where the filter breaks.
 
-    setup: where to start (`setup_of_run`); without it configuration, model or the record say.
+    setup: where to start (`setup_of_run`); without it configuration, model or the record say. Without configuration and
+    setup the belief at the end is that of `rw_ekf.hindsight`.
     with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
     and filterpy; `advance` is then told of every 100 samples done.
     """
     course = Course.of_log(log)
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
+    with_hindsight = setup is None and configuration is None and not online
     if setup is None:
         setup = setup_of_record(course, configuration, model)
     if smooth and setup.effects.table().hidden:
@@ -93,20 +95,12 @@ def replay_log(
     with _blaming(model, log.name):
         if online:
             run = _online(log, setup, advance)
+        elif with_hindsight:
+            run, setup = run_of_log(course, setup, keep_states=with_columns, keep_history=smooth)
         else:
-            run = filter_log(
-                course,
-                setup.constants,
-                setup.prior.mean,
-                setup.prior.covariance,
-                setup.effects,
-                setup.effect_drift,
-                keep_states=with_columns,
-                keep_history=smooth,
-                mends=True,
-            )
+            run = filtered(course, setup, keep_states=with_columns, keep_history=smooth)
         _refuse_runaway(run)
-        belief = _beside_other_stribeck_speeds(course, setup, run) if not online else Belief(run.mean, run.covariance)
+        belief = belief_of_log(course, setup, run) if with_hindsight else Belief(run.mean, run.covariance)
         statistics = RunStatistics.of_run(course, run)
         statistics.points = _where_it_has_been(course, setup, run)
         consistency = judge_log(course, setup, belief)
@@ -177,29 +171,6 @@ def _refuse_runaway(run: FilterRun) -> None:
     broken = [why for why in troubles_of(run.mended) if why not in (FilterTrouble.DIVERGED, FilterTrouble.LOCKED_OUT)]
     if len(broken) > _BREAKAGES:
         raise FilterError(f"the filter had to be reset {len(broken)} times: {'; '.join(findings(broken))}")
-
-
-def _beside_other_stribeck_speeds(course: Course, setup: FilterSetup, run: FilterRun) -> Belief:
-    """What is believed at the end, a Stribeck speed that was not given not taken as known.
-
-    The filter runs at three speeds, those of Gauss and Hermite's rule for log omega_s (0 and +- sqrt(3) sigma, weights
-    2/3 and 1/6), and the moments of the three beliefs are those of their mixture.
-    """
-    if setup.stribeck_speed_std <= 0.0:
-        return Belief(run.mean, run.covariance)
-    middle = setup.constants.stribeck.omega_s
-    spread = min(setup.stribeck_speed_std / middle, 0.5)
-    parts = [(2.0 / 3.0, run.mean, run.covariance)]
-    for sign in (-1.0, 1.0):
-        omega_s = middle * math.exp(sign * math.sqrt(3.0) * spread)
-        there = setup.constants.with_stribeck_speed(omega_s)
-        other = filter_log(
-            course, there, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift, mends=True
-        )
-        parts.append((1.0 / 6.0, other.mean, other.covariance))
-    mean = sum((weight * x for weight, x, _ in parts), np.zeros_like(run.mean))
-    covariance = sum((w * (P + np.outer(x - mean, x - mean)) for w, x, P in parts), np.zeros_like(run.covariance))
-    return Belief(mean, covariance)
 
 
 def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: int = _JUDGED_SAMPLES) -> Consistency:

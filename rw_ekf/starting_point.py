@@ -45,6 +45,7 @@ class FilterSetup:
     inertia_from: str = ""  # "configuration", "model", or "assumed": what stands behind every torque
     fit_of_record: LogFit | None = None  # where the noises came from the record
     stribeck_speed_std: float = 0.0  # where the record had to tell the Stribeck speed; 0: it is given
+    acceleration_noises: tuple[float, ...] = ()  # of equal weight, where the record had to tell it [rad/s per sqrt(s)]
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -54,8 +55,9 @@ class FilterSetup:
     @property
     def effect_drift(self) -> Float64Array:
         """Variance rates of the effects' coefficients [unit^2/s]: of their size as much as the parameters wander."""
+        rate = self.constants.relative_drift if self.constants.wanders else 0.0
         sizes = [max(abs(v), s) for t in self.effects.state_terms for v, s in zip(t.values, t.stds, strict=True)]
-        return np.array([size**2 * self.constants.relative_drift for size in sizes])
+        return np.array([size**2 * rate for size in sizes])
 
 
 def setup_of_configuration(
@@ -152,6 +154,7 @@ def setup_of_record(
         DEFAULT_INERTIA_KG_M2,
         inertia_from="assumed",
         fit_of_record=fit,
+        acceleration_noises=() if found is None else found.acceleration_noises,
     )
 
 

@@ -47,6 +47,16 @@ class FilterConstants(NamedTuple):
         """Standard deviation that the true speed gains by unmodelled torque in one second [rad/s per sqrt(s)]."""
         return math.sqrt(self.acceleration_density)
 
+    @property
+    def wanders(self) -> bool:
+        """Whether parameters are taken to wander."""
+        return max(self.motor_gain_drift, self.viscous_drift, self.coulomb_drift, self.static_drift) > 0.0
+
+    def with_acceleration_noise(self, noise: float) -> FilterConstants:
+        """The same with another acceleration noise [rad/s per sqrt(s)], never none."""
+        least = _LEAST_ACCELERATION_NOISE * self.speed_noise_rad_s
+        return self._replace(acceleration_density=max(noise, least) ** 2)
+
     def with_stribeck_speed(self, omega_s: float) -> FilterConstants:
         """The same beside another Stribeck speed [rad/s]."""
         return self._replace(stribeck=self.stribeck._replace(omega_s=omega_s))

@@ -24,6 +24,7 @@ from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, Likelihood, Rows,
 
 _STEP = 0.4  # of log ratio between two points of the grid
 _DROP = 9.0  # log-likelihood below the top where the grid ends
+_MIDDLES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of fifths of the distribution
 _SEEN = 1.35  # half the 90 % quantile of chi-square(1): at the boundary zero only one side is left
 
 
@@ -38,6 +39,7 @@ class NoisePosterior:
     acceleration_noise: float  # square root of the mean q: what a filter should be told [rad/s per sqrt(s)]
     acceleration_noise_std: float
     acceleration_noise_limit: float  # 95 % of the distribution lies below
+    acceleration_noise_quantiles: Float64Array  # (5,) at 0.1, 0.3 ... 0.9: of equal weight
     acceleration_noise_seen: bool  # zero is outside 95 % of the distribution: the data ask for some
     log_evidence: float  # of the model on this linearised: log of the sum of L over the grid
 
@@ -74,6 +76,7 @@ def noise_posterior(fit: Fit) -> NoisePosterior:
         acceleration_noise=math.sqrt(float(weights @ densities)),
         acceleration_noise_std=math.sqrt(max(float(weights @ deviation**2) - centre**2, 0.0)),
         acceleration_noise_limit=limit,
+        acceleration_noise_quantiles=np.interp(_MIDDLES, np.cumsum(weights) - 0.5 * weights, deviation),
         acceleration_noise_seen=max(_marginal(item) for item in points) - without > _SEEN,
         log_evidence=float(logs.max()) + math.log(total * _STEP),
     )

@@ -7,6 +7,7 @@ stays at 1.0 to 1.2 meanwhile), so that the noise has to come from the record, a
 from __future__ import annotations
 
 import contextlib
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,7 @@ class RecordNoise:
     acceleration_noise: float  # rad/s per sqrt(s)
     stribeck_speed_rad_s: float
     stribeck_speed_std: float  # 0 where it was given
+    acceleration_noises: tuple[float, ...]  # five of equal weight that stand for what is not known of it
     fit: LogFit
 
 
@@ -60,12 +62,14 @@ def noise_of_record(
         found = noises.acceleration_noise
         if not np.isfinite([found, noises.speed_noise_rad_s, *fit.parameters]).all():
             return None
+        limit = math.inf if noises.acceleration_noise_seen else usual
         known = not guessed_stribeck or fit.stribeck_speed_std < _STRIBECK_SEEN * fit.stribeck_speed_rad_s
         return RecordNoise(
             noises.speed_noise_rad_s,
-            found if noises.acceleration_noise_seen else min(found, usual),
+            min(found, limit),
             fit.stribeck_speed_rad_s if known else guess,
             fit.stribeck_speed_std if known else _STRIBECK_SEEN * guess if guessed_stribeck else 0.0,
+            tuple(min(float(noise), limit) for noise in noises.acceleration_noise_quantiles),
             fit,
         )
     return None

@@ -1,0 +1,91 @@
+"""A log filtered a second time, from near where the first time ended: linearised where its readings say the truth lies.
+
+A filter linearises as it goes, and its first break-aways while it knows nothing yet: over a prior as wide as half of
+static friction the decision between stick and slip bends more than eq. 8 can make up for. What it then took for
+knowledge stays in its covariance. The second pass begins from the prior and a tenth of what the first pass learned
+(`SHARE`): sqrt(10) of the first pass's sigmas wide, so that a first pass that was off by three of them is mended, and
+narrow enough that the map is all but straight. That tenth is taken away again in the end: no reading counts twice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
+from rw_ekf.filter import health
+from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.filter_run import FilterRun
+from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.model.state import SPEED, STATE_SIZE
+from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+
+SHARE = 0.1  # of what the first pass learned
+_MUCH = 10.0  # of log-likelihood: other noises may cost some of it, a filter that went astray more
+
+
+def log_likelihood(run: FilterRun, gate: float) -> float:
+    """Of the readings, but for a constant, each judged before it was used; a refused one counts as one at the gate."""
+    judged = np.isfinite(run.innovation_rad_s)
+    return -0.5 * float(np.sum(np.minimum(run.nis[judged], gate) + np.log(run.innovation_variance[judged])))
+
+
+def second_look(
+    course: Course, constants: FilterConstants, prior: Belief, first: FilterRun, effects: EffectSet = NO_EFFECTS
+) -> Belief:
+    """The belief after a second pass; that of the first where parameters wander, were reset, or it went no better.
+
+    constants: of the second pass; their noises may be others than the first one's. prior: what the first began with.
+    """
+    found = Belief(first.mean, first.covariance)
+    if constants.wanders or _was_reset(first):
+        return found
+    known = slice(SPEED + 1, STATE_SIZE + effects.size)
+    size = np.sqrt(np.diag(prior.covariance[known, known]))
+    if not np.all(size > 0.0):
+        return found
+    before = np.linalg.inv(prior.covariance[known, known] / np.outer(size, size))
+    added = SHARE * _positive_part(np.linalg.inv(first.covariance[known, known] / np.outer(size, size)) - before)
+    aim = (first.mean - prior.mean)[known] / size  # everything in the prior's sigmas, and from its mean
+    start = np.linalg.inv(before + added)
+    mean, covariance = prior.mean.copy(), prior.covariance.copy()
+    mean[known] += size * (start @ added @ aim)
+    covariance[known, known] = start * np.outer(size, size)
+    run = filter_log(course, constants, mean, covariance, effects, mends=True)
+    worse = log_likelihood(run, constants.gate) < log_likelihood(first, constants.gate) - _MUCH
+    if worse or _was_reset(run) or not np.isfinite(run.covariance).all():
+        return found
+    return _taken_away(Belief(run.mean, run.covariance), prior.mean, known, size, added, aim) or found
+
+
+def _was_reset(run: FilterRun) -> bool:
+    return bool(np.any((run.mended != health.WELL) & (run.mended != health.LOCKED_OUT)))
+
+
+def _positive_part(matrix: Float64Array) -> Float64Array:
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _taken_away(
+    found: Belief, prior_mean: Float64Array, known: slice, size: Float64Array, added: Float64Array, aim: Float64Array
+) -> Belief | None:
+    """The belief without the information `added` about `aim`; None where that leaves no covariance."""
+    P = found.covariance
+    ended = P[known, known] / np.outer(size, size)
+    information = np.linalg.inv(ended)
+    left = information - added
+    if not np.linalg.eigvalsh(left).min() > 0.0:
+        return None
+    covariance, mean = P.copy(), found.mean.copy()
+    parameters = np.linalg.inv(left)
+    parameters = 0.5 * (parameters + parameters.T)
+    moved = parameters @ (information @ ((found.mean - prior_mean)[known] / size) - added @ aim)
+    shift = prior_mean[known] + size * moved - found.mean[known]
+    # What depends on the parameters, the speed and hidden states, follows them as it did.
+    follows = (P[:, known] / size) @ information / size
+    wider = parameters * np.outer(size, size) - P[known, known]
+    mean += follows @ shift
+    covariance += follows @ wider @ follows.T
+    return Belief(mean, 0.5 * (covariance + covariance.T))

@@ -1,0 +1,50 @@
+"""A log that nobody configured a filter for: its sigmas are as wide as they have to be, and no wider."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.sim.plant_batch import PlantRun, simulate_run
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.course.course import Course
+from rw_ekf.hindsight import belief_of_log, run_of_log
+from rw_ekf.model.state import PARAMETERS
+from rw_ekf.starting_point import setup_of_record
+from rw_ekf.units import RAD_S_PER_RPM
+from tools.measure.coverage import Case, bound_of, run_of
+
+
+def course_of(run: PlantRun) -> Course:
+    return Course.of(run.time_s, run.measured_speed_rad_s, run.current_command_A)
+
+
+@pytest.mark.parametrize("torque_noise_rpm", [0.0, 0.1])
+def test_a_rich_record_leaves_little_more_than_the_bound(torque_noise_rpm: float) -> None:
+    """Identification, two wheels: sigmas within 0.8 and 2.2 of the Cramer-Rao bound, errors below four of them."""
+    for seed in (1, 2):
+        case = Case("identification", torque_noise_rpm, seed)
+        run = run_of(case)
+        course = course_of(run)
+        told = setup_of_record(course)
+        filtered, setup = run_of_log(course, told)
+        found = belief_of_log(course, setup, filtered)
+        ratio = found.std[PARAMETERS] / bound_of(case, run)
+        assert not setup.constants.wanders
+        assert len(setup.acceleration_noises) == 5
+        assert np.all(ratio > 0.8), ratio
+        assert np.all(ratio < 2.2), ratio
+        assert np.all(np.abs(found.mean[PARAMETERS] - np.array(case.wheel)) < 4.0 * found.std[PARAMETERS])
+
+
+def test_friction_that_wanders_is_followed() -> None:
+    """Coulomb friction that walks by 2 % in an hour: drift is kept, and sigmas as wide as it leaves them."""
+    time_s = np.arange(0.0, 3600.0, 0.1)
+    current = 0.12 * np.sin(2.0 * np.pi * time_s / 60.0)
+    wheel = PlantParameters(drift_wander_rad_s2=0.02 * 0.5863 / 60.0)
+    run = simulate_run(wheel, current, time_s, PlantNoise(RAD_S_PER_RPM), seed=3)
+    setup = setup_of_record(course_of(run))
+    filtered, told = run_of_log(course_of(run), setup)
+    assert told.constants.wanders
+    found = belief_of_log(course_of(run), told, filtered)
+    np.testing.assert_allclose(found.std[PARAMETERS], np.sqrt(np.diag(filtered.covariance))[PARAMETERS], rtol=0.1)
