@@ -176,6 +176,21 @@ class FilterHealth:
     beyond_mending: bool  # reset so often of late that only a person helps
 
 
+_NO_FRICTION = "nothing is known of the friction of an estimate that no estimator made"
+
+
+class Friction(Protocol):
+    """The friction torque per unit inertia at a sample, as the filter believes it."""
+
+    def value_rad_s2(self, speed_rad_s: float | None = None) -> float:
+        """At the believed speed, or another one [rad/s]."""
+        ...
+
+    def believed_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
+        """The same with its standard deviation."""
+        ...
+
+
 class Outlook(Protocol):
     """The wheel a little ahead, as the filter propagates it."""
 
@@ -203,7 +218,7 @@ class Estimate:
     covariance: Float64Array | None = field(default=None, compare=False, repr=False)  # (n, n), hidden states last
     health: FilterHealth | None = None  # None where all is well
     valid: ParameterFlags | None = None  # which parameters may be relied on (docs/filter.md#what-may-be-relied-on)
-    friction: Callable[[float | None], Believed] | None = field(default=None, compare=False, repr=False)
+    friction: Friction | None = field(default=None, compare=False, repr=False)
     current: Callable[[float], float] | None = field(default=None, compare=False, repr=False)
     ahead: Callable[[float | None], Outlook] | None = field(default=None, compare=False, repr=False)
 
@@ -214,8 +229,14 @@ class Estimate:
         believed one. Raises ValueError for an estimate that no estimator made.
         """
         if self.friction is None:
-            raise ValueError("nothing is known of the friction of an estimate that no estimator made")
-        return self.friction(speed_rad_s)
+            raise ValueError(_NO_FRICTION)
+        return self.friction.believed_rad_s2(speed_rad_s)
+
+    def friction_value_rad_s2(self, speed_rad_s: float | None = None) -> float:
+        """The same without its standard deviation, in a tenth of the time: what a compensation asks for each turn."""
+        if self.friction is None:
+            raise ValueError(_NO_FRICTION)
+        return self.friction.value_rad_s2(speed_rad_s)
 
     def current_for_A(self, drive_rad_s2: float) -> float:
         """The current [A] that drives the wheel by so much, after what the model's effects take from it at once.

@@ -32,7 +32,7 @@ from rw_ekf.records import (
     WheelSample,
     WheelState,
 )
-from rw_ekf.wheel.friction_torque import current_for, friction_torque
+from rw_ekf.wheel.friction_torque import FrictionTorque, current_for
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.window import lateness
 
@@ -244,7 +244,7 @@ class Estimator:
             covariance=covariance,
             health=self._physician.health,
             valid=self._validity.step(values[PARAMETERS], stds[PARAMETERS], self.points.shown),
-            friction=partial(friction_torque, mean, covariance, table, stribeck, at),
+            friction=FrictionTorque(mean, covariance, table, stribeck, at),
             current=partial(current_for, mean, table, stribeck, at) if names else None,
             ahead=partial(outlook, mean, table, stribeck, given, sample.time_s),
         )

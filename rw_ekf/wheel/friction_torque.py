@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,31 +21,45 @@ _MOST_GAIN = 1.0e3  # of a current over what it leaves; more is no motor
 _INSTANT_S = 1.0e-7  # over which a friction with a memory is followed
 
 
-def friction_torque(
-    x: Float64Array,
-    P: Float64Array,
-    table: EffectTable,
-    stribeck: Stribeck,
-    at: tuple[float, float, float, float],
-    speed_rad_s: float | None = None,
-) -> Believed:
-    """Friction per unit inertia [rad/s^2] and its standard deviation; above zero it slows a wheel that turns forward.
+class FrictionTorque(NamedTuple):
+    """Friction per unit inertia [rad/s^2] at a moment; above zero it slows a wheel that turns forward.
 
     It is k I less the acceleration, with I the current in the winding after the effects that change it: torques from
     outside count as friction, and at rest it is the drive that is held. x (n,), P (n, n): belief. at: the current in
-    force [A], temperature [degC], angle [rad] and time [s]. speed_rad_s: a speed to take for known
-    in place of the believed one; hidden states stay. The deviation is by divided differences (docs/filter.md eq. 7).
+    force [A], temperature [degC], angle [rad] and time [s].
     """
-    moment = Moment(0.0, *at, 0.0)
-    spread = P
-    if speed_rad_s is not None:
-        x, spread = x.copy(), P.copy()
-        x[SPEED], spread[SPEED, :], spread[:, SPEED] = speed_rad_s, 0.0, 0.0
-    root = np.zeros_like(spread)
-    factor_covariance(spread, root)
-    steps = math.sqrt(3.0) * root.T
-    differences = [_friction(x + d, table, stribeck, moment) - _friction(x - d, table, stribeck, moment) for d in steps]
-    return Believed(_friction(x, table, stribeck, moment), math.hypot(*differences) / math.sqrt(12.0))
+
+    x: Float64Array
+    P: Float64Array
+    table: EffectTable
+    stribeck: Stribeck
+    at: tuple[float, float, float, float]
+
+    def value_rad_s2(self, speed_rad_s: float | None = None) -> float:
+        """At the believed speed, or at another one; hidden states stay."""
+        values = self.x.tolist()
+        if speed_rad_s is not None:
+            values[SPEED] = speed_rad_s
+        return _friction(values, self.table, self.stribeck, Moment(0.0, *self.at, 0.0))
+
+    def believed_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
+        """The same with its standard deviation, by divided differences (docs/filter.md eq. 7).
+
+        speed_rad_s: a speed to take for known in place of the believed one.
+        """
+        x, spread = self.x, self.P
+        if speed_rad_s is not None:
+            x, spread = x.copy(), spread.copy()
+            x[SPEED], spread[SPEED, :], spread[:, SPEED] = speed_rad_s, 0.0, 0.0
+        root = np.zeros_like(spread)
+        factor_covariance(spread, root)
+        moment = Moment(0.0, *self.at, 0.0)
+
+        def friction(state: Float64Array) -> float:
+            return _friction(state.tolist(), self.table, self.stribeck, moment)
+
+        differences = [friction(x + step) - friction(x - step) for step in math.sqrt(3.0) * root.T]
+        return Believed(friction(x), math.hypot(*differences) / math.sqrt(12.0))
 
 
 def current_for(
@@ -57,7 +72,7 @@ def current_for(
     """The current [A] whose drive k I, after a dead zone, saturation and the gain's temperature, is drive_rad_s2.
 
     By fixed point, which contracts while less than half of the current is lost; a lag and a delay are not undone. at:
-    as in `friction_torque`. Raises ZeroDivisionError for a motor gain of zero.
+    as in `FrictionTorque`. Raises ZeroDivisionError for a motor gain of zero.
     """
     values = x.tolist()
     needed: float = drive_rad_s2 / values[MOTOR_GAIN]
@@ -73,8 +88,7 @@ def current_for(
     return current
 
 
-def _friction(x: Float64Array, table: EffectTable, stribeck: Stribeck, moment: Moment) -> float:
-    values = x.tolist()
+def _friction(values: list[float], table: EffectTable, stribeck: Stribeck, moment: Moment) -> float:
     speed, gain = values[SPEED], values[MOTOR_GAIN]
     current = moment.current if table.lag_state_at == ABSENT else values[table.lag_state_at]
     now = moment._replace(omega=speed, current=current)

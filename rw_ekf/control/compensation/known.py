@@ -51,13 +51,7 @@ class WheelKnown:
             return cls(
                 estimate.state.speed_rad_s, parameters, lambda omega: signed_friction(omega, *curve), stribeck, estimate
             )
-        return cls(
-            estimate.state.speed_rad_s,
-            parameters,
-            lambda omega: estimate.friction_torque_rad_s2(omega).value,
-            stribeck,
-            estimate,
-        )
+        return cls(estimate.state.speed_rad_s, parameters, estimate.friction_value_rad_s2, stribeck, estimate)
 
     def friction_against_rad_s2(self, drive_rad_s2: float, speed_rad_s: float) -> float:
         """Friction at a speed; of a wheel at rest that which has to be broken in the drive's direction: [CK13 (15)]."""
