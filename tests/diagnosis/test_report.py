@@ -117,11 +117,12 @@ def test_the_page_stands_alone(written: Path) -> None:
 
 
 def test_verdict_and_figures_come_first(found: Diagnosis, written: Path) -> None:
-    """Badge, statement and both free-run figures stand before anything else; parameters and commands follow."""
+    """Badge and one line with both free-run figures come before the statement; parameters and commands follow."""
     page = page_of(written)
     before, after = (found.document[key]["free_run_rms_rpm"] for key in ("before", "after"))
     figures = f"{number_text(before)} → {number_text(after)}"
-    order = [page.text.index(words) for words in ("Effect named", "Viscous friction falls", figures, "Evidence")]
+    headline = f"The model lacks viscous temperature: free-run error {figures}"
+    order = [page.text.index(words) for words in ("Effect named", headline, "Viscous friction falls", "Evidence")]
     assert order == sorted(order)
     assert "viscous_temperature slope_1_K -0.0300 0.0005 1/K" in page.text
     assert f"--model {written}/augmented-model.yaml" in page.text

@@ -34,6 +34,7 @@ from rw_ekf.diagnosis.standing import (
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import size_of
+from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
 
@@ -98,6 +99,10 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         "candidates": candidate_entries(found, lattice, verdict, before, after),
         "before": before.figures,
         "after": after.figures if chosen else before.figures,
+        "parameters": {
+            "before": _base_parameters(selection.base),
+            "after": _base_parameters(selection.final) if chosen else None,
+        },
         "model": MODEL_FILE if model is not None else None,
         "explanations": explanations,
         "ended": ended(course, found.fit.trajectory.speed, with_temperature=prepared.temperature_is_logged),
@@ -135,6 +140,14 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         inertia_from=prepared.setup.inertia_from,
         in_rpm=inertia is not None or prepared.source.log.in_rpm,
     )
+
+
+def _base_parameters(fit: Fit) -> dict[str, dict[str, Any]]:
+    """The four friction parameters of a fit, as the candidates' parameters are told."""
+    return {
+        name: {"value": value, "std": float(std), "unit": STATE_UNITS[name]}
+        for name, value, std in zip(PARAMETER_NAMES, fit.model.parameters, fit.std[:PARAMETER_COUNT], strict=True)
+    }
 
 
 def _over_log(values: Float64Array, kept: BoolArray) -> Float64Array:

@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.report.words import (
     p_value_text,
     parameter_text,
     percent_text,
+    plain_name,
     ranked,
     statistic_text,
 )
@@ -53,6 +54,7 @@ body {
 .badge.effect { background: var(--after); }
 .badge.unexplained { background: var(--before); }
 h1 { margin: .6rem 0 1.5rem; font-size: 1.62rem; line-height: 1.3; font-weight: 620; text-wrap: pretty; }
+.statement { margin: -.9rem 0 1.5rem; }
 h2 { margin: 2.8rem 0 .5rem; padding-top: .9rem; border-top: 1px solid var(--line); font-size: 1.15rem; }
 h3 { margin: 1.4rem 0 .3rem; font-size: .95rem; }
 p, li { max-width: 46rem; }
@@ -86,6 +88,7 @@ code { font-family: ui-monospace, "SF Mono", Menlo, Consolas, monospace; font-si
   body { padding: 1.2rem 1rem 3rem; } h1 { font-size: 1.3rem; }
   .tiles { flex-wrap: wrap; } .tile { flex-basis: 44%; } .tile.main { flex-basis: 100%; }
   .tile .value { font-size: 1.1rem; white-space: normal; } .tile .label { flex-wrap: wrap; }
+  .wide { overflow-x: auto; } .wide img { width: 46rem; max-width: none; }
 }
 @media print {
   @page { margin: 14mm; }
@@ -146,7 +149,7 @@ def _bars(pair: FigurePair) -> str:
 def figure(name: str, source: str, alt: str, caption: str) -> str:
     """A picture with its caption; source: a data URI."""
     return (
-        f'<figure id="{name}"><img src="{source}" alt="{html.escape(alt, quote=True)}">'
+        f'<figure id="{name}"><div class="wide"><img src="{source}" alt="{html.escape(alt, quote=True)}"></div>'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 
@@ -182,6 +185,24 @@ def parameter_table(document: Mapping[str, Any]) -> str:
     return table(("effect", "parameter", "value", "sigma", "unit"), rows, (2, 3)) if rows else ""
 
 
+def base_parameter_table(document: Mapping[str, Any]) -> str:
+    """The four parameters as the fit part gave them, and with what was added; empty where they are not known."""
+    parameters = document.get("parameters") or {}
+    before, after = parameters.get("before") or {}, parameters.get("after") or {}
+    rows = [
+        (
+            "",
+            [
+                html.escape(plain_name(name)),
+                *(prose(parameter_text(found[name])) for found in (before, after) if found),
+            ],
+        )
+        for name in before
+    ]
+    heads = ("parameter", "before", "after") if after else ("parameter", "value")
+    return table(heads, rows, tuple(range(1, len(heads)))) if rows else ""
+
+
 def candidate_table(document: Mapping[str, Any]) -> str:
     """Every candidate of the catalogue, tested or not; empty without any."""
     candidates = list(document.get("candidates") or ())
@@ -193,6 +214,7 @@ def candidate_table(document: Mapping[str, Any]) -> str:
             for name, parameter in (candidate.get("parameters") or {}).items()
         )
         cells = [
+            f"{html.escape(plain_name(str(candidate.get('effect'))))}<br>"
             f"<code>{html.escape(str(candidate.get('effect')))}</code>",
             parameters or MISSING,
             statistic_text(candidate.get("statistic")),
@@ -206,15 +228,15 @@ def candidate_table(document: Mapping[str, Any]) -> str:
 
 
 def figure_table(pairs: Sequence[FigurePair]) -> str:
-    """All figures as numbers; empty without any."""
+    """All figures as numbers, before and after where anything was added; empty without any."""
+    added = any(pair.after is not None and pair.after != pair.before for pair in pairs)
     rows = []
     for pair in pairs:
         change = percent_text(pair.change_percent) if pair.change_percent is not None else MISSING
-        cells = [
-            html.escape(v) for v in (pair.label, pair.unit, number_text(pair.before, 4), number_text(pair.after, 4))
-        ]
-        rows.append(("", [*cells, change]))
-    return table(("figure", "unit", "before", "after", "change"), rows, (2, 3, 4)) if rows else ""
+        cells = [html.escape(v) for v in (pair.label, pair.unit, number_text(pair.before, 4))]
+        rows.append(("", [*cells, html.escape(number_text(pair.after, 4)), change] if added else cells))
+    heads = ("figure", "unit", "before", "after", "change") if added else ("figure", "unit", "value")
+    return table(heads, rows, tuple(range(2, len(heads)))) if rows else ""
 
 
 def split_text(document: Mapping[str, Any]) -> str:

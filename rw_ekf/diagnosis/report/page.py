@@ -11,6 +11,7 @@ from typing import Any
 
 from rw_ekf.diagnosis.report.markup import (
     STYLE,
+    base_parameter_table,
     candidate_table,
     commands,
     figure,
@@ -22,7 +23,7 @@ from rw_ekf.diagnosis.report.markup import (
     table,
     tiles,
 )
-from rw_ekf.diagnosis.report.words import Units, figure_pairs, untestable_reasons, verdict_of
+from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, untestable_reasons, verdict_of
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import standing_of
 from rw_ekf.documents import inertia_text
@@ -41,8 +42,9 @@ def page(
     document = diagnosis.document
     kind, name, statement = verdict_of(document)
     title = f"{name}: {Path(diagnosis.log.name).name}"
+    headline = headline_of(document, units)
     parts = [
-        _head(diagnosis, kind, name, statement),
+        _head(diagnosis, kind, name, headline or statement),
         _figures(diagnosis, units),
         _pictures(diagnosis, pictures, units),
         _details(diagnosis, units),
@@ -58,8 +60,10 @@ def page(
     )
 
 
-def _head(diagnosis: Diagnosis, kind: str, name: str, statement: str) -> str:
+def _head(diagnosis: Diagnosis, kind: str, name: str, headline: str) -> str:
     log, document = diagnosis.log, diagnosis.document
+    statement = verdict_of(document)[2]
+    said = f'<p class="statement">{prose(statement)}</p>' if statement and statement != headline else ""
     facts = [html.escape(log.name), f"{document.get('samples', len(log))} samples"]
     if document.get("rate_hz") is not None:
         facts.append(f"{number_text(document['rate_hz'])} Hz")
@@ -67,12 +71,14 @@ def _head(diagnosis: Diagnosis, kind: str, name: str, statement: str) -> str:
     return (
         f'<header><p class="source">Diagnosis of {" · ".join(facts)}</p>'
         f'<span class="badge {html.escape(kind, quote=True)}">{html.escape(name)}</span>'
-        f"<h1>{prose(statement)}</h1></header>"
+        f"<h1>{prose(headline)}</h1>{said}</header>"
     )
 
 
 def _figures(diagnosis: Diagnosis, units: Units) -> str:
     pairs = figure_pairs(diagnosis.document, units)
+    if diagnosis.after is not None:  # those that an effect did not move stand in the table
+        pairs = [pair for pair in pairs if pair.moves] or pairs[:1]
     if not pairs:
         return ""
     compared = (
@@ -136,6 +142,7 @@ def _details(diagnosis: Diagnosis, units: Units) -> str:
     parts = []
     for heading, content in (
         ("Parameters of what was added", parameter_table(document)),
+        ("Parameters of the friction", base_parameter_table(document)),
         ("Figures on the held-out part", figure_table(figure_pairs(document, units))),
         ("Candidates", candidate_table(document)),
     ):

@@ -11,6 +11,7 @@ from rw_ekf.diagnosis.standing import UNTESTABLE, standing_of
 from rw_ekf.numbers import MISSING, number_of, number_text, plus_minus
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm
 
+_STILL = 0.005  # a smaller share of a figure is no change
 VERDICTS = {
     "adequate": "Model adequate",
     "effect": "Effect named",
@@ -71,6 +72,13 @@ class FigurePair:
     after: float | None
 
     @property
+    def moves(self) -> bool:
+        """Whether an effect that was added changed it by anything to speak of."""
+        if self.before is None or self.after is None:
+            return False
+        return abs(self.after - self.before) > _STILL * abs(self.before)
+
+    @property
     def change_percent(self) -> float | None:
         """By how much it changed; None where that says nothing (NIS is best at 1, not at 0)."""
         if self.key == "nis_mean" or self.before is None or self.after is None or self.before <= 0.0:
@@ -112,6 +120,33 @@ def verdict_of(document: Mapping[str, Any]) -> tuple[str, str, str]:
     if kind == "effect" and len(verdict.get("effects") or ()) > 1:
         name = f"{len(verdict['effects'])} effects named"
     return kind, name, str(verdict.get("statement") or "")
+
+
+def plain_name(effect: str) -> str:
+    """An effect's id as a person says it."""
+    words = effect.replace("_", " ")
+    for name in ("coulomb", "stribeck"):
+        words = words.replace(name, name.capitalize())
+    return words
+
+
+def headline_of(document: Mapping[str, Any], units: Units) -> str:
+    """The verdict in one line: what was found, and what it is worth."""
+    verdict = document.get("verdict") or {}
+    kind, _, statement = verdict_of(document)
+    effects = [plain_name(str(name)) for name in verdict.get("effects") or ()]
+    if kind == "adequate":
+        return "The model explains this log"
+    if kind == "insufficient_excitation":
+        return "This log cannot show what a model lacks"
+    if kind == "unexplained" or not effects:
+        return "The model lacks something that no effect of the catalogue explains" if statement else ""
+    named = effects[0] if len(effects) == 1 else f"{', '.join(effects[:-1])} and {effects[-1]}"
+    free_run = next((pair for pair in figure_pairs(document, units) if pair.key == "free_run_rms_rpm"), None)
+    if free_run is None or not free_run.moves:
+        return f"The model lacks {named}"
+    gain = f"{number_text(free_run.before)} -> {number_text(free_run.after)} {free_run.unit}"
+    return f"The model lacks {named}: free-run error {gain}"
 
 
 def ranked(candidates: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
@@ -158,6 +193,7 @@ def statistic_text(value: object) -> str:
     number = number_of(value)
     if number is None:
         return MISSING
+    number = max(number, 0.0)  # twice a difference of logarithms; below 0 a search has not come back to where it began
     rounded_number = round(number, 0 if abs(number) >= 100.0 else 1) + 0.0  # no "-0.0"
     return f"{rounded_number:.{0 if abs(number) >= 100.0 else 1}f}".replace("-", "−")
 
