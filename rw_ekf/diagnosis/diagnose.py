@@ -17,7 +17,6 @@ from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.search.scorer import information
 from rw_ekf.diagnosis.search.selection import Search
-from rw_ekf.likelihood.work import OTHER_PART
 from rw_ekf.logs.wheel_log import WheelLog
 
 if TYPE_CHECKING:
@@ -47,16 +46,8 @@ def diagnose_log(
         return _unjudged(source, split)
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
-    work = prepared.record.work
-    work.start_clock()
+    prepared.record.work.start_clock()
     found = investigate(prepared, advance)
-    if split == "blocks" and not found.new_ids and found.left and not work.has(OTHER_PART):
-        work.leave_out("a search of the other part of the record")
-    elif split == "blocks" and not found.new_ids and found.left:
-        # What acts may have acted in the held-out blocks alone: then they are searched, and the others held out.
-        other = investigate(found.prepared.swapped(), advance)
-        if other.new_ids:
-            found = other
     advance("judging on the held-out part")
     return conclude(found, configuration, advance)
 
@@ -65,12 +56,11 @@ def richer_part(prepared: Prepared) -> Prepared:
     """Exchange the parts where the one that is held out can say more; halves are taken as they are."""
     if prepared.split.kind == "halves":
         return prepared
-    other = prepared.swapped()
-    if int(other.split.fit.sum()) > 2 * int(prepared.split.fit.sum()):
-        return prepared  # a long record, of which only some blocks are searched
-    here, there = (information(p.base, prepared.base.noise.variance, prepared.facts) for p in (prepared, other))
+    if int(prepared.split.heldout.sum()) > 2 * int(prepared.split.fit.sum()):
+        return prepared.exchanged()
+    here, there = (information(prepared.base, part, prepared.facts) for part in (prepared.fit_part, prepared.heldout))
     ratios = [math.log(there[name] / here[name]) for name in here if here[name] > 0.0 < there[name]]
-    return other if ratios and sum(ratios) > 0.0 else prepared
+    return prepared.exchanged() if ratios and sum(ratios) > 0.0 else prepared
 
 
 def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:
@@ -79,11 +69,11 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     if source.unfit is not None:
         return None
     prepared = richer_part(prepare(source, None, None, split))
-    search = Search(prepared.record, prepared.seen, prepared.facts, lambda text: None)
+    search = Search(prepared.record, prepared.facts, lambda text: None)
     fit = prepared.base
     for name in effect_ids:
         fit = search.told(fit, name)
-    figure: float | None = performance(prepared, fit).figures["free_run_rms_rpm"]
+    figure: float | None = performance(prepared, prepared.on_part(fit)).figures["free_run_rms_rpm"]
     return figure
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal, largest_torque, of_coulomb
+from rw_ekf.effects.measures import dry_scale, lacks_reversal, largest_torque, of_coulomb
 from rw_ekf.model.effect import Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 from rw_ekf.numbers import plus_minus
+
+_SMALLEST_SHARE = 0.003  # of dry friction
 
 
 class OffsetTorque(StaticEffect):
@@ -24,8 +26,8 @@ class OffsetTorque(StaticEffect):
 
     @staticmethod
     def smallest(facts: RecordFacts) -> float:
-        """Half a percent of Coulomb friction."""
-        return STEADY_SHARE * dry_scale(facts)
+        """0.3 % of Coulomb friction: it acts all the time, and no other effect adds up as fast."""
+        return _SMALLEST_SHARE * dry_scale(facts)
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:

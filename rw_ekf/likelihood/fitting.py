@@ -17,7 +17,7 @@ from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
-from rw_ekf.model.effect import Term, size_of
+from rw_ekf.model.effect import RecordFacts, Term, size_of
 from rw_ekf.wheel.table import ABSENT
 
 _FIT_TURNS = 8
@@ -27,6 +27,7 @@ _NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that m
 _LEAST_DAMPING = 0.02
 _STANDSTILL_TURNS = 10
 _COMPARABLE = 6.0  # log-likelihood: along different trajectories values differ by that for no reason
+ROOM_SIGMAS = 2.0  # by which an effect may be larger than it was found
 _SMALL_STEP = 0.05  # standard deviations
 
 
@@ -71,13 +72,13 @@ class Fit:
         """The same part fitted without one effect."""
         return self.refitted(self.model.without(effect_id))
 
-    def widened(self, record: Record, seen: Trajectory) -> Fit:
-        """The same model fitted to a record of which this is a part; elsewhere it starts along `seen`."""
-        follows = self.linearised.record.follows
-        trajectory = Trajectory.of_speed(
-            np.where(follows, self.trajectory.speed, seen.speed), np.where(follows, self.trajectory.spread, seen.spread)
-        )
-        return fit_model(record, self.model, self.prior, trajectory, self.noise, self.omit)
+    def on_part(self, record: Record) -> Fit:
+        """The same model fitted to a part of the record alone; the places of events stay."""
+        model = self.model
+        for name in model.effects.ids:
+            if any(term.effect.local_in_time for term in model.of(name)):
+                model = model.settled(name)
+        return fit_model(record, model, self.prior, self.trajectory, self.noise, self.omit)
 
     def terms_of(self, effect_id: str) -> list[FittedTerm]:
         """The terms of one effect, in the order of use."""
@@ -93,10 +94,25 @@ class Fit:
 
     def knows(self, effect_id: str, sigmas: float) -> bool:
         """Whether an effect's size is known to so many sigma: a fit that ran away claims a gain, but no size."""
+        size, std = self._size(effect_id)
+        return std > 0.0 and size > sigmas * std
+
+    def may_matter(self, effect_id: str, facts: RecordFacts) -> bool:
+        """Whether an effect in the model is large enough to matter in practice, or not known to be smaller."""
+        terms = self.model.of(effect_id)
+        if not terms or not terms[0].effect.linear:
+            return self.model.matters(effect_id, facts)
+        size, std = self._size(effect_id)
+        room = 1.0 + ROOM_SIGMAS * std / max(size, 1.0e-300)
+        return terms[0].effect.matters(
+            [replace(term, values=tuple(room * value for value in term.values)) for term in terms], facts
+        )
+
+    def _size(self, effect_id: str) -> tuple[float, float]:
+        """Size of an effect, all its terms taken together, and the standard deviation of a coefficient."""
         terms = self.terms_of(effect_id)
         variances = [float(v) for item in terms for v in np.maximum(np.diag(item.covariance), 0.0)]
-        size = size_of([item.term for item in terms])
-        return bool(variances) and size > sigmas * math.sqrt(math.fsum(variances) / len(variances))
+        return size_of([item.term for item in terms]), math.sqrt(math.fsum(variances) / max(len(variances), 1))
 
 
 def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noise: Noise) -> Trajectory:

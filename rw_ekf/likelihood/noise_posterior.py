@@ -67,7 +67,7 @@ def noise_posterior(fit: Fit) -> NoisePosterior:
     within = float(weights @ (variances - sigma**2) ** 2)  # of R between the ratios; within each, R's own chi-square
     own = 2.0 * sigma**4 / max(points[0].count, 1)
     limit = float(np.interp(0.95, np.cumsum(weights), deviation))
-    without = _marginal(at_ratio(linearised, known, noise.variance, LEAST_RATIO))
+    without = at_ratio(linearised, known, noise.variance, LEAST_RATIO).restricted
     return NoisePosterior(
         correction=mean,
         covariance=covariance,
@@ -77,19 +77,14 @@ def noise_posterior(fit: Fit) -> NoisePosterior:
         acceleration_noise_std=math.sqrt(max(float(weights @ deviation**2) - centre**2, 0.0)),
         acceleration_noise_limit=limit,
         acceleration_noise_quantiles=np.interp(_MIDDLES, np.cumsum(weights) - 0.5 * weights, deviation),
-        acceleration_noise_seen=max(_marginal(item) for item in points) - without > _SEEN,
+        acceleration_noise_seen=max(item.restricted for item in points) - without > _SEEN,
         log_evidence=float(logs.max()) + math.log(total * _STEP),
     )
 
 
-def _marginal(item: Likelihood) -> float:
-    """Log-likelihood of a ratio with the vector and R integrated out: (n - p) log R in place of n log R."""
-    return item.restricted + 0.5 * item.correction.size * math.log(item.noise.variance)
-
-
 def _density(item: Likelihood) -> float:
     """Log of the density of log ratio: its likelihood, and the prior flat in sqrt(q)."""
-    return _marginal(item) + 0.5 * math.log(item.noise.ratio)
+    return item.restricted + 0.5 * math.log(item.noise.ratio)
 
 
 def _grid(linearised: Linearisation, known: Rows | None, noise: Noise) -> list[Likelihood]:

@@ -17,6 +17,7 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
 from rw_ekf.model.state import COULOMB, SPEED, STATE_SIZE
@@ -146,6 +147,7 @@ class Record:
     constants: FilterConstants  # of the filter that runs over it
     log_of: Int64Array  # (n,) which of the logs in one diagnosis a sample belongs to, rising from 0
     work: Work = field(default_factory=unlimited)  # what the diagnosis has cost so far: one count for all its records
+    torque_noise: TorqueNoisePrior | None = None  # None: any amount is as likely as none
 
     @classmethod
     def of(
@@ -155,6 +157,7 @@ class Record:
         constants: FilterConstants,
         work: Work | None = None,
         log_of: Int64Array | None = None,
+        torque_noise: TorqueNoisePrior | None = None,
     ) -> Record:
         """Mark what belongs to `part` (n,); log_of (n,): see there; all one log by default."""
         dt = np.diff(course.time_s, prepend=np.nan)
@@ -162,7 +165,7 @@ class Record:
         follows = same & (dt > 0.0) & (dt <= constants.max_gap_s) & part & np.roll(part, 1)
         follows[:1] = False
         logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
-        return cls(course, follows, constants, logs, unlimited() if work is None else work)
+        return cls(course, follows, constants, logs, unlimited() if work is None else work, torque_noise)
 
 
 def state_vector(parameters: Float64Array, effects: EffectSet) -> Float64Array:

@@ -85,11 +85,13 @@ def structure(fit: Fit) -> Structure:
         beside = beside[:, keep] @ combine
         triangle = np.asarray(np.linalg.qr(np.column_stack((beside, left)), mode="r"))
         value = _value(float(left @ left), r.size, logs)
-        merit = value - sizes
+        merit = value - sizes + 0.5 * own.shape[1] * math.log(max(float(left @ left), 1.0e-12) / r.size)
         if merit > best_without:
             best_without, without_value = merit, value
-        value = _value(float(triangle[freedom, freedom]) ** 2, r.size, logs)
-        merit = value - sizes - float(np.sum(np.log(np.abs(np.diag(triangle)[:freedom]))))
+        rss = float(triangle[freedom, freedom]) ** 2
+        value = _value(rss, r.size, logs)
+        merit = value - sizes + 0.5 * (own.shape[1] + freedom) * math.log(max(rss, 1.0e-12) / r.size)
+        merit -= float(np.sum(np.log(np.abs(np.diag(triangle)[:freedom]))))
         if merit > best_with:
             best_with, with_value = merit, value
         if ratio == LEAST_RATIO:

@@ -20,9 +20,7 @@ MOST_SECONDS = 45.0
 # Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
 # with fewer rivals compared is a verdict, one that was never judged on the held-out part is none.
 SEARCH = 0.5
-OTHER_PART = 0.5
 RIVALS = 0.65
-WIDEN = 0.75
 WANDER = 0.85
 FITS = 1.0
 

@@ -53,7 +53,7 @@ def _lattice(found: Found) -> Lattice | None:
     prepared, fit = found.prepared, found.fit
     if GRID.id in prepared.base.model.effects.ids:
         return None
-    performed = performance(prepared, fit)
+    performed = performance(prepared, prepared.on_part(fit))
     innovation = performed.trace.one_step_error_rad_s
     speed = prepared.course.speed_rad_s
     lattice = find_lattice(
@@ -71,9 +71,9 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     prepared, selection = found.prepared, found.selection
     work, kept, course = prepared.record.work, prepared.kept, prepared.record.course
     inertia = prepared.setup.inertia_kg_m2 if configuration is None else configuration.wheel.inertia_kg_m2
-    before = performance(prepared, selection.base, inertia)
+    before = performance(prepared, prepared.on_part(selection.base), inertia)
     names, unexplained = found.new_ids, found.is_unexplained
-    after = performance(prepared, selection.final, inertia) if names else before
+    after = performance(prepared, prepared.on_part(selection.final), inertia) if names else before
     quantised = lattice is not None and not unexplained
     split = prepared.split.document()
     heldout_s = sum(end - begin for begin, end in split["heldout_s"])
@@ -228,13 +228,14 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     Of one effect that was added alone it is what the figures before and after say.
     """
     if CATALOGUE[name].local_in_time:
-        gain = event_gain(found.fit, name, found.prepared.seen)
+        gain = event_gain(found.fit, name)
         return None if gain is None else gain.percent
     errors = [performed.figures.get("free_run_rms_rpm") for performed in (before, after)]
     if found.new_ids == [name] and errors[0] and errors[1] is not None:
         return float(100.0 * (1.0 - errors[1] / errors[0]))
     final = found.selection.final
-    return gain_over(found.prepared, final.without(name), final)
+    less, more = (found.prepared.on_part(fit) for fit in (final.without(name), final))
+    return gain_over(found.prepared, less, more)
 
 
 def _described(fit: Fit, name: str) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from rw_ekf.wheel.model_file import refusal_of
 
 NONE = "none"  # the id of an explanation without any effect beyond the base
 _HARDLY_MISSED = 40.0  # statistic of an effect that was named, below which the model without it is weighed too
-_WORTH_WEIGHING = 4.0  # the same of one that was not named
+_ROOM = 1.0  # by which the evidence of an effect that was only scored may be wrong
 _MOST_WEIGHED = 5
 LEAST_POSTERIOR = 0.005  # an explanation below it does not stand
 _KNOWN = 30.0  # sigmas: a size known better meets one density only
@@ -94,9 +94,8 @@ def explanation_entries(found: Found, explanations: list[Explanation]) -> list[d
 def _in_place(found: Found) -> list[Fit]:
     """For each effect named its rivals, fitted to the whole record; anything, or nothing, for one hardly missed."""
     prepared, selection, fits = found.prepared, found.selection, []
-    record, seen = prepared.record, prepared.seen
     for name in found.new_ids:
-        fits += [fit.widened(record, seen) for fit in selection.rivals.get(name, ()) if record.work.has(work.FITS)]
+        fits += [rival.fit for rival in selection.rivals.get(name, ())]
         if selection.trials[name].statistic < _HARDLY_MISSED:
             less = found.fit.without(name)
             fits += [less, *_beside(less, prepared.facts, name)]
@@ -110,9 +109,10 @@ def _beside(whole: Fit, facts: RecordFacts, chosen: str | None = None) -> list[F
         record.work.leave_out("some explanations beside the one named")
         return []
     scores = Scorer(whole).best_of_each(facts, [effect for effect in _open(whole, facts) if effect.id != chosen])
-    worth = [score for score in scores.values() if score.statistic > _WORTH_WEIGHING]
+    least = math.log(LEAST_POSTERIOR * max(len(testable(facts)), 1)) - _ROOM
+    worth = [score for score in scores.values() if score.evidence > least]
     fits = []
-    for score in sorted(worth, key=lambda score: -score.statistic)[:_MOST_WEIGHED]:
+    for score in sorted(worth, key=lambda score: -score.evidence)[:_MOST_WEIGHED]:
         tried = [whole.refitted(whole.model.with_terms(term)) for term in score.starts]
         fit = max(tried, key=lambda item: item.likelihood.value)
         if fit.model.possible(score.effect.id, facts):
@@ -166,13 +166,12 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
 def _integrated(linearised: Linearisation, fit: Fit) -> tuple[float, Float64Array, Float64Array]:
     """Log of the likelihood with vector, R and the ratio of noises integrated out; mean and covariance of the vector.
 
-    The ratio is anywhere between its bounds, evenly in its logarithm; coefficients have a flat prior here.
+    The torque noise has its prior, flat in sqrt(q) but for what is known of it; coefficients have a flat one here.
     """
     known = None if fit.prior is None else prior_rows(fit.prior, linearised.model)
     ratios = np.exp(np.arange(math.log(LEAST_RATIO), math.log(MOST_RATIO), _RATIO_STEP))
     points = [at_ratio(linearised, known, fit.noise.variance, float(ratio)) for ratio in ratios]
-    size, scale = linearised.model.vector.size, fit.noise.variance
-    logs = np.array([item.restricted + 0.5 * size * math.log(item.noise.variance / scale) for item in points])
+    logs = np.array([item.restricted + 0.5 * math.log(item.noise.ratio * item.noise.variance) for item in points])
     weights = np.exp(logs - logs.max())
     total = float(logs.max()) + math.log(float(weights.sum()) * _RATIO_STEP)
     weights /= weights.sum()

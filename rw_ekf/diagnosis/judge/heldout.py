@@ -1,4 +1,4 @@
-"""How well a model predicts what it was not fitted to, parameters frozen, and which effects that confirms.
+"""How well a model predicts what it was not fitted to, parameters frozen, and which effects do not stand that.
 
 The figures are those of docs/contract.md#diagnosis.
 """
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
+from rw_ekf.diagnosis.judge.cross_fit import cross_fitted_gain
 from rw_ekf.diagnosis.judge.event import event_gain
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
@@ -45,12 +46,12 @@ class Performance:
 
 
 def performance(prepared: Prepared, fit: Fit, inertia_kg_m2: float | None = None) -> Performance:
-    """Run a fit's model, frozen, over the record; figures from the held-out samples, cut where blocks change."""
+    """Run the model of a fit of the other part, frozen, over the record; figures from the held-out samples alone."""
     record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
     course = record.course.only(~prepared.base.omit)
     run = run_frozen(course, model, noise, record.constants)
     free = _free_run(record, model, run.states, split.block)
-    observed = _observed_acceleration(record, model, noise, prepared.base.omit, prepared.seen)
+    observed = _observed_acceleration(record, model, noise, prepared.base.omit, prepared.base.trajectory)
     errors = {seconds: _horizon(record, model, run.states, split.heldout, seconds) for seconds in (1.0, 20.0)}
     heldout = split.heldout
     figures = {
@@ -166,7 +167,6 @@ def _scaled(value: float, factor: float) -> float | None:
 
 Figures = dict[str, Any]
 
-_WORST_GAIN_PERCENT = -2.0  # an effect that matters does not make the free run worse; a small one may not better it
 _VETOED = (
     ("one_step_rms_rpm", "one-step error"),
     ("horizon_1s_rms_rpm", "error 1 s ahead"),
@@ -181,34 +181,44 @@ _LEAST_EVENT = 4.0  # of twice the log-likelihood on the seconds left out of an 
 
 
 def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
-    """Drop what worsens the held-out part, by its likelihood or by its free run; an event is not judged there."""
+    """Drop effects on which the two parts do not agree: neither is predicted better by what the other says.
+
+    An event in time is in one of them only, and is not asked for there.
+    """
     for name in names:
         if CATALOGUE[name].local_in_time:
             continue
-        less = selection.final.without(name)
-        with_it = heldout_likelihood(prepared.heldout, selection.final, prepared.seen)
-        likelier = with_it > heldout_likelihood(prepared.heldout, less, prepared.seen)
-        gain = gain_over(prepared, less, selection.final)
-        if not likelier or (gain is not None and gain < _WORST_GAIN_PERCENT):
-            selection.trials[name].decision = f"{NOT_CONFIRMED} on the held-out part"
-            selection.final = less
+        if cross_fitted_gain(selection.final, name, prepared.split.fit) <= 0.0:
+            selection.trials[name].decision = f"{NOT_CONFIRMED}: the two parts of the record do not agree on it"
+            selection.final = selection.final.without(name)
+
+
+def confirmed_between(prepared: Prepared, less: Fit, more: Fit) -> bool:
+    """Whether what holds between the blocks that a model was fitted to is likelier with it: for a curve of time."""
+    with_it, without = (
+        heldout_likelihood(prepared.heldout, prepared.on_part(fit), prepared.base.trajectory) for fit in (more, less)
+    )
+    return with_it > without
 
 
 def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
     """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first."""
+    after: Figures | None = None
     for name in reversed(names):
         less = selection.final.without(name)
-        before, after = performance(prepared, less).figures, performance(prepared, selection.final).figures
+        before = performance(prepared, prepared.on_part(less)).figures
+        if after is None:
+            after = performance(prepared, prepared.on_part(selection.final)).figures
         free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
         gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
         worse = worsened(before, after, *(_WORST if gained else _WORSE))
         if worse is None and CATALOGUE[name].local_in_time:
-            gain = event_gain(selection.final.widened(prepared.record, prepared.seen), name, prepared.seen)
+            gain = event_gain(selection.final, name)
             if gain is not None and gain.statistic < _LEAST_EVENT:
                 worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
         if worse is not None:
             selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"
-            selection.final = less
+            selection.final, after = less, before
 
 
 def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:
@@ -224,7 +234,10 @@ def worsened(before: Figures, after: Figures, share: float, nis: float) -> str |
 
 
 def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
-    """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller."""
+    """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller.
+
+    Of models fitted to the other part.
+    """
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
     key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
     if not before[key] or after[key] is None:

@@ -1,4 +1,4 @@
-"""Investigate a record: search a part, then the whole, confirm on what was held out, map what is left."""
+"""Investigate a record: search it, confirm what its two parts agree on, map what is left."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.heldout import confirm, veto
+from rw_ekf.diagnosis.judge.heldout import confirm, confirmed_between, veto
 from rw_ekf.diagnosis.judge.residual import Dependence, Lattice, residual_map
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE, weigh_rivals
-from rw_ekf.diagnosis.search.selection import LOCAL_P, WHOLE_P, Search, Selection
+from rw_ekf.diagnosis.search.selection import LOCAL_P, Search, Selection
 from rw_ekf.diagnosis.search.wander import wandering
-from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_CONFIRMED, TOO_SMALL
+from rw_ekf.diagnosis.standing import IMPOSSIBLE, TOO_SMALL
 from rw_ekf.effects.catalogue import GRID, WANDERING
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
@@ -30,7 +30,6 @@ Advance = Callable[[str], object]
 
 MAP_P = 3.0e-4  # structure left in the residual's map
 _GOES_WITH_TIME = ("time", "temperature")
-_LEAST_SIGMAS_OF_PART = 1.0  # what the whole record found, one part must know at least so well
 
 
 @dataclass(frozen=True)
@@ -48,13 +47,13 @@ class Found:
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
-    """Search the fit part, then the whole record for what one part shows too little of; keep what is confirmed.
+    """Search the record; keep what both its parts agree on; map what is left.
 
     What goes with time waits where time goes with speed or temperature. If the laws of those then leave structure, the
     search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
     because there a curve of time would take the place of whatever law of speed is missing.
     """
-    search = Search(prepared.record, prepared.seen, prepared.facts, advance)
+    search = Search(prepared.record, prepared.facts, advance)
     found = _investigated(prepared, search, advance)
     again = found.is_unexplained and search.set_aside and prepared.record.work.has(work.RIVALS)
     if again and not one_and_the_same(found.fit, "time", "speed"):
@@ -70,10 +69,6 @@ def _investigated(prepared: Prepared, search: Search, advance: Advance) -> Found
     if selection.new_ids:
         weigh_rivals(search, selection)
         confirm(prepared, selection, selection.new_ids)
-    if prepared.record.work.has(work.WIDEN):
-        _widen(prepared, search, selection, advance)
-    else:
-        prepared.record.work.leave_out("the search of the whole record for what a part shows too little of")
     _drop_trifles(prepared, selection)
     veto(prepared, selection, selection.new_ids)
     advance("mapping the residual")
@@ -88,9 +83,9 @@ def _investigated(prepared: Prepared, search: Search, advance: Advance) -> Found
 
 
 def _drop_trifles(prepared: Prepared, selection: Selection) -> None:
-    """Drop what the searched part has next to nothing of, or impossibly much, once all else is in the model."""
+    """Drop what the record has next to nothing of, or impossibly much, once all else is in the model."""
     for name in selection.new_ids:
-        if not selection.final.model.matters(name, prepared.facts):
+        if not selection.final.may_matter(name, prepared.facts):
             selection.trials[name].decision = TOO_SMALL
             selection.final = selection.final.without(name)
         elif not selection.final.model.possible(name, prepared.facts):
@@ -100,11 +95,11 @@ def _drop_trifles(prepared: Prepared, selection: Selection) -> None:
 
 def _mapped(prepared: Prepared, selection: Selection) -> Found:
     """The selection on the whole record; structure that its effects leave by nature is no reason to doubt them."""
-    whole, terms = selection.final.widened(prepared.record, prepared.seen), selection.final.model.terms
+    whole, terms = selection.final, selection.final.model.terms
     dependences = residual_map(whole, prepared.facts)
     left = [item for item in dependences if item.p_value < MAP_P]
     excused = {name for term in terms for name in term.effect.may_leave(term.shape, prepared.facts)}
-    share = 1.0 if excused.issuperset(item.name for item in left) else _share(prepared, selection, whole, left)
+    share = 1.0 if excused.issuperset(item.name for item in left) else _share(selection, left)
     return Found(
         prepared=prepared,
         selection=selection,
@@ -117,10 +112,9 @@ def _mapped(prepared: Prepared, selection: Selection) -> Found:
     )
 
 
-def _share(prepared: Prepared, selection: Selection, whole: Fit, left: list[Dependence]) -> float:
+def _share(selection: Selection, left: list[Dependence]) -> float:
     """Of all the structure there was, what the effects explain; of what is left only what exceeds chance counts."""
-    base = selection.base.widened(prepared.record, prepared.seen)
-    explained = 2.0 * (whole.likelihood.value - base.likelihood.value)
+    explained = 2.0 * (selection.final.likelihood.value - selection.base.likelihood.value)
     most = max(item.statistic - item.freedom for item in left)
     return explained / (explained + most) if explained > 0.0 else 0.0
 
@@ -136,54 +130,22 @@ def _with_wandering_friction(found: Found, search: Search) -> Found:
     tried = wandering(prepared, selection.final)
     if tried is None:
         return found
-    if tried.trial.p_value >= LOCAL_P or not tried.fit.model.matters(WANDERING.id, prepared.facts):
+    if tried.trial.p_value >= LOCAL_P or not tried.fit.may_matter(WANDERING.id, prepared.facts):
         return found
     if not tried.fit.model.possible(WANDERING.id, prepared.facts):
         return found
     trials = {**selection.trials, WANDERING.id: tried.trial}
     changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
     changed.final = search.pruned(changed.final, changed)
-    confirm(prepared, changed, [WANDERING.id])
     if WANDERING.id not in changed.final.model.effects.ids:
+        return found
+    if not confirmed_between(prepared, changed.final.without(WANDERING.id), changed.final):
         return found
     changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
     other = _mapped(prepared, changed)
     worst = max((item.statistic for item in found.left), default=0.0)
     better = all(item.name in _GOES_WITH_TIME and item.statistic < 0.5 * worst for item in other.left)
     return other if better else found
-
-
-def _widen(prepared: Prepared, search: Search, selection: Selection, advance: Advance) -> None:
-    """Look at the whole record for more, at a stricter level; coefficients are the fit part's all the same.
-
-    The held-out part then has a share in finding an effect, but none in its size, and must still be predicted better.
-    """
-    advance("searching the whole record")
-    everywhere = Search(prepared.record, prepared.seen, prepared.facts, advance, WHOLE_P, work.WIDEN)
-    everywhere.stationary_first = search.stationary_first
-    wide = everywhere.run(selection.final.widened(prepared.record, prepared.seen))
-    names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
-    if not names:
-        return
-    weigh_rivals(everywhere, wide)
-    names = [name for name in wide.final.model.effects.ids if name not in selection.final.model.effects.ids]
-    fit = selection.final
-    for name in [name for name in fit.model.effects.ids if name not in wide.final.model.effects.ids]:
-        fit = fit.without(name)
-        if name in selection.trials:  # else the model given had it
-            selection.trials[name].decision = tuple(names)
-    for name in names:
-        told = search.told(fit, name)
-        selection.trials[name] = wide.trials[name]
-        if told.knows(name, _LEAST_SIGMAS_OF_PART):
-            fit = told
-        else:
-            selection.trials[name].decision = f"{NOT_CONFIRMED}: the searched part knows no size of it"
-    before = set(fit.model.effects.ids)
-    selection.final = fit
-    confirm(prepared, selection, [name for name in names if name in before])
-    selection.rivals |= {name: fits for name, fits in wide.rivals.items() if name in selection.final.model.effects.ids}
-    selection.whole_record = [name for name in names if name in selection.final.model.effects.ids]
 
 
 def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:

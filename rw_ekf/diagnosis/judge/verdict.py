@@ -72,11 +72,8 @@ def verdict_on(
     groups = _grouped(found.selection, names)
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
     where = ""
-    on_whole = [name for name in found.selection.whole_record if name in names]
-    if on_whole:
-        where = f" ({', '.join(on_whole)} sought on the whole record)"
     if any(CATALOGUE[name].local_in_time for name in names):
-        where += " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
+        where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
     better = _improvement(before.figures, after.figures, heldout_s, wheel_units=found.prepared.in_rpm)
     text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
     if groups:
@@ -121,8 +118,8 @@ def _grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:
     for name in chosen:
         rivals = []
         told = {other for group in groups for other in group} & selection.constructed.get(name, set())
-        for fit in selection.rivals.get(name, []):
-            rivals += [other for other in fit.model.effects.ids if other not in chosen and other not in told]
+        for rival in selection.rivals.get(name, []):
+            rivals += [rival.name] if rival.name not in chosen and rival.name not in told else []
         if rivals:
             groups.append([name, *dict.fromkeys(rivals)][:_GROUP])
     return groups

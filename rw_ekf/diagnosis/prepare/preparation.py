@@ -1,9 +1,9 @@
-"""A log made ready for diagnosis: conditions, split, the base model fitted to the part that is searched."""
+"""A log made ready for diagnosis: conditions, split, the base model fitted to all of it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +17,9 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Trajectory
+from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
@@ -50,30 +51,30 @@ class Prepared:
     setup: FilterSetup
     split: Split
     facts: RecordFacts
-    fit_part: Record
     record: Record  # all of it
-    heldout: Record
-    base: Fit
-    seen: Trajectory  # the whole record's speed, smoothed under the base model
+    fit_part: Record  # what the figures' parameters are fitted to
+    heldout: Record  # what the figures are of
+    base: Fit  # of the whole record
     angle_is_logged: bool
     temperature_is_logged: bool
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
     in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
+    _on_part: dict[int, tuple[Fit, Fit]] = field(default_factory=dict)  # fits of the record, and of the part, by id
 
-    def swapped(self) -> Prepared:
-        """The same with the parts' roles exchanged: what was held out is searched."""
-        split = replace(self.split, fit=self.split.heldout, heldout=self.split.fit)
-        noise = self.setup.constants.speed_noise_rad_s
-        trajectories = _trajectories(self.course, split, self.base.model.parameters, self.setup)
-        base = robust_fit(self.heldout, self.base.model, self.setup.prior, noise, trajectories)
-        before = self.facts
-        facts = facts_of(self.course, base, split.fit, before.channels, before.timing_doubt_s, before.log_starts_s)
-        return replace(self, split=split, fit_part=self.heldout, heldout=self.fit_part, base=base, facts=facts)
+    def exchanged(self) -> Prepared:
+        """The same with the roles of the two parts exchanged."""
+        return replace(self, split=self.split.exchanged(), fit_part=self.heldout, heldout=self.fit_part, _on_part={})
+
+    def on_part(self, fit: Fit) -> Fit:
+        """A model of the whole record fitted to the part that the held-out figures take their numbers from."""
+        if id(fit) not in self._on_part:
+            self._on_part[id(fit)] = fit, fit.on_part(self.fit_part)
+        return self._on_part[id(fit)][1]
 
 
 def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
-    """Fit the base model to the part that is searched. The source must not be `unfit`.
+    """Fit the base model to the whole record. The source must not be `unfit`.
 
     Raises BadInputError for a model with which the filter runs away.
     """
@@ -102,28 +103,29 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     everything = np.ones(course.samples, dtype=bool)
     by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
     work = Work()
-    record = Record.of(course, everything, setup.constants, work, log_of)
-    seen = robust_fit(record, start, setup.prior, noise, [read_trajectory(course, noise), by_filter]).trajectory
+    torque_noise = _torque_noise(setup, configuration, model)
+    record = Record.of(course, everything, setup.constants, work, log_of, torque_noise)
+    base = robust_fit(record, start, setup.prior, noise, [read_trajectory(course, noise), by_filter])
     if not turned:
-        course = course._replace(angle_rad=integrated_angle(course, seen.speed))
+        course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
+        record = replace(record, course=course)
+        base = replace(base, linearised=replace(base.linearised, record=record))
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
-    fit_part, record, heldout = (
-        Record.of(course, mask, setup.constants, work, log_of) for mask in (split.fit, everything, split.heldout)
-    )
-    base = robust_fit(fit_part, start, setup.prior, noise, _trajectories(course, split, start.parameters, setup))
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
-    facts = facts_of(course, base, split.fit, channels, source.timing_doubt_s, starts)
+    facts = facts_of(course, base, everything, channels, source.timing_doubt_s, starts)
+    fit_part, heldout = (
+        Record.of(course, mask, setup.constants, work, log_of, torque_noise) for mask in (split.fit, split.heldout)
+    )
     return Prepared(
         source=source,
         course=course,
         setup=setup,
         split=split,
         facts=facts,
-        fit_part=fit_part,
         record=record,
+        fit_part=fit_part,
         heldout=heldout,
         base=base,
-        seen=seen,
         angle_is_logged=turned,
         temperature_is_logged=warm,
         kept=kept,
@@ -168,6 +170,17 @@ def _set_up(
     return course, setup, noise, notes
 
 
+def _torque_noise(
+    setup: FilterSetup, configuration: Configuration | None, model: WheelModel | None
+) -> TorqueNoisePrior | None:
+    """What is known beforehand: from other logs of the wheel, else what wheels have; nothing of any other machine."""
+    if model is not None and model.acceleration_noise is not None:
+        return TorqueNoisePrior.of_healthy(model.acceleration_noise)
+    if configuration is not None:
+        return TorqueNoisePrior.of_healthy(setup.constants.acceleration_noise)
+    return None if setup.inertia_kg_m2 is None else TorqueNoisePrior()
+
+
 def _aged(model: WheelModel) -> Belief:
     """Prior from a model of another log: three times as wide as it says, and as much wider as a wheel may have aged.
 
@@ -184,14 +197,6 @@ def _aged(model: WheelModel) -> Belief:
     return aged
 
 
-def _trajectories(course: Course, split: Split, parameters: FrictionParameters, setup: FilterSetup) -> list[Trajectory]:
-    """Where a fit of the part that is searched may start; nothing of the held-out part is looked at."""
-    noise = setup.constants.speed_noise_rad_s
-    blind = course._replace(speed_rad_s=np.where(split.fit, course.speed_rad_s, np.nan))
-    bare = model_of_setup(setup, parameters).base
-    return [read_trajectory(blind, noise), smoothed_by_filter(course, split.fit, bare, setup.constants, noise)]
-
-
 def facts_of(
     course: Course,
     base: Fit,
@@ -200,7 +205,7 @@ def facts_of(
     timing_doubt_s: float = 0.0,
     log_starts_s: tuple[float, ...] = (),
 ) -> RecordFacts:
-    """What the catalogue asks of the part (n,) that is searched and its base model; channels: those logged."""
+    """What the catalogue asks of a part (n,) of a record and its base model; channels: those logged."""
     model, speed_noise_rad_s = base.model, math.sqrt(base.noise.variance)
     speed = course.speed_rad_s[part]
     speed = speed[np.isfinite(speed)]

@@ -39,6 +39,10 @@ class Split:
         kept = self.looked_at
         return Split(self.kind, self.fit[kept], self.heldout[kept], self.block[kept], self.time_s[kept])
 
+    def exchanged(self) -> Split:
+        """The same with the parts' roles exchanged."""
+        return Split(self.kind, self.heldout, self.fit, self.block, self.time_s)
+
     def document(self) -> dict[str, Any]:
         """The `split` object of the diagnosis document, in the log's own time."""
         return {"kind": self.kind, "fit_s": self._spans(self.fit), "heldout_s": self._spans(self.heldout)}

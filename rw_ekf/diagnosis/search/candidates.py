@@ -28,8 +28,9 @@ from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 from rw_ekf.model.effect_kinds import StaticEffect
 from rw_ekf.wheel.table import EffectSet
 
-SIGNIFICANT_P = 5.0e-4  # of one effect on the part that is searched; the held-out part must confirm it
+SIGNIFICANT_P = 1.0e-4  # of one effect, wherever it was sought; both parts of the record must agree on it
 INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
+_USUAL_SIZE = 10.0  # of the smallest that matters: as large as effects of wheels are, to an order of magnitude
 _CHUNK = 128
 _SCREENED = 24
 _NEIGHBOURS = 41
@@ -65,6 +66,7 @@ class Score:
     candidate: Candidate
     statistic: float
     p_value: float
+    evidence: float  # log-likelihood gained, averaged over all its places and over the sizes that it may have
     size: float  # the coefficient in its unit; the amplitude of sine and cosine
     std: float
     starts: tuple[Term, ...]  # where fits of the effect begin
@@ -79,7 +81,14 @@ class Hypothesis:
     regressors: Float64Array
     unit: float
 
-    def scored(self, statistic: float, coefficients: Float64Array, std: Float64Array, facts: RecordFacts) -> Score:
+    def evidence(self, statistic: float, std: Float64Array, facts: RecordFacts) -> float:
+        """Log of the likelihood gained here, averaged over the sizes that the effect may have; std (1 or 2,)."""
+        width = _USUAL_SIZE * self.effect.smallest(facts) / self.unit
+        return 0.5 * statistic / INFLATION - 0.5 * float(np.sum(np.log1p((width / std) ** 2)))
+
+    def scored(
+        self, statistic: float, evidence: float, coefficients: Float64Array, std: Float64Array, facts: RecordFacts
+    ) -> Score:
         """What a regression on the regressors gave: coefficients and standard deviations (1 or 2,)."""
         found = tuple(float(value) * self.unit for value in coefficients)
         if self.effect.linear:
@@ -91,6 +100,7 @@ class Hypothesis:
             candidate=self.candidate,
             statistic=statistic,
             p_value=p_value(self.effect, statistic, facts),
+            evidence=evidence,
             size=float(np.linalg.norm(coefficients)) * self.unit,
             std=float(np.linalg.norm(std)) * self.unit,
             starts=tuple(starts),

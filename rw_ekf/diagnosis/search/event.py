@@ -8,7 +8,6 @@ from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
 _ZOOMS = 8
@@ -29,20 +28,17 @@ def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> Score:
     return best if best is not None else score
 
 
-def with_other_laws(
-    fit: Fit, name: str, record: Record, seen: Trajectory, facts: RecordFacts
-) -> tuple[Fit, dict[str, float]]:
+def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> tuple[Fit, dict[str, float]]:
     """An event and the law beside it shape each other where time goes with speed: the likeliest pair of them.
 
     Only alternatives that a law itself names as such are tried in its place, each with the event sought anew. Returned
     with the standard deviations of the event's shape constants.
     """
-    whole = fit.widened(record, seen)
-    if not may_confound(whole, "time", "speed"):
+    if not may_confound(fit, "time", "speed"):
         return fit, {}
     tried = []
     for model in [fit.model, *_others(fit.model, facts)]:
-        less = whole.refitted(model.without(name))
+        less = fit.refitted(model.without(name))
         score = event_scores(less, [CATALOGUE[name]], facts).get(name)
         if score is not None:
             tried.append(less.refitted(less.model.with_terms(zoomed(less, score, facts).starts[0])))

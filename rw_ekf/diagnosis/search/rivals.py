@@ -1,25 +1,25 @@
-"""Explanations that fit nearly as well as the one chosen: found, compared, and settled on the whole record."""
+"""Explanations that fit nearly as well as the one chosen: found and compared."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Search, Selection
+from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Rival, Search, Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Candidate, Effect, Term
 
-INDISTINGUISHABLE = 9.0  # two explanations whose log-likelihoods differ by less than half of this: three sigma
+INDISTINGUISHABLE = 4.5  # two explanations whose evidences differ by less: three sigma
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
-_TIE = (
-    0.1  # of the log-likelihood: two that are nearer are one model under two names, and the catalogue's first is said
-)
-_RIVAL_MARGIN = 16.0  # of twice the log-likelihood on the part: nearer ones are compared on the whole record
+_TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
 def weigh_rivals(search: Search, selection: Selection) -> None:
-    """Find explanations that fit nearly as well as those chosen, and let the whole record decide where it can."""
+    """Find explanations that fit as well as those chosen, or nearly; the likelier ones stand."""
     _find_rivals(search, selection)
     _settle_rivals(search, selection)
 
@@ -33,15 +33,16 @@ def _find_rivals(search: Search, selection: Selection) -> None:
         near = _near(search, selection, name)
         if not near:
             continue
-        if not search.work.has(max(work.RIVALS, search.share)):
+        if not search.work.has(work.RIVALS):
             search.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
             continue
         search.advance(f"comparing rivals of {name}")
         less = final.without(name)
-        scores = Scorer(less).best_of_each(search.facts, near)
+        scores = Scorer(less).best_of_each(search.facts, [CATALOGUE[name], *near])
+        mine = _evidence(scores.get(name), less, final)
         value = final.model.of(name)[0].values[0]
         for effect in near:
-            if not search.work.has(max(work.RIVALS, search.share)):
+            if not search.work.has(work.RIVALS):
                 search.work.leave_out(f"rivals of {name} ({effect.id})")
                 continue
             score = scores.get(effect.id)
@@ -56,8 +57,15 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             constructed = _same_by_construction(search, less, final, rival, name, effect)
             if constructed:
                 selection.constructed.setdefault(name, set()).add(effect.id)
-            if constructed or 2.0 * (final.likelihood.value - rival.likelihood.value) < _RIVAL_MARGIN:
-                selection.rivals.setdefault(name, []).append(rival)
+            evidence = _evidence(score if score is not None else scores.get(name), less, rival)
+            if constructed or mine - evidence < INDISTINGUISHABLE:
+                selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
+
+
+def _evidence(score: Score | None, less: Fit, fit: Fit) -> float:
+    """Evidence of an effect that was fitted in full beside `less`: that of its score, its likelihood the fit's."""
+    gain = fit.likelihood.value - less.likelihood.value
+    return gain / INFLATION if score is None else score.evidence + (gain - 0.5 * score.statistic) / INFLATION
 
 
 def _same_by_construction(search: Search, less: Fit, final: Fit, rival: Fit, name: str, other: type[Effect]) -> bool:
@@ -68,13 +76,13 @@ def _same_by_construction(search: Search, less: Fit, final: Fit, rival: Fit, nam
     gained = final.likelihood.value - less.likelihood.value
     if rival.likelihood.value - less.likelihood.value < EXPLAINED_SHARE * gained:
         return False
-    return not says_more(less, search.facts, CATALOGUE[name], its, search.enough)
+    return not says_more(less, search.facts, CATALOGUE[name], its, SIGNIFICANT_P)
 
 
 def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]:
     """Effects worth comparing with one that was chosen: known aliases, and those that scored half as much."""
     least = ALIAS_SHARE * selection.trials[name].statistic
-    strong = sorted(selection.trials.values(), key=lambda trial: -trial.statistic)
+    strong = sorted(selection.trials.values(), key=lambda trial: -trial.evidence)
     names = [trial.effect.id for trial in strong if trial.statistic > least][:MOST_TRIED]
     names += [other for other in CATALOGUE[name].confounded if not CATALOGUE[other].linear]
     present = set(selection.final.model.effects.ids)
@@ -90,36 +98,35 @@ def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]
 
 
 def _settle_rivals(search: Search, selection: Selection) -> None:
-    """Between explanations that the searched part cannot tell apart, the whole record decides where it can.
+    """Between explanations that fit nearly alike what holds at any time goes before what this record's clock tells.
 
-    Where it cannot either, what holds at any time goes before what is tied to this record's clock.
+    Among several of those the one of most evidence stands.
     """
     order = [*CATALOGUE]
     for name, fits in list(selection.rivals.items()):
-        tried = [(selection.final.widened(search.record, search.seen).likelihood.value, name, selection.final)]
-        for fit in fits:
-            other = next(item for item in fit.model.effects.ids if item not in selection.final.model.effects.ids)
-            tried.append((fit.widened(search.record, search.seen).likelihood.value, other, fit))
-        top = max(value for value, _, _ in tried)
+        tried = [Rival(name, selection.final, 0.0), *fits]
+        top = max(item.evidence for item in tried)
         same = selection.constructed.get(name, set())
         near = [
             item
             for item in tried
-            if 2.0 * (top - item[0]) < INDISTINGUISHABLE or item[1] in same or (same and item[1] == name)
+            if top - item.evidence < INDISTINGUISHABLE or item.name in same or (same and item.name == name)
         ]
-        _, winner, best = max(
-            near,
-            key=lambda item: (
-                item[1] not in same,
-                not CATALOGUE[item[1]].of_one_record,
-                min(item[0], top - _TIE),
-                -order.index(item[1]),
-            ),
+        best = max(
+            near, key=lambda item: (item.name not in same, not CATALOGUE[item.name].of_one_record, item.evidence)
         )
+        twins = [
+            item
+            for item in near
+            if abs(item.fit.likelihood.value - best.fit.likelihood.value) < _TIE
+            and CATALOGUE[item.name].of_one_record == CATALOGUE[best.name].of_one_record
+            and (item.name in same) == (best.name in same)
+        ]
+        best = min(twins, key=lambda item: order.index(item.name))
         selection.rivals.pop(name)
-        if best is not selection.final:
-            selection.trials[name].decision = (winner,)
-            selection.final = best
-        others = [fit for _, other, fit in near if other != winner]
+        if best.name != name:
+            selection.trials[name].decision = (best.name,)
+            selection.final = best.fit
+        others = [replace(item, evidence=item.evidence - best.evidence) for item in near if item.name != best.name]
         if others:
-            selection.rivals[winner] = others
+            selection.rivals[best.name] = sorted(others, key=lambda item: -item.evidence)

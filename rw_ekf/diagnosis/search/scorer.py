@@ -7,7 +7,7 @@ in the model, at each of a few ratios of noises.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, analytic, hypo
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
-from rw_ekf.likelihood.profile import LEAST_RATIO
+from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.profile import LEAST_RATIO, torque_noise_term
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts
 from rw_ekf.model.effect_kinds import StaticEffect
 
@@ -65,13 +66,23 @@ class Scorer:
             self.rss.append(float(left @ left))
             self.logs.append(logs)
         self.count = self.residuals[0].size
-        own = max(range(len(self.ratios)), key=lambda i: self._value(i, 0.0) - self.restrictions[i])
+        own = max(range(len(self.ratios)), key=lambda i: self._restricted(i, 0.0, 0, 0.0))
         self.own = own
         self.without = self._value(own, 0.0)
 
     def _value(self, i: int, gain: float) -> float:
-        left = max(self.rss[i] - gain, 1.0e-9)
-        return -0.5 * (self.count * math.log(left / self.count) + self.logs[i])
+        left = max(self.rss[i] - gain, 1.0e-9) / self.count
+        known = torque_noise_term(self.linearised, left * self.variance, self.ratios[i])
+        return -0.5 * (self.count * math.log(left) + self.logs[i]) + known
+
+    def _restricted(self, i: int, gain: float, added: int, information: float) -> float:
+        """Restricted log-likelihood (eq. 6a) of the model and `added` regressors.
+
+        information: half the log-determinant of theirs, beside the model's own.
+        """
+        left = max(self.rss[i] - gain, 1.0e-9) / self.count
+        free = int(self.bases[i].shape[1]) + added
+        return float(self._value(i, gain) + 0.5 * free * math.log(left) - self.restrictions[i] - information)
 
     def _gains(self, group: list[Hypothesis]) -> list[_Gain]:
         """What hypotheses that came in one chunk would add; those that the model follows already are left out."""
@@ -95,7 +106,7 @@ class Scorer:
                     continue
                 gain = float(products[part] @ solution)
                 value = self._value(i, gain)
-                merit = value - self.restrictions[i] - 0.5 * float(np.linalg.slogdet(gram)[1])
+                merit = self._restricted(i, gain, len(gram), 0.5 * float(np.linalg.slogdet(gram)[1]))
                 before = best[g]
                 if before is None or merit > before[0]:
                     scale = max(self.rss[i] - gain, 1.0e-9) / self.count
@@ -112,8 +123,9 @@ class Scorer:
         for i in range(len(self.ratios)):
             G = self._beside_own(i, regressors)
             U, sizes, _ = np.linalg.svd(G, full_matrices=False)
-            value = self._value(i, float(np.sum((U.T @ self.residuals[i]) ** 2)))
-            merit = value - self.restrictions[i] - float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
+            gain = float(np.sum((U.T @ self.residuals[i]) ** 2))
+            value = self._value(i, gain)
+            merit = self._restricted(i, gain, sizes.size, float(np.sum(np.log(np.maximum(sizes, 1.0e-300)))))
             if merit > best_merit:
                 best_merit, statistic = merit, 2.0 * (value - self.without)
         return statistic, regressors.shape[1]
@@ -133,25 +145,33 @@ class Scorer:
         return np.ascontiguousarray(scaled @ Vt[sizes > _GROUP_RANK].T)
 
     def best_of_each(self, facts: RecordFacts, effects: list[type[Effect]]) -> dict[str, Score]:
-        """The best place of each effect, by id."""
-        places = []
+        """The best place of each effect, by id; its evidence is averaged over all of them."""
+        places, among = [], {}
         for effect in effects:
             found = effect.candidates(facts) if effect.in_state else []
+            among[effect.id] = len(found)
             places += [(effect, c) for c in (self._screened(found) if effect.clocked else found)]
-        return self.best_at(facts, places)
+        return self._best(facts, places, among)
 
     def best_at(self, facts: RecordFacts, places: list[tuple[type[Effect], Candidate]]) -> dict[str, Score]:
         """The best of the places given for each effect, by id."""
-        best: dict[str, _Gain] = {}
+        return self._best(facts, places, {})
+
+    def _best(
+        self, facts: RecordFacts, places: list[tuple[type[Effect], Candidate]], among: dict[str, int]
+    ) -> dict[str, Score]:
+        """among: how many places of each effect there are, of which those left out are worth nothing; else those."""
+        found: dict[str, list[_Gain]] = {}
         for group in hypotheses(self.linearised, places):
             for gain in self._gains(group):
-                name = gain.hypothesis.effect.id
-                if name not in best or gain.statistic > best[name].statistic:
-                    best[name] = gain
-        return {
-            name: gain.hypothesis.scored(gain.statistic, gain.coefficients, gain.std, facts)
-            for name, gain in best.items()
-        }
+                found.setdefault(gain.hypothesis.effect.id, []).append(gain)
+        scores = {}
+        for name, gains in found.items():
+            evidences = np.array([gain.hypothesis.evidence(gain.statistic, gain.std, facts) for gain in gains])
+            evidence = float(np.logaddexp.reduce(evidences)) - math.log(among.get(name, len(gains)))
+            best = max(gains, key=lambda gain: gain.statistic)
+            scores[name] = best.hypothesis.scored(best.statistic, evidence, best.coefficients, best.std, facts)
+        return scores
 
     def _screened(self, candidates: list[Candidate]) -> list[Candidate]:
         """The frequencies worth a score, by what is left at the model's own ratio's neighbours."""
@@ -198,7 +218,7 @@ def _parameter_rows(fit: Fit, count: int) -> Float64Array:
     return rows
 
 
-def information(fit: Fit, variance: float, facts: RecordFacts) -> dict[str, float]:
+def information(fit: Fit, part: Record, facts: RecordFacts) -> dict[str, float]:
     """How much a part of a record can say of each simple linear effect: its squared length beside the model's own.
 
     No residual enters: this is about excitation alone.
@@ -214,9 +234,11 @@ def information(fit: Fit, variance: float, facts: RecordFacts) -> dict[str, floa
     ]
     if not places:
         return {}
-    linearised = fit.linearised
+    chain = fit.linearised.chain._replace(follows=part.follows)
+    linearised = replace(fit.linearised, record=part, chain=chain)
     group = analytic(linearised, places)
     regressors = np.concatenate([h.regressors for h in group], axis=1)
+    variance = fit.noise.variance
     _, A, _ = linearised.whitened(LEAST_RATIO, variance, regressors)
     _, own, _ = linearised.whitened(LEAST_RATIO, variance, linearised.jacobian, linearised.memory_jacobian)
     Q = _basis(own, fit)

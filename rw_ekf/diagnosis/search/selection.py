@@ -10,20 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, Score, p_value
+from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value
 from rw_ekf.diagnosis.search.confounding import deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import with_other_laws, zoomed
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
-from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Trajectory
+from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
-WHOLE_P = 1.0e-5  # at which an effect enters on the whole record, where nothing independent is left to confirm it
 LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
 _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
@@ -40,6 +39,7 @@ class Trial:
     effect: type[Effect]
     statistic: float  # in the turn that decided about it
     p_value: float
+    evidence: float  # see Score
     size: float  # coefficient, or amplitude of sine and cosine
     std: float
     terms: tuple[Term, ...] = ()
@@ -49,7 +49,18 @@ class Trial:
     @classmethod
     def of(cls, score: Score) -> Trial:
         """A candidate that was only scored."""
-        return cls(score.effect, score.statistic, score.p_value, score.size, score.std, score.starts[:1])
+        return cls(
+            score.effect, score.statistic, score.p_value, score.evidence, score.size, score.std, score.starts[:1]
+        )
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect in the place of one that was chosen."""
+
+    name: str
+    fit: Fit
+    evidence: float  # beyond that of the one chosen
 
 
 @dataclass
@@ -59,8 +70,7 @@ class Selection:
     base: Fit
     final: Fit
     trials: dict[str, Trial] = field(default_factory=dict)
-    rivals: dict[str, list[Fit]] = field(default_factory=dict)  # chosen id -> fits with another in its place
-    whole_record: list[str] = field(default_factory=list)  # ids sought there, held-out part included
+    rivals: dict[str, list[Rival]] = field(default_factory=dict)  # by the id that was chosen
     constructed: dict[str, set[str]] = field(default_factory=dict)  # chosen id -> rivals no likelihood decides about
 
     @property
@@ -71,26 +81,16 @@ class Selection:
 
 
 class Search:
-    """Finds the effects that a part of a record asks for."""
+    """Finds the effects that a record asks for."""
 
     def __init__(
         self,
         record: Record,
-        seen: Trajectory,
         facts: RecordFacts,
         advance: Callable[[str], object],
-        enough: float = SIGNIFICANT_P,
-        share: float = work.SEARCH,
     ) -> None:
-        """seen: the whole record's speed, smoothed under the base model; enough: p-value at which an effect enters.
-
-        share: of the diagnosis's work that may be spent before the search ends where it stands.
-        """
+        """All of the record is searched."""
         self.work = record.work
-        self.share = share
-        self.record = record
-        self.seen = seen
-        self.enough = enough
         self.facts = facts
         self.advance = advance
         self.stationary_first = True  # what goes with time waits where time goes with speed or temperature
@@ -102,10 +102,9 @@ class Search:
         selection = Selection(base, base)
         current = base
         for turn in range(_MOST_TURNS):
-            if turn > 0 and not self.work.has(self.share):
-                where = "the whole record" if base.linearised.record is self.record else "the part that is searched"
+            if turn > 0 and not self.work.has(work.SEARCH):
                 said = ", ".join(current.model.effects.ids) or "the model"
-                self.work.leave_out(f"the search of {where} for more than {said}")
+                self.work.leave_out(f"the search for more than {said}")
                 break
             self.advance("searching the catalogue")
             contenders = self._contenders(current, selection)
@@ -114,7 +113,7 @@ class Search:
                 break
             fit, trial = added
             if trial.effect.local_in_time:
-                fit, shape_std = with_other_laws(fit, trial.effect.id, self.record, self.seen, self.facts)
+                fit, shape_std = with_other_laws(fit, trial.effect.id, self.facts)
                 trial.shape_std |= shape_std
             current = self.pruned(fit, selection)
             if _inventory(current.model) == _inventory(selection.final.model):
@@ -134,20 +133,18 @@ class Search:
         ]
 
     def _contenders(self, current: Fit, selection: Selection) -> list[Score]:
-        """Scores that are significant and large enough, strongest first; all others are noted as not significant."""
+        """Scores that are significant and large enough, the most evident first; others are noted as not significant."""
         effects = self._open(current.model)
         anywhere = [effect for effect in effects if not effect.local_in_time]
         scores = Scorer(current).best_of_each(self.facts, anywhere)
         local = [effect for effect in effects if effect.local_in_time]
-        whole = current.widened(self.record, self.seen) if local else current
         # Where time goes with speed an event waits for what holds at any time.
         laws = any(self._significant(s) and quantity_of(s.effect) != "time" for s in scores.values())
-        if local and not (laws and may_confound(whole, "time", "speed")):
-            here = event_scores(whole, local, self.facts)
+        if local and not (laws and may_confound(current, "time", "speed")):
+            here = event_scores(current, local, self.facts)
             if any(self._significant(score) for score in here.values()):
-                # Whatever else would explain the whole record better than an event in it goes first.
-                everywhere = Scorer(whole).best_of_each(self.facts, anywhere)
-                best = max((s.statistic for s in everywhere.values()), default=0.0)
+                # Whatever else would explain the record better than an event in it goes first.
+                best = max((s.statistic for s in scores.values()), default=0.0)
                 here = {name: s for name, s in here.items() if s.statistic > best}
                 if here:
                     scores = {name: s for name, s in scores.items() if not self._significant(s)}
@@ -156,21 +153,25 @@ class Search:
             if name not in selection.trials or selection.trials[name].statistic < score.statistic:
                 selection.trials[name] = Trial.of(score)
         strong = [score for score in scores.values() if self._significant(score)]
-        for name, other in deferred(current, strong, self.facts, self.enough).items() if self.stationary_first else ():
+        for name, other in (
+            deferred(current, strong, self.facts, SIGNIFICANT_P).items() if self.stationary_first else ()
+        ):
             selection.trials[name].decision = f"nothing beside a smooth effect of the {other}"
             self.set_aside = True
             strong = [score for score in strong if score.effect.id != name]
-        return sorted(strong, key=lambda score: -score.statistic)
+        return sorted(strong, key=lambda score: -score.evidence)
 
     def _enough_for(self, effect: type[Effect]) -> float:
         """The p-value at which an effect may enter."""
-        return min(LOCAL_P, self.enough) if effect.local_in_time else self.enough
+        return LOCAL_P if effect.local_in_time else SIGNIFICANT_P
 
     def _significant(self, score: Score) -> bool:
         """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
         effect = score.effect
         enough = self._enough_for(effect) if effect.linear else _WORTH_A_FIT_P
-        return score.p_value < enough and (not effect.linear or score.size >= effect.smallest(self.facts))
+        return score.p_value < enough and (
+            not effect.linear or score.size + ROOM_SIGMAS * score.std >= effect.smallest(self.facts)
+        )
 
     def _best_fit(self, current: Fit, contenders: list[Score], selection: Selection) -> tuple[Fit, Trial] | None:
         """Fit the strongest few in full, each from its own start; the best that stands enters."""
@@ -178,18 +179,17 @@ class Search:
         local = contenders[0].effect.local_in_time
         for score in contenders[:MOST_TRIED]:
             effect, name = score.effect, score.effect.id
-            if best is not None and not self.work.has(self.share):
+            if best is not None and not self.work.has(work.SEARCH):
                 self.work.leave_out(f"a full fit of {name}")
                 continue
             if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
                 continue
             self.advance(f"fitting {name}")
-            start = current.widened(self.record, self.seen) if local else current
-            place = zoomed(start, score, self.facts) if local else score
-            fits = [start.refitted(start.model.with_terms(term)) for term in place.starts]
+            place = zoomed(current, score, self.facts) if local else score
+            fits = [current.refitted(current.model.with_terms(term)) for term in place.starts]
             fit = max(fits, key=lambda item: item.likelihood.value)
-            if effect.linear and fit.likelihood.value - start.likelihood.value <= _KEPT_SHARE * 0.5 * place.statistic:
-                fit = likelier_along_filter(fit, start, start.model.with_terms(place.starts[0]))
+            if effect.linear and fit.likelihood.value - current.likelihood.value <= _KEPT_SHARE * 0.5 * place.statistic:
+                fit = likelier_along_filter(fit, current, current.model.with_terms(place.starts[0]))
             shape_std = {}
             if local:
                 shape_std = fit.terms_of(name)[0].shape_std
@@ -198,30 +198,29 @@ class Search:
             else:
                 statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
             p = p_value(effect, statistic, self.facts)
-            trial = replace(Trial.of(score), statistic=statistic, p_value=p, shape_std=shape_std)
+            evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
+            trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence, shape_std=shape_std)
             selection.trials[name] = trial
             if not local and trial.p_value >= self._enough_for(effect):
                 continue
-            if not (fit.model.matters(name, self.facts) and fit.knows(name, _LEAST_SIGMAS)):
+            if not (fit.may_matter(name, self.facts) and fit.knows(name, _LEAST_SIGMAS)):
                 trial.decision = TOO_SMALL
                 continue
             if not fit.model.possible(name, self.facts):
                 trial.decision = IMPOSSIBLE
                 continue
-            if best is None or statistic > best[1].statistic:
+            if best is None or evidence > best[1].evidence:
                 best = fit, trial
         return best
 
     def told(self, fit: Fit, name: str) -> Fit:
-        """The same part fitted with an effect that is known to be there; unchanged where the log cannot show it."""
+        """The record fitted with an effect that is known to be there; unchanged where the log cannot show it."""
         effect = CATALOGUE[name]
-        start = fit.widened(self.record, self.seen) if effect.local_in_time else fit
-        score = Scorer(start).best_of_each(self.facts, [effect]).get(name)
+        score = Scorer(fit).best_of_each(self.facts, [effect]).get(name)
         if score is None:
             return fit
-        fits = [start.refitted(start.model.with_terms(term)) for term in score.starts]
-        best = max(fits, key=lambda item: item.likelihood.value)
-        return fit.refitted(best.model.settled(name)) if effect.local_in_time else best
+        fits = [fit.refitted(fit.model.with_terms(term)) for term in score.starts]
+        return max(fits, key=lambda item: item.likelihood.value)
 
     def pruned(self, fit: Fit, selection: Selection) -> Fit:
         """Leave out, one by one, what is no longer missed or no longer matters."""
@@ -237,7 +236,7 @@ class Search:
                 break
             statistic, name, less = min(losses, key=lambda item: item[0])
             missed = p_value(CATALOGUE[name], statistic, self.facts) < self._enough_for(CATALOGUE[name])
-            if missed and fit.model.matters(name, self.facts):
+            if missed and fit.may_matter(name, self.facts):
                 break
             if name in selection.trials:  # else the model given had it
                 selection.trials[name].decision = less.model.effects.ids

@@ -6,6 +6,7 @@ effect with as many degrees of freedom (docs/diagnosis.md, "Friction that wander
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -63,5 +64,13 @@ def wandering(prepared: Prepared, final: Fit) -> Wander | None:
     most, at = max(
         ((term, at) for term, at in fit.model.placed if term.id == WANDERING.id), key=lambda item: item[0].size
     )
-    trial = Trial(WANDERING, statistic, p, most.size, float(fit.std[at][0]), tuple(fit.model.of(WANDERING.id)))
+    trial = Trial(
+        WANDERING,
+        statistic,
+        p,
+        0.5 * (statistic - len(terms) * math.log(final.likelihood.count)),
+        most.size,
+        float(fit.std[at][0]),
+        tuple(fit.model.of(WANDERING.id)),
+    )
     return Wander(fit, trial)
