@@ -40,3 +40,10 @@ def number_of(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) if math.isfinite(value) else None
+
+
+def chance_text(probability: float) -> str:
+    """A probability in percent, without digits that nobody knows: "93 %", "> 99 %"."""
+    if probability > 0.99:
+        return "> 99 %"
+    return "< 1 %" if probability < 0.01 else f"{100.0 * probability:.0f} %"

@@ -11,9 +11,10 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.judge.event import event_gain
-from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving
+from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, weighed_explanations
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
+from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, residual_tests
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
@@ -77,7 +78,10 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     quantised = lattice is not None and not unexplained
     split = prepared.split.document()
     heldout_s = sum(end - begin for begin, end in split["heldout_s"])
-    verdict = verdict_on(found, lattice if quantised else None, before, after, heldout_s)
+    advance("weighing explanations")
+    weighed = weighed_explanations(found)
+    posterior = posterior_of(found, weighed, lattice if quantised else None)
+    verdict = verdict_on(found, lattice if quantised else None, posterior, before, after, heldout_s)
     chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
     for name in names:
         trial = selection.trials[name]
@@ -89,8 +93,6 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         model = None
     if chosen and quantised and not names:
         after = before
-    advance("weighing explanations")
-    explanations = explanation_entries(found, surviving(found))
     document = {
         "schema": SCHEMA,
         **prepared.source.document(),
@@ -104,7 +106,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             "after": _base_parameters(selection.final) if chosen else None,
         },
         "model": MODEL_FILE if model is not None else None,
-        "explanations": explanations,
+        "explanations": explanation_entries(found, surviving(found, weighed)),
         "ended": ended(course, found.fit.trajectory.speed, with_temperature=prepared.temperature_is_logged),
         "map": [
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}

@@ -15,7 +15,6 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.investigation import Found, model_of_fit
-from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation
@@ -49,11 +48,14 @@ class Explanation:
         return "+".join(self.effects) or NONE
 
 
-def surviving(found: Found) -> list[Explanation]:
+def surviving(found: Found, weighed: list[Explanation]) -> list[Explanation]:
     """Explanations that are not excluded, the most probable first; none of a record that nothing explains."""
-    if found.is_unexplained:
-        return []
-    fits = [found.fit, *(_in_place(found) if found.new_ids else _beside(found.fit, found.prepared.facts))]
+    return [] if found.is_unexplained else [item for item in weighed if item.posterior >= LEAST_POSTERIOR]
+
+
+def weighed_explanations(found: Found) -> list[Explanation]:
+    """The final model and all that were weighed against it, the most probable first."""
+    fits = [found.fit, *(_in_place(found) if found.new_ids else _beside(found, found.fit))]
     before = set(found.selection.base.model.effects.ids)
     weighed: dict[tuple[str, ...], Explanation] = {}
     for fit in fits:
@@ -62,7 +64,7 @@ def surviving(found: Found) -> list[Explanation]:
         key = tuple(sorted(effects))
         if key not in weighed or weighed[key].log_evidence < item.log_evidence:
             weighed[key] = item
-    return [item for item in with_posteriors(list(weighed.values())) if item.posterior >= LEAST_POSTERIOR]
+    return with_posteriors(list(weighed.values()))
 
 
 def with_posteriors(weighed: list[Explanation]) -> list[Explanation]:
@@ -93,22 +95,23 @@ def explanation_entries(found: Found, explanations: list[Explanation]) -> list[d
 
 def _in_place(found: Found) -> list[Fit]:
     """For each effect named its rivals, fitted to the whole record; anything, or nothing, for one hardly missed."""
-    prepared, selection, fits = found.prepared, found.selection, []
+    selection, fits = found.selection, []
     for name in found.new_ids:
         fits += [rival.fit for rival in selection.rivals.get(name, ())]
         if selection.trials[name].statistic < _HARDLY_MISSED:
-            less = found.fit.without(name)
-            fits += [less, *_beside(less, prepared.facts, name)]
+            less = selection.without(name)
+            fits += [less, *_beside(found, less, name)]
     return fits
 
 
-def _beside(whole: Fit, facts: RecordFacts, chosen: str | None = None) -> list[Fit]:
-    """The whole record's model with each further effect that its data do not exclude, those of most gain."""
-    record = whole.linearised.record
+def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
+    """A model with each further effect that its data do not exclude, those of most evidence."""
+    record, facts = whole.linearised.record, found.prepared.facts
     if not record.work.has(work.FITS):
         record.work.leave_out("some explanations beside the one named")
         return []
-    scores = Scorer(whole).best_of_each(facts, [effect for effect in _open(whole, facts) if effect.id != chosen])
+    others = [effect for effect in _open(whole, facts) if effect.id != chosen]
+    scores = found.selection.scores_beside(whole, others, facts)
     least = math.log(LEAST_POSTERIOR * max(len(testable(facts)), 1)) - _ROOM
     worth = [score for score in scores.values() if score.evidence > least]
     fits = []

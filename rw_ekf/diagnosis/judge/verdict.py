@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts
-from rw_ekf.numbers import number_text
+from rw_ekf.numbers import chance_text, number_text
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 _FIGURES = (
@@ -25,6 +25,7 @@ _FIGURES = (
 )
 _TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
 _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
+_LEAST_TOLD = 0.01  # probability of another effect that is named beside one
 _GROUP = 3  # at most so many are named together
 
 
@@ -35,11 +36,17 @@ class Verdict:
     kind: str
     effects: list[str] = field(default_factory=list)
     indistinguishable: list[list[str]] = field(default_factory=list)
+    posterior: dict[str, float] = field(default_factory=dict)  # by id, and of `none` and `something_else`
     statement: str = ""
 
 
 def verdict_on(
-    found: Found, lattice: Lattice | None, before: Performance, after: Performance, heldout_s: float
+    found: Found,
+    lattice: Lattice | None,
+    posterior: dict[str, float],
+    before: Performance,
+    after: Performance,
+    heldout_s: float,
 ) -> Verdict:
     """What is said of a record, from what was found in it; lattice: None where it is not named.
 
@@ -51,6 +58,7 @@ def verdict_on(
         partly = f"; {', '.join(names)} would explain {100.0 * found.share:.0f} % of it" if names else ""
         return Verdict(
             "unexplained",
+            posterior=posterior,
             statement=(
                 f"The residual is not noise: it depends on {along} (p = {left[0].p_value:.0e}) in a way that no effect "
                 f"of the catalogue explains{partly}; see the map of the residual for its shape."
@@ -63,13 +71,14 @@ def verdict_on(
             note = f" (of the model given, {', '.join(sorted(set(given) - set(kept)))} is not missed)"
         return Verdict(
             "adequate",
+            posterior=posterior,
             statement=f"The model explains this log: what is left is noise of {_noise_text(found)}{note}.",
         )
     said = [_sentence(found.selection.final, name, facts) for name in names]
     if lattice is not None:
         names = [*names, GRID.id]
         said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
-    groups = _grouped(found.selection, names)
+    groups = _grouped(found.selection, names, posterior)
     tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
     where = ""
     if any(CATALOGUE[name].local_in_time for name in names):
@@ -77,14 +86,14 @@ def verdict_on(
     better = _improvement(before.figures, after.figures, heldout_s, wheel_units=found.prepared.in_rpm)
     text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
     if groups:
-        text += f" {_separation(groups[0], found.selection)}."
+        text += f" {_separation(groups[0], posterior, found.selection)}."
     elif any(_goes_with_time(name) for name in names):
         for other in _CONFUSED_WITH_TIME:
             if one_and_the_same(found.fit, "time", other):
                 way = separates(other)
                 text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
                 break
-    return Verdict("effect", names, groups, text)
+    return Verdict("effect", names, groups, posterior, text)
 
 
 def _goes_with_time(name: str) -> bool:
@@ -112,20 +121,23 @@ def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
 
 
-def _grouped(selection: Selection, chosen: list[str]) -> list[list[str]]:
+def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float]) -> list[list[str]]:
     """Each effect with those that the data cannot tell from it."""
     groups: list[list[str]] = []
     for name in chosen:
         rivals = []
         told = {other for group in groups for other in group} & selection.constructed.get(name, set())
         for rival in selection.rivals.get(name, []):
-            rivals += [rival.name] if rival.name not in chosen and rival.name not in told else []
+            probable = posterior.get(rival.name, 0.0) >= _LEAST_TOLD or rival.name in selection.constructed.get(
+                name, set()
+            )
+            rivals += [rival.name] if probable and rival.name not in chosen and rival.name not in told else []
         if rivals:
             groups.append([name, *dict.fromkeys(rivals)][:_GROUP])
     return groups
 
 
-def _separation(group: list[str], selection: Selection) -> str:
+def _separation(group: list[str], posterior: dict[str, float], selection: Selection) -> str:
     """What would tell the members of a group apart."""
     first, *others = group
     same = selection.constructed.get(first, set())
@@ -137,7 +149,8 @@ def _separation(group: list[str], selection: Selection) -> str:
         or CATALOGUE[other].excitation
         for other in others
     )
-    return f"{' or '.join(group)} fit alike; what separates them: {'; '.join(ways)}"
+    chances = ", ".join(f"{name} {chance_text(posterior.get(name, 0.0))}" for name in group)
+    return f"How probable each is: {chances}; what separates them: {'; '.join(ways)}"
 
 
 def _improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
-from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Rival, Search, Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
@@ -15,6 +15,7 @@ from rw_ekf.model.effect import Candidate, Effect, Term
 
 INDISTINGUISHABLE = 4.5  # two explanations whose evidences differ by less: three sigma
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
+_ROOM = 1.5  # by which the evidence of a linear effect that was only scored may be wrong
 _TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
@@ -37,11 +38,11 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             search.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
             continue
         search.advance(f"comparing rivals of {name}")
-        less = final.without(name)
-        scores = Scorer(less).best_of_each(search.facts, [CATALOGUE[name], *near])
+        less = selection.without(name)
+        scores = selection.scores_beside(less, [CATALOGUE[name], *near], search.facts)
         mine = _evidence(scores.get(name), less, final)
         value = final.model.of(name)[0].values[0]
-        for effect in near:
+        for effect in _worth_a_fit(near, scores, mine):
             if not search.work.has(work.RIVALS):
                 search.work.leave_out(f"rivals of {name} ({effect.id})")
                 continue
@@ -60,6 +61,16 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             evidence = _evidence(score if score is not None else scores.get(name), less, rival)
             if constructed or mine - evidence < INDISTINGUISHABLE:
                 selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
+
+
+def _worth_a_fit(near: list[type[Effect]], scores: dict[str, Score], mine: float) -> list[type[Effect]]:
+    """Those whose score may reach what was chosen, the most evident first; what is not linear scores by a secant."""
+    within = INDISTINGUISHABLE + _ROOM
+    linear = [e for e in near if e.linear and e.id in scores and scores[e.id].evidence > mine - within]
+    linear.sort(key=lambda effect: -scores[effect.id].evidence)
+    bent = [effect for effect in near if not effect.linear]
+    bent.sort(key=lambda effect: -scores[effect.id].evidence if effect.id in scores else math.inf)
+    return [*linear[:MOST_TRIED], *bent]
 
 
 def _evidence(score: Score | None, less: Fit, fit: Fit) -> float:
@@ -83,7 +94,8 @@ def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]
     """Effects worth comparing with one that was chosen: known aliases, and those that scored half as much."""
     least = ALIAS_SHARE * selection.trials[name].statistic
     strong = sorted(selection.trials.values(), key=lambda trial: -trial.evidence)
-    names = [trial.effect.id for trial in strong if trial.statistic > least][:MOST_TRIED]
+    names = [trial.effect.id for trial in strong if trial.statistic > least and trial.effect.linear]
+    names += [trial.effect.id for trial in strong if trial.statistic > least and not trial.effect.linear][:MOST_TRIED]
     names += [other for other in CATALOGUE[name].confounded if not CATALOGUE[other].linear]
     present = set(selection.final.model.effects.ids)
     memory = any(term.effect.flow_kind for term in selection.final.model.terms if term.id != name)

@@ -72,6 +72,20 @@ class Selection:
     trials: dict[str, Trial] = field(default_factory=dict)
     rivals: dict[str, list[Rival]] = field(default_factory=dict)  # by the id that was chosen
     constructed: dict[str, set[str]] = field(default_factory=dict)  # chosen id -> rivals no likelihood decides about
+    searched: list[tuple[Fit, dict[str, Score]]] = field(default_factory=list)  # beside each model of the search
+
+    def without(self, name: str) -> Fit:
+        """The final model without an effect; the search may have fitted that already."""
+        ids = [item for item in self.final.model.effects.ids if item != name]
+        known = (fit for fit, _ in self.searched if list(fit.model.effects.ids) == ids)
+        return next(known, None) or self.final.without(name)
+
+    def scores_beside(self, fit: Fit, effects: list[type[Effect]], facts: RecordFacts) -> dict[str, Score]:
+        """Scores of effects beside a model, taken from the search where it made them."""
+        for known, scores in self.searched:
+            if known is fit and not any(effect.local_in_time for effect in effects):
+                return {effect.id: scores[effect.id] for effect in effects if effect.id in scores}
+        return Scorer(fit).best_of_each(facts, effects)
 
     @property
     def new_ids(self) -> list[str]:
@@ -137,6 +151,7 @@ class Search:
         effects = self._open(current.model)
         anywhere = [effect for effect in effects if not effect.local_in_time]
         scores = Scorer(current).best_of_each(self.facts, anywhere)
+        everything = dict(scores)
         local = [effect for effect in effects if effect.local_in_time]
         # Where time goes with speed an event waits for what holds at any time.
         laws = any(self._significant(s) and quantity_of(s.effect) != "time" for s in scores.values())
@@ -149,6 +164,7 @@ class Search:
                 if here:
                     scores = {name: s for name, s in scores.items() if not self._significant(s)}
             scores |= here
+        selection.searched.append((current, everything))
         for name, score in scores.items():
             if name not in selection.trials or selection.trials[name].statistic < score.statistic:
                 selection.trials[name] = Trial.of(score)
