@@ -37,6 +37,7 @@ _MOST_BINS, _FEWEST_BINS = 28, 10
 _INDEPENDENT_IN_BIN = 30.0
 _MOST_POINTS = 3000
 _STRUCTURE_WINDOW_S = 20.0
+_TICKS, _TICKS_IN_TIME = 5, 9  # the panel of time is twice as wide
 _LOW_SPEED_RAD_S = 40.0 * RAD_S_PER_RPM  # of a wheel
 _LOW_STRIBECK_SPEEDS = 12.0
 _FEW_HELDOUT = 200  # below so many held-out samples the whole record is shown
@@ -222,9 +223,12 @@ def _draw(axis: Any, panel: Panel, one: Series, found: BinnedMeans, sign: Float6
 
 def _dress(axis: Any, panel: Panel, row: list[BinnedMeans], units: Units, extent: float, *, marked: bool) -> None:
     """Title with the size of the structure in the means, to a hundredth of the scale; bold where it is marked."""
+    from matplotlib.ticker import MaxNLocator
+
     plain(axis)
     axis.axhline(0.0, color=GREY, lw=0.8, zorder=1)
     axis.set_xlim(panel.low, panel.high)
+    axis.xaxis.set_major_locator(MaxNLocator(_TICKS_IN_TIME if panel.in_time else _TICKS))
     axis.set_xlabel(panel.label, fontsize=9)
     axis.set_title(panel.title, fontsize=10, loc="left", color=INK, weight="bold" if marked else "normal")
     places = int(np.clip(2 - np.floor(np.log10(extent)), 0, 9))
