@@ -114,20 +114,24 @@ def check_split(split: dict[str, Any]) -> None:
 
 def check_verdict(verdict: dict[str, Any]) -> None:
     """`verdict`: a kind, effects of the catalogue if and only if it is "effect", one sentence or more."""
-    assert set(verdict) == {"kind", "effects", "indistinguishable", "statement"}
+    assert set(verdict) == {"kind", "effects", "indistinguishable", "posterior", "statement"}
     assert verdict["kind"] in VERDICTS
     assert bool(verdict["effects"]) == (verdict["kind"] == "effect")
     assert set(verdict["effects"]) <= set(CATALOGUE)
     for group in verdict["indistinguishable"]:
         assert 2 <= len(group) <= 3
         assert set(group) <= set(CATALOGUE)
+    assert set(verdict["posterior"]) <= {*CATALOGUE, "none", "something_else"}
+    assert all(is_number(chance) and 0.0 <= chance <= 1.0 for chance in verdict["posterior"].values())
+    assert set(verdict["effects"]) <= set(verdict["posterior"])
     assert verdict["statement"].endswith(".")
     assert "\n" not in verdict["statement"]
 
 
 def check_candidate(candidate: dict[str, Any]) -> None:
     """One element of `candidates`; numbers or null, nothing else."""
-    assert {"effect", "parameters", "statistic", "p_value", "heldout_gain_percent", "decision"} <= set(candidate)
+    keys = {"effect", "parameters", "statistic", "p_value", "posterior", "heldout_gain_percent", "decision"}
+    assert keys <= set(candidate)
     for parameter in candidate["parameters"].values():
         assert set(parameter) == {"value", "std", "unit"}
         assert is_number(parameter["value"]) or isinstance(parameter["value"], str)

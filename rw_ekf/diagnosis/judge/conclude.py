@@ -175,7 +175,7 @@ def candidate_entries(
         trial = selection.trials.get(name)
         entry: dict[str, Any] = {
             "effect": name, "parameters": {}, "statistic": None, "p_value": None,
-            "heldout_gain_percent": None, "decision": NOT_SIGNIFICANT,
+            "posterior": verdict.posterior.get(name), "heldout_gain_percent": None, "decision": NOT_SIGNIFICANT,
         }  # fmt: skip
         if name in selection.base.model.effects.ids:
             entry["decision"] = GIVEN

@@ -1,16 +1,13 @@
 """How probable each effect is, what is not in the catalogue included (docs/diagnosis.md, "Probabilities").
 
-Among the explanations that were weighed probabilities follow from their evidence, which is too sure of itself: near
-rest statistics exceed chi-square, and no model of a wheel is exact. A temperature makes up for that. What is in no
-catalogue has no evidence; that it is there is told by what the residual's map still shows. Temperature and slopes were
-fitted to verdicts on simulated wheels, and tried on others.
+Those of the explanations that were weighed follow from their evidence. What is in no catalogue has none; that it is
+there is told by what the residual's map still shows. The slope of that was fitted to simulated wheels, and tried on
+others.
 """
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
 
 from rw_ekf.diagnosis.judge.explanations import Explanation
 from rw_ekf.diagnosis.judge.investigation import Found
@@ -18,7 +15,6 @@ from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.effects.catalogue import GRID
 
 NONE, SOMETHING_ELSE = "none", "something_else"
-_TEMPERATURE = 2.0
 _ELSE_BIAS, _ELSE_SLOPE = -4.0, 1.0  # logit per factor of ten of the map's smallest p
 _MOST_DECADES = 8.0
 _LEAST = 1.0e-3  # less is left out
@@ -30,17 +26,16 @@ def posterior_of(found: Found, weighed: list[Explanation], lattice: Lattice | No
     weighed: the explanations, the final model among them; lattice: None where the readings' grid is not named.
     """
     elsewhere = something_else(found)
-    logs = np.array([item.log_evidence for item in weighed]) / _TEMPERATURE
-    shares = np.exp(logs - logs.max())
-    shares *= (1.0 - elsewhere) / shares.sum()
     chances: dict[str, float] = {}
-    for item, share in zip(weighed, shares, strict=True):
+    for item in weighed:
         for name in item.effects or (NONE,):
-            chances[name] = chances.get(name, 0.0) + float(share)
+            chances[name] = chances.get(name, 0.0) + (1.0 - elsewhere) * item.posterior
     if lattice is not None:
         chances[GRID.id] = 1.0 / (1.0 + math.exp(-0.5 * (lattice.statistic + lattice.heldout_statistic)))
         chances[NONE] = 0.0
-    kept = {name: chance for name, chance in chances.items() if chance >= _LEAST and name != NONE}
+    kept = {
+        name: chance for name, chance in chances.items() if name != NONE and (chance >= _LEAST or name in found.new_ids)
+    }
     ranked = dict(sorted(kept.items(), key=lambda item: -item[1]))
     return {**ranked, NONE: chances.get(NONE, 0.0), SOMETHING_ELSE: elsewhere}
 
