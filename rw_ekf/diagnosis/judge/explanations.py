@@ -25,8 +25,8 @@ from rw_ekf.wheel.model_file import refusal_of
 
 NONE = "none"  # the id of an explanation without any effect beyond the base
 _HARDLY_MISSED = 40.0  # statistic of an effect that was named, below which the model without it is weighed too
-_ROOM = 1.0  # by which the evidence of an effect that was only scored may be wrong
-_MOST_WEIGHED = 5
+_WORTH_A_FIT = 0.05  # odds, by its score, of an effect that is fitted to be weighed
+_MOST_WEIGHED = 3
 LEAST_POSTERIOR = 0.005  # an explanation below it does not stand
 # Evidence is too sure of itself: near rest statistics exceed chi-square, and no model of a wheel is exact. Fitted to
 # simulated wheels, and tried on others (docs/diagnosis.md).
@@ -115,7 +115,7 @@ def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
         return []
     others = [effect for effect in _open(whole, facts) if effect.id != chosen]
     scores = found.selection.scores_beside(whole, others, facts)
-    least = math.log(LEAST_POSTERIOR * max(len(testable(facts)), 1)) - _ROOM
+    least = math.log(_WORTH_A_FIT * max(len(testable(facts)), 1))
     worth = [score for score in scores.values() if score.evidence > least]
     fits = []
     for score in sorted(worth, key=lambda score: -score.evidence)[:_MOST_WEIGHED]:
