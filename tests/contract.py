@@ -12,7 +12,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "contract.md"
 # Keys that a document may have or lack (the contract says when), and objects whose keys are the wheel's own.
 OPTIONAL = {
     "logs", "threshold", "alarms", "compensation", "residual_rms_rpm", "converged", "iterations", "starts", "outliers",
-    "coast_down_s", "driven_s", "break_aways", "avoid",
+    "coast_down_s", "driven_s", "break_aways", "avoid", "settle",
 }  # fmt: skip
 OPEN = {"state", "std", "effects", "parameters", "truth", "configuration", "model", "posterior"}
 

@@ -7,12 +7,14 @@ import contextlib
 import faulthandler
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rw_ekf.console import shown_path
 from rw_ekf.records import RunState
 
 if TYPE_CHECKING:
+    from rw_ekf.control.commanders import Commander
     from rw_ekf.live.outcome import RunOutcome
     from rw_ekf.live.oversight import Heartbeat
     from rw_ekf.settings.schema import Configuration
@@ -21,6 +23,14 @@ HELP = "attach to a wheel: estimate, log and publish until a signal"
 EXAMPLE = """example:
   rw-ekf check-config my-wheel.yaml && rw-ekf run --config my-wheel.yaml --duration 600"""
 SAFE_STATUS = 5
+
+
+class Planned(NamedTuple):
+    """What a run is to command, in place of its configuration's profile, and what is said of it at the end."""
+
+    commander: Commander
+    document: dict[str, Any]  # keys beside those of the run's own document
+    afterwards: Callable[[str], str]  # a line for a person, from the log's name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -125,6 +135,7 @@ def run_and_report(
     *,
     heartbeat: Heartbeat | None = None,
     keep_safe: bool = False,
+    planned: Planned | None = None,
 ) -> int:
     """Run the daemon and print what it came to. keep_safe: begin in SAFE where the run before crashed in SAFE.
 
@@ -157,10 +168,20 @@ def run_and_report(
             tuple(watchdog for watchdog in (heartbeat, systemd_of(os.environ, clock)) if watchdog is not None),
             crashed_in_safe(state_path(configuration)) if keep_safe else None,
         )
-        outcome = run_daemon(configuration, protocol, given, args.duration, log, stop, clock, oversight)
+        outcome = run_daemon(
+            configuration,
+            protocol,
+            given,
+            args.duration,
+            log,
+            stop,
+            clock,
+            oversight,
+            None if planned is None else planned.commander,
+        )
         warnings = _warnings(outcome)
         try:
-            _print(outcome, warnings, json=args.json)
+            _print(outcome, warnings, planned, json=args.json)
         except OSError as error:  # the terminal, or who read us, has gone; the run is well, and its files are there
             abandon_output()
             log.warning("report_lost", reason=str(error))
@@ -220,7 +241,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
     return [*found, *(text.replace(" LOG", f" {log}") + stretch for text in judged.warnings())]
 
 
-def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
+def _print(outcome: RunOutcome, warnings: list[str], planned: Planned | None, *, json: bool) -> None:
     """The result on standard output; as text without what standard error has told already."""
     from rw_ekf.documents import REPLAY_SCHEMA, entry_text, log_entry
     from rw_ekf.json_output import print_json
@@ -239,6 +260,8 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
         if outcome.alarms:
             lines.append(f"  alarms: {len(outcome.alarms)} lines above, as they came")
         lines.append(f"  model: {shown_path(outcome.files.model)}  (run, replay and diagnose take it: --model)")
+        if planned is not None:
+            lines.append(planned.afterwards(shown_path(outcome.files.log)))
         sys.stdout.write("\n".join(lines) + "\n")
         return
     link, timing = outcome.link, outcome.timing
@@ -272,4 +295,4 @@ def _print(outcome: RunOutcome, warnings: list[str], *, json: bool) -> None:
             "other_files": outcome.unwritten.other_files,
         },
     }
-    print_json(document)
+    print_json(document | ({} if planned is None else planned.document))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rw_ekf.control.confirming_move import ConfirmingMove
+from rw_ekf.control.from_rest import FromRest
 from rw_ekf.control.profiles.profile import Profile, make_profile
 from rw_ekf.records import Controller, Tick, WheelSample
 
@@ -36,24 +37,30 @@ class ProfileController:
 
 @dataclass(frozen=True)
 class Commander:
-    """What is asked for, for how long, and what it is at: a profile, behind the small move where one is due."""
+    """What is asked for, for how long, and what it is at: a profile, behind a small move or a brake where due."""
 
     controller: Controller
     profile: Profile
     move: ConfirmingMove | None = None
+    rest: FromRest | None = None  # after the move
 
     def lasts_s(self) -> float | None:
         """How long it lasts [s], as far as is known by now; None: for ever."""
-        if self.profile.duration_s is None or self.move is None:
-            return self.profile.duration_s
-        return self.profile.duration_s + (self.move.longest_s if self.move.active else self.move.lasted_s)
+        if self.profile.duration_s is None:
+            return None
+        before = [stage.longest_s if stage.active else stage.lasted_s for stage in self._before]
+        return self.profile.duration_s + sum(before)
+
+    @property
+    def _before(self) -> list[ConfirmingMove | FromRest]:
+        return [stage for stage in (self.move, self.rest) if stage is not None]
 
     def phase(self, time_s: float) -> str:
         """What it is at, by its time [s]."""
-        if self.move is not None:
-            if self.move.active or time_s < self.move.lasted_s:
-                return "confirming the sign"
-            time_s -= self.move.lasted_s
+        for stage in self._before:
+            if stage.active or time_s < stage.lasted_s:
+                return stage.phase
+            time_s -= stage.lasted_s
         return self.profile.name if self.profile.phase is None else self.profile.phase(time_s)
 
 

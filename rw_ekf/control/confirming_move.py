@@ -41,6 +41,8 @@ class MoveLimits(NamedTuple):
 class ConfirmingMove:
     """A commander that moves the wheel until the watch has decided, then leaves it to the profile."""
 
+    phase = "confirming the sign"
+
     def __init__(
         self,
         profile: Controller,

@@ -50,14 +50,15 @@ def run_daemon(
     stop: StopSignal,
     clock: Clock,
     oversight: Oversight = ALONE,
+    planned: Commander | None = None,
 ) -> RunOutcome:
-    """Attach, estimate, log, publish.
+    """Attach, estimate, log, publish. planned: what is commanded, in place of what the configuration asks for.
 
     Raises DriverError if the wheel cannot be reached at the start, BadInputError if the model given is of another one.
     Zero current is sent on every way out; `stop` ends the run in order. oversight: who is told of completed turns.
     """
     began = clock.utc()
-    commander = commander_of(configuration.command) if configuration.command.writes else None
+    commander = planned or (commander_of(configuration.command) if configuration.command.writes else None)
     with PortClaim(configuration.wheel.port, clock), request_socket(configuration, clock, logger) as requests:
         live = _opened(configuration, protocol, logger, stop, clock)
         with _WayOut(live, configuration.wheel.port, oversight, logger) as way_out:

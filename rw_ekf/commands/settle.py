@@ -1,0 +1,74 @@
+"""`rw-ekf excite --settle`: the motion that tells apart what a diagnosis left open, designed, shown, and made."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rw_ekf.settings.schema import Configuration
+    from rw_ekf.settle.limits import MotionLimits
+    from rw_ekf.settle.moves import Bounds
+    from rw_ekf.settle.plan import Plan
+    from rw_ekf.settle.predicted import Scene
+
+
+def settle(configuration: Configuration, args: argparse.Namespace) -> int:
+    """Design the motion, print it where nothing is to be moved, else run it; raises RwEkfError.
+
+    Exit status 1 where no motion tells the explanations apart.
+    """
+    from rw_ekf.commands.first_use import make_ready
+    from rw_ekf.commands.run import Planned, run_and_report
+    from rw_ekf.compile_ahead import DIAGNOSIS
+    from rw_ekf.errors import RwEkfError
+    from rw_ekf.json_output import print_json
+    from rw_ekf.settings.schema import CompensationSection
+    from rw_ekf.settle.carry_out import commander_for, write_motion
+    from rw_ekf.settle.explanations import read_standing
+    from rw_ekf.settle.limits import MotionLimits, bounds_of, refuse_hot
+    from rw_ekf.settle.predicted import Scene
+
+    scene = Scene(read_standing(args.settle), 1.0 / configuration.loop.rate_hz)
+    bounds = bounds_of(configuration)
+    refuse_hot(scene, configuration)
+    make_ready(DIAGNOSIS)
+    plan = _designed(scene, bounds, MotionLimits.of(configuration), args.seed)
+    if args.dry_run:
+        if args.json:
+            print_json(plan.document())
+        else:
+            sys.stdout.write(plan.text() + "\n")
+        return 0 if plan.separates else 1
+    if not plan.separates:
+        raise RwEkfError(plan.refusal())
+    sys.stderr.write(plan.text() + "\n")
+    path = write_motion(plan)
+    command = configuration.command.model_copy(update={"profile": "log", "log": str(path)})
+    logs = " ".join(plan.scene.standing.logs)
+    return run_and_report(
+        configuration.model_copy(update={"command": command, "compensation": CompensationSection()}),
+        args,
+        planned=Planned(
+            commander_for(plan, configuration),
+            {"settle": plan.document()},
+            lambda log: f"  both together: rw-ekf diagnose {logs} {log}",
+        ),
+    )
+
+
+def _designed(scene: Scene, bounds: Bounds, limits: MotionLimits, seed: int | None) -> Plan:
+    from rw_ekf.console import progress
+    from rw_ekf.errors import RwEkfError
+    from rw_ekf.settle.plan import Plan
+    from rw_ekf.settle.search import LOOKED_AT, design_motion
+
+    base = scene.standing.explanations[0].model.parameters
+    with progress("designing the motion", LOOKED_AT) as bar:
+        design = design_motion(scene, base, bounds, limits, 1 if seed is None else seed, lambda: bar.update(1))
+    if design is None:
+        raise RwEkfError(
+            "no motion keeps to the limits of the configuration: widen limits.speed_rpm or temperature_degC"
+        )
+    return Plan(scene, design)

@@ -1,0 +1,135 @@
+"""What a design is worth before anything moves: expected probabilities and times, in words and as a document."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.numbers import number_text
+from rw_ekf.settle.predicted import Scene
+from rw_ekf.settle.search import Design
+from rw_ekf.units import rpm_from_rad_s
+
+SCHEMA = "rw_ekf.settle/1"
+SETTLED = 0.95
+WORTH_MOVING = 0.8  # expected probability of the right explanation at the end; below it nothing is moved
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A motion for the explanations of a scene."""
+
+    scene: Scene
+    design: Design
+
+    @property
+    def probabilities(self) -> Float64Array:
+        """Expected probability of each explanation if it is the true one, (k, checks)."""
+        prior = np.array([item.posterior for item in self.scene.standing.explanations])
+        against = np.einsum("j,ijt->it", prior, np.exp(-self.design.divergence)) - prior[:, None]
+        found: Float64Array = prior[:, None] / (prior[:, None] + np.maximum(against, 0.0))
+        return found
+
+    @property
+    def at_the_end(self) -> float:
+        """Expected probability of the true explanation, whichever that is."""
+        prior = np.array([item.posterior for item in self.scene.standing.explanations])
+        return float(prior @ self.probabilities[:, -1])
+
+    @property
+    def separates(self) -> bool:
+        """Whether the motion is worth making."""
+        return self.at_the_end >= WORTH_MOVING
+
+    @property
+    def settled_s(self) -> list[float | None]:
+        """Time at which each explanation, if true, is expected to have a probability of 0.95 [s]."""
+        step = self.scene.checks * self.scene.period_s
+        reached = [np.flatnonzero(row >= SETTLED) for row in self.probabilities]
+        return [None if at.size == 0 else float(step * (at[0] + 1)) for at in reached]
+
+    @property
+    def speed_rad_s(self) -> Float64Array:
+        """Speed that the most probable explanation predicts, (ticks,)."""
+        model, current = self.scene.standing.explanations[0].model, self.design.current_A
+        return self.scene.course(model, current).speed_rad_s[-current.size :]
+
+    def begins(self) -> Iterator[tuple[float, str]]:
+        """When each move begins [s], and what it does."""
+        at, end = 0.0, self.design.current_A.size * self.scene.period_s
+        for move in self.design.moves:
+            if at < end:
+                yield at, move.text()
+            at += max(round(move.seconds / self.scene.period_s), 1) * self.scene.period_s
+
+    def document(self) -> dict[str, Any]:
+        """The `rw_ekf.settle/1` document."""
+        items = self.scene.standing.explanations
+        pairs = [(i, j) for i in range(len(items)) for j in range(i)]
+        ends = self.design.divergence[:, :, -1]
+        steps = np.abs(np.diff(self.design.current_A, prepend=0.0))
+        return {
+            "schema": SCHEMA,
+            "diagnosis": self.scene.standing.path,
+            "logs": list(self.scene.standing.logs),
+            "duration_s": self.design.current_A.size * self.scene.period_s,
+            "separates": self.separates,
+            "expected_probability": self.at_the_end,
+            "explanations": [
+                {
+                    "effects": list(item.effects),
+                    "posterior": item.posterior,
+                    "expected_posterior": float(row[-1]),
+                    "settled_s": time_s,
+                }
+                for item, row, time_s in zip(items, self.probabilities, self.settled_s, strict=True)
+            ],
+            "pairs": [
+                {
+                    "one": list(items[j].effects),
+                    "other": list(items[i].effects),
+                    "divergence": [float(ends[j, i]), float(ends[i, j])],
+                }
+                for i, j in pairs
+            ],
+            "moves": [{"begins_s": at, "text": text} for at, text in self.begins()],
+            "most": {
+                "current_A": float(np.max(np.abs(self.design.current_A))),
+                "slew_A_per_s": float(np.max(steps)) / self.scene.period_s,
+                "speed_rpm": rpm_from_rad_s(float(np.max(np.abs(self.speed_rad_s)))),
+            },
+        }
+
+    def text(self) -> str:
+        """The same for a person."""
+        said = self.document()
+        lines = [f"{self.scene.standing.path}: two minutes to tell {len(said['explanations'])} explanations apart"]
+        for item in said["explanations"]:
+            name = "+".join(item["effects"]) or "none"
+            when = "not settled" if item["settled_s"] is None else f"0.95 after {item['settled_s']:.0f} s"
+            lines.append(
+                f"  {name:<28} {item['posterior']:.2g} now; if it is right, {when}, "
+                f"{item['expected_posterior']:.3g} at the end"
+            )
+        lines += ["", "  motion, from rest"]
+        lines += [f"    {move['begins_s']:6.1f} s  {move['text']}" for move in said["moves"]]
+        most = said["most"]
+        lines.append(
+            f"  at most {number_text(1e3 * most['current_A'])} mA, {number_text(most['slew_A_per_s'])} A/s, "
+            f"{number_text(most['speed_rpm'])} rpm as predicted"
+        )
+        if not self.separates:
+            lines.append(f"  {self.refusal()}")
+        return "\n".join(lines)
+
+    def refusal(self) -> str:
+        """Why the motion is not worth making, and what is."""
+        return (
+            f"no motion within the limits was found that tells them apart: the right one would be at "
+            f"{self.at_the_end:.2f} after it, {WORTH_MOVING:g} is the least: widen the limits, or record more "
+            "(`rw-ekf excite identification --config F`)"
+        )

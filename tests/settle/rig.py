@@ -1,0 +1,52 @@
+"""A designed motion through the daemon's own loop and guard, on a simulated wheel and a virtual clock."""
+
+from __future__ import annotations
+
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
+from rw_ekf.clock import VirtualClock
+from rw_ekf.learning.start import GivenModel
+from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.logs.reader import read_log
+from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.settings.schema import Configuration
+from rw_ekf.settle.carry_out import commander_for
+from rw_ekf.settle.explanations import Standing
+from rw_ekf.settle.limits import MotionLimits, bounds_of
+from rw_ekf.settle.plan import Plan
+from rw_ekf.settle.predicted import Scene
+from rw_ekf.settle.search import design_motion
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.live.daemon import Notes
+
+
+def designed(standing: Standing, configuration: Configuration, *, looked_at: int = 12) -> Plan:
+    """A motion from a short search."""
+    scene = Scene(standing, 1.0 / configuration.loop.rate_hz)
+    design = design_motion(
+        scene, CK13_STATISTICAL, bounds_of(configuration), MotionLimits.of(configuration), 3, looked_at=looked_at
+    )
+    assert design is not None
+    return Plan(scene, design)
+
+
+def run(configuration: Configuration, plan: Plan, plant: PlantParameters, speed_rpm: float) -> WheelLog:
+    """The log of a run; the wheel turns at a speed when it begins."""
+    clock = VirtualClock()
+    wheel = SimulatedWheel(
+        plant, noise=PlantNoise(RAD_S_PER_RPM), seed=7, initial_speed_rad_s=speed_rpm * RAD_S_PER_RPM, clock=clock
+    )
+    with StopSignal() as stop:
+        outcome = run_daemon(
+            configuration,
+            SimulatedProtocol(wheel),
+            GivenModel(None, None),
+            None,
+            Notes(),
+            stop,
+            clock,
+            planned=commander_for(plan, configuration),
+        )
+    return read_log(outcome.files.log)
