@@ -28,11 +28,17 @@ class Plan:
 
     @property
     def probabilities(self) -> Float64Array:
-        """Expected probability of each explanation if it is the true one, (k, checks)."""
+        """Expected probability of each explanation, and what is like it, if it is the true one, (k, checks)."""
         prior = np.array([item.posterior for item in self.scene.standing.explanations])
-        against = np.einsum("j,ijt->it", prior, np.exp(-self.design.divergence)) - prior[:, None]
-        found: Float64Array = prior[:, None] / (prior[:, None] + np.maximum(against, 0.0))
+        weights = prior[None, :, None] * np.exp(-self.design.divergence)
+        found: Float64Array = np.einsum("ijt,ij->it", weights, self.design.alike.astype(float)) / weights.sum(axis=1)
         return found
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Explanations that no motion tells apart, two at least in each."""
+        rows = {tuple(np.flatnonzero(row).tolist()) for row in self.design.alike}
+        return sorted(list(row) for row in rows if len(row) > 1)
 
     @property
     def at_the_end(self) -> float:
@@ -43,7 +49,7 @@ class Plan:
     @property
     def separates(self) -> bool:
         """Whether the motion is worth making."""
-        return self.at_the_end >= WORTH_MOVING
+        return not self.design.alike.all() and self.at_the_end >= WORTH_MOVING
 
     @property
     def settled_s(self) -> list[float | None]:
@@ -96,6 +102,7 @@ class Plan:
                 }
                 for i, j in pairs
             ],
+            "alike": [[list(items[i].effects) for i in group] for group in self.groups],
             "moves": [{"begins_s": at, "text": text} for at, text in self.begins()],
             "most": {
                 "current_A": float(np.max(np.abs(self.design.current_A))),
@@ -115,6 +122,9 @@ class Plan:
                 f"  {name:<28} {item['posterior']:.2g} now; if it is right, {when}, "
                 f"{item['expected_posterior']:.3g} at the end"
             )
+        for group in said["alike"]:
+            names = " and ".join("+".join(effects) or "none" for effects in group)
+            lines.append(f"  {names}: one and the same to every motion at this rate, and counted together")
         lines += ["", "  motion, from rest"]
         lines += [f"    {move['begins_s']:6.1f} s  {move['text']}" for move in said["moves"]]
         most = said["most"]
@@ -128,6 +138,11 @@ class Plan:
 
     def refusal(self) -> str:
         """Why the motion is not worth making, and what is."""
+        if self.design.alike.all():
+            return (
+                "no motion within the limits was found that tells them apart: they are one and the same at this "
+                "loop.rate_hz: read faster, or widen the limits"
+            )
         return (
             f"no motion within the limits was found that tells them apart: the right one would be at "
             f"{self.at_the_end:.2f} after it, {WORTH_MOVING:g} is the least: widen the limits, or record more "

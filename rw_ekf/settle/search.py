@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.settle.limits import MotionLimits
 from rw_ekf.settle.moves import Bounds, Move, currents, draw_move
@@ -18,6 +18,7 @@ LOOKED_AT = 240  # motions, those of `_usual` among them
 _DRAWN_SHARE = 0.4
 _KEPT = 8  # of those drawn, and from turn to turn
 _ENOUGH = 8.0  # of a divergence: odds of 3000 to 1; more is worth nothing until every pair has as much
+_TOLD_APART = 1.0  # of a divergence: a pair with less under the best motion is one and the same to it
 _EVENTUALLY = 0.02  # weight of what a motion is worth beyond that, so that there is always a better one
 
 
@@ -28,18 +29,19 @@ class Design:
     moves: tuple[Move, ...]
     current_A: Float64Array  # (ticks,)
     divergence: Float64Array  # (k, k, checks) by which explanation i, if it is true, gains over j
+    alike: BoolArray  # (k, k) which no motion that was looked at tells apart
 
     @property
     def pairs(self) -> Float64Array:
-        """Mean of both ways, (pairs, checks)."""
-        k = self.divergence.shape[0]
-        both = [0.5 * (self.divergence[i, j] + self.divergence[j, i]) for i in range(k) for j in range(i)]
-        return np.array(both)
+        """Mean of both ways, (k, k, checks)."""
+        return 0.5 * (self.divergence + self.divergence.transpose(1, 0, 2))
 
     @property
     def merit(self) -> float:
-        """The smallest divergence of a pair, early rather than late (eq. 4)."""
-        least = self.pairs.min(axis=0)
+        """The smallest divergence of a pair that can be told apart, early rather than late (eq. 4)."""
+        if self.alike.all():
+            return 0.0
+        least = self.pairs[~self.alike].min(axis=0)
         return float(np.mean(np.minimum(least, _ENOUGH)) + _EVENTUALLY * math.log1p(float(least[-1])))
 
 
@@ -54,18 +56,20 @@ def design_motion(
     looked_at: int = LOOKED_AT,
 ) -> Design | None:
     """The best of so many motions; None where none of them keeps the limits. base: what moves are made with."""
-    draws = np.random.default_rng(seed)
+    draws, alike = np.random.default_rng(seed), np.eye(len(scene.standing.explanations), dtype=bool)
 
     def look(moves: tuple[Move, ...]) -> Design | None:
         advance()
-        return _looked_at(moves, scene, base, bounds, limits)
+        return _looked_at(moves, scene, base, bounds, limits, alike)
 
     usual = _usual(base, bounds)
     drawn = max(round(_DRAWN_SHARE * looked_at) - len(usual), 1)
     starts = [*usual, *(_drawn(draws, base, bounds) for _ in range(drawn))]
-    found = sorted(filter(None, map(look, starts)), key=lambda item: -item.merit)[:_KEPT]
-    if not found:
+    seen = list(filter(None, map(look, starts)))
+    if not seen:
         return None
+    alike = _alike(np.max([item.pairs[:, :, -1] for item in seen], axis=0))
+    found = sorted((replace(item, alike=alike) for item in seen), key=lambda item: -item.merit)[:_KEPT]
     for turn in range(looked_at - len(starts)):
         parent = found[min(int(draws.exponential(2.0)), len(found) - 1)]
         other = found[int(draws.integers(len(found)))]
@@ -75,8 +79,21 @@ def design_motion(
     return found[0]
 
 
+def _alike(most: Float64Array) -> BoolArray:
+    """Which explanations no motion tells apart, (k, k), from the largest divergence of each pair."""
+    alike = most < _TOLD_APART
+    for _ in range(alike.shape[0]):
+        alike = alike | (alike.astype(int) @ alike.astype(int) > 0)
+    return alike
+
+
 def _looked_at(
-    moves: tuple[Move, ...], scene: Scene, base: FrictionParameters, bounds: Bounds, limits: MotionLimits
+    moves: tuple[Move, ...],
+    scene: Scene,
+    base: FrictionParameters,
+    bounds: Bounds,
+    limits: MotionLimits,
+    alike: BoolArray,
 ) -> Design | None:
     """What a motion would show; None where it does not keep the limits."""
     current = currents(moves, base, bounds)
@@ -88,7 +105,7 @@ def _looked_at(
     for i, truth in enumerate(explanations):
         others = [j for j in range(k) if j != i]
         found[i, others] = divergences(truth, [explanations[j] for j in others], scene, current)
-    return Design(moves, current, found)
+    return Design(moves, current, found, alike)
 
 
 def _drawn(draws: np.random.Generator, base: FrictionParameters, bounds: Bounds) -> tuple[Move, ...]:

@@ -108,7 +108,7 @@ def test_a_dry_run_shows_the_design_and_moves_nothing(tmp_path: Path, capsys: py
 
 
 def test_what_no_motion_tells_apart_is_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two explanations of one kind: refused with status 1 and what to do, before a port is opened."""
+    """Two explanations that are one: refused with status 1 and what to do, before a port is opened."""
     same = diagnosis((0.5, LAG), (0.5, LAG))
     config = str(write_config(tmp_path, str(tmp_path / "nowhere"), **SLOW))
     path = write(tmp_path / "diagnosis.json", same)
@@ -120,15 +120,15 @@ def test_what_no_motion_tells_apart_is_not_run(tmp_path: Path, capsys: pytest.Ca
 
 @pytest.mark.slow
 def test_a_whole_run_settles_what_a_first_log_left_open(tmp_path: Path) -> None:
-    """Slow sines leave a delay beside a lag; both logs together say which it is, as the design expected."""
-    first = log_of(simulated(["transport_delay"], seed=11, profile="P1"))
+    """Slow sines leave a lag beside a delay and a mean; both logs together say which it is, as the design expected."""
+    first = log_of(simulated(["actuator_lag"], seed=11, profile="P1"))
     document = diagnose_log(first).document
     config = load_configuration(write_config(tmp_path, "nowhere"))
     plan = designed(standing_of_document("first", document), config, looked_at=60)
     assert plan.separates
-    second = run(config, plan, parse_effects(["transport_delay"]), 0.0)
+    second = run(config, plan, parse_effects(["actuator_lag"]), 0.0)
     both = diagnose_log([first, second]).document
     top = both["explanations"][0]
-    assert top["effects"] == ["transport_delay"]
+    assert top["effects"] == ["actuator_lag"]
     assert top["posterior"] > 0.95
-    assert both["verdict"]["effects"] == ["transport_delay"]
+    assert both["verdict"]["effects"] == ["actuator_lag"]
