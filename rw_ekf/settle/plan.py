@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.judge.explanations import TEMPERATURE
 from rw_ekf.numbers import number_text
 from rw_ekf.settle.predicted import Scene
 from rw_ekf.settle.search import Design
@@ -30,7 +31,7 @@ class Plan:
     def probabilities(self) -> Float64Array:
         """Expected probability of each explanation, and what is like it, if it is the true one, (k, checks)."""
         prior = np.array([item.posterior for item in self.scene.standing.explanations])
-        weights = prior[None, :, None] * np.exp(-self.design.divergence)
+        weights = prior[None, :, None] * np.exp(-self.design.divergence / TEMPERATURE)
         found: Float64Array = np.einsum("ijt,ij->it", weights, self.design.alike.astype(float)) / weights.sum(axis=1)
         return found
 

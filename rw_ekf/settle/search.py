@@ -17,7 +17,7 @@ from rw_ekf.settle.predicted import Scene, divergences
 LOOKED_AT = 240  # motions, those of `_usual` among them
 _DRAWN_SHARE = 0.4
 _KEPT = 8  # of those drawn, and from turn to turn
-_ENOUGH = 8.0  # of a divergence: odds of 3000 to 1; more is worth nothing until every pair has as much
+_ENOUGH = 16.0  # of a divergence: odds of 3000 to 1, evidence being halved; more is worth little
 _TOLD_APART = 1.0  # of a divergence: a pair with less under the best motion is one and the same to it
 _EVENTUALLY = 0.02  # weight of what a motion is worth beyond that, so that there is always a better one
 

@@ -153,7 +153,7 @@ def beginning(log: WheelLog, seconds: float) -> WheelLog:
 def weigh(standing: Standing, logs: Sequence[WheelLog]) -> list[Weighed]:
     """The explanations that stood, fitted to several logs together and weighed anew."""
     prepared = prepare(source_of(logs), None, None, "blocks")
-    whole = prepared.base.widened(prepared.record, prepared.seen)
+    whole = prepared.base
     found = []
     for item in standing.explanations:
         fit = whole.refitted(replace(whole.model, effects=item.model.effects)) if item.effects else whole
