@@ -7,6 +7,7 @@ models is between likelihoods each at its own best ratio of noises, q dt / R; R 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,8 @@ from rw_ekf.likelihood.model import prior_rows
 # Of q dt to R: over a record of 10^5 samples the speed then wanders by a tenth of a reading's noise.
 LEAST_RATIO = 1.0e-7
 MOST_RATIO = 1.0e2
+_FIRST_STEP, _NEAR, _NARROW = 0.8, 0.05, 2.0  # of the logarithm of the ratio
+_PARABOLAS = 5
 Rows = tuple[Float64Array, Float64Array]  # of an a priori, as `prior_rows` gives them
 
 
@@ -40,20 +43,43 @@ def likelihood(linearised: Linearisation, prior: Belief | None, noise: Noise) ->
     The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
     vector can follow would otherwise pass for one that wanders less.
     """
-    from scipy.optimize import minimize_scalar
-
     found: dict[float, Likelihood] = {}
     known = None if prior is None else prior_rows(prior, linearised.model)
 
-    def negative(log_ratio: float) -> float:
-        ratio = math.exp(log_ratio)
-        found[log_ratio] = at_ratio(linearised, known, noise.variance, ratio)
-        return -found[log_ratio].restricted
+    def at(log_ratio: float) -> float:
+        if log_ratio not in found:
+            found[log_ratio] = at_ratio(linearised, known, noise.variance, math.exp(log_ratio))
+        return found[log_ratio].restricted
 
     low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
-    minimize_scalar(negative, bounds=(low, high), method="bounded", options={"xatol": 0.2})
-    negative(low)
+    at(low)
+    _climb(at, min(max(math.log(noise.ratio), low), high), low, high)
     return max(found.values(), key=lambda item: item.restricted)
+
+
+def _climb(at: Callable[[float], float], x: float, low: float, high: float) -> None:
+    """Evaluate a smooth function ever nearer to its top, from x: uphill by growing steps, then by parabolas."""
+    step = _FIRST_STEP
+    left, right = max(x - step, low), min(x + step, high)
+    while max(at(left), at(right)) > at(x):
+        x, step = (left if at(left) > at(right) else right), 2.0 * step
+        left, right = max(x - step, low), min(x + step, high)
+    for _ in range(_PARABOLAS):
+        if x in (left, right):  # the top is at a bound
+            return
+        one, two = (x - left) * (at(x) - at(right)), (x - right) * (at(x) - at(left))
+        if one == two:
+            return
+        tip = x - 0.5 * ((x - left) * one - (x - right) * two) / (one - two)
+        if not left < tip < right or abs(tip - x) < _NEAR:
+            if right - left < _NARROW:
+                return
+            tip = 0.5 * (x + (left if x - left > right - x else right))
+        if at(tip) > at(x):
+            left, right = (left, x) if tip < x else (x, right)
+            x = tip
+        else:
+            left, right = (tip, right) if tip < x else (left, tip)
 
 
 def at_ratio(linearised: Linearisation, known: Rows | None, scale: float, ratio: float) -> Likelihood:

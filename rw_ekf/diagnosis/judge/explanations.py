@@ -25,7 +25,6 @@ from rw_ekf.wheel.model_file import refusal_of
 
 NONE = "none"  # the id of an explanation without any effect beyond the base
 _HARDLY_MISSED = 40.0  # statistic of an effect that was named, below which the model without it is weighed too
-_WORTH_A_FIT = 0.05  # odds, by its score, of an effect that is fitted to be weighed
 _MOST_WEIGHED = 3
 LEAST_POSTERIOR = 0.005  # an explanation below it does not stand
 # Evidence is too sure of itself: near rest statistics exceed chi-square, and no model of a wheel is exact. Fitted to
@@ -115,8 +114,8 @@ def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
         return []
     others = [effect for effect in _open(whole, facts) if effect.id != chosen]
     scores = found.selection.scores_beside(whole, others, facts)
-    least = math.log(_WORTH_A_FIT * max(len(testable(facts)), 1))
-    worth = [score for score in scores.values() if score.evidence > least]
+    even = math.log(max(len(testable(facts)), 1))
+    worth = [score for score in scores.values() if score.evidence > even + math.log(_worth_a_fit(score.effect))]
     fits = []
     for score in sorted(worth, key=lambda score: -score.evidence)[:_MOST_WEIGHED]:
         tried = [whole.refitted(whole.model.with_terms(term)) for term in score.starts]
@@ -124,6 +123,11 @@ def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
         if fit.model.possible(score.effect.id, facts):
             fits.append(fit)
     return fits
+
+
+def _worth_a_fit(effect: type[Effect]) -> float:
+    """Odds, by its score, of an effect that is fitted to be weighed: a friction with a memory costs ten others."""
+    return 0.05 if effect.linear else 0.3 if effect.flow_kind else 0.1
 
 
 def _open(whole: Fit, facts: RecordFacts) -> list[type[Effect]]:
