@@ -104,7 +104,9 @@ def deferred(fit: Fit, strong: list[Score], facts: RecordFacts, enough: float) -
     others: list[Quantity] = ["speed", "temperature"]
     for other in others:
         left = [effect for effect in timed if effect.id not in found]
-        if left and other in laws and may_confound(fit, "time", other):
+        if left and other in laws and one_and_the_same(fit, "time", other):
+            found |= dict.fromkeys((effect.id for effect in left), other)  # what one law leaves is another law's
+        elif left and other in laws and may_confound(fit, "time", other):
             found |= {effect.id: other for effect in left if not says_more(fit, facts, effect, other, enough)}
     return found
 

@@ -42,7 +42,9 @@ def _find_rivals(search: Search, selection: Selection) -> None:
         scores = selection.scores_beside(less, [CATALOGUE[name], *near], search.facts)
         mine = _evidence(scores.get(name), less, final)
         value = final.model.of(name)[0].values[0]
-        for effect in _worth_a_fit(near, scores, mine):
+        law = quantity_of(CATALOGUE[name])
+        timed = law != "time" and may_confound(less, law, "time")  # evidence does not decide between the two
+        for effect in _worth_a_fit(near, scores, mine, timed=timed):
             if not search.work.has(work.RIVALS):
                 search.work.leave_out(f"rivals of {name} ({effect.id})")
                 continue
@@ -63,10 +65,19 @@ def _find_rivals(search: Search, selection: Selection) -> None:
                 selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
 
 
-def _worth_a_fit(near: list[type[Effect]], scores: dict[str, Score], mine: float) -> list[type[Effect]]:
-    """Those whose score may reach what was chosen, the most evident first; what is not linear scores by a secant."""
-    within = INDISTINGUISHABLE + _ROOM
-    linear = [e for e in near if e.linear and e.id in scores and scores[e.id].evidence > mine - within]
+def _worth_a_fit(
+    near: list[type[Effect]], scores: dict[str, Score], mine: float, *, timed: bool
+) -> list[type[Effect]]:
+    """Those whose score may reach what was chosen, the most evident first; what is not linear scores by a secant.
+
+    timed: effects of time are worth one whatever they score: the record has what was chosen and time as one.
+    """
+    least = mine - INDISTINGUISHABLE - _ROOM
+    linear = [
+        e
+        for e in near
+        if e.linear and e.id in scores and (scores[e.id].evidence > least or (timed and quantity_of(e) == "time"))
+    ]
     linear.sort(key=lambda effect: -scores[effect.id].evidence)
     bent = [effect for effect in near if not effect.linear]
     bent.sort(key=lambda effect: -scores[effect.id].evidence if effect.id in scores else math.inf)
