@@ -65,9 +65,7 @@ def _find_rivals(search: Search, selection: Selection) -> None:
                 selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
 
 
-def _worth_a_fit(
-    near: list[type[Effect]], scores: dict[str, Score], mine: float, *, timed: bool
-) -> list[type[Effect]]:
+def _worth_a_fit(near: list[type[Effect]], scores: dict[str, Score], mine: float, *, timed: bool) -> list[type[Effect]]:
     """Those whose score may reach what was chosen, the most evident first; what is not linear scores by a secant.
 
     timed: effects of time are worth one whatever they score: the record has what was chosen and time as one.
