@@ -85,7 +85,7 @@ def replay_log(
     course = Course.of_log(log)
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
-    with_hindsight = setup is None and configuration is None and not online
+    with_hindsight = setup is None and configuration is None
     if setup is None:
         setup = setup_of_record(course, configuration, model)
     if smooth and setup.effects.table().hidden:
@@ -93,11 +93,11 @@ def replay_log(
             f"--smooth cannot look back through the hidden state of {', '.join(setup.effects.ids)}: leave it out"
         )
     with _blaming(model, log.name):
+        if with_hindsight:
+            run, setup = run_of_log(course, setup, keep_states=with_columns, keep_history=smooth)
         if online:
             run = _online(log, setup, advance)
-        elif with_hindsight:
-            run, setup = run_of_log(course, setup, keep_states=with_columns, keep_history=smooth)
-        else:
+        elif not with_hindsight:
             run = filtered(course, setup, keep_states=with_columns, keep_history=smooth)
         _refuse_runaway(run)
         belief = belief_of_log(course, setup, run) if with_hindsight else Belief(run.mean, run.covariance)
