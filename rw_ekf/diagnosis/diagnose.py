@@ -102,6 +102,7 @@ def _unjudged(source: Source, kind: Kind) -> Diagnosis:
         "before": nothing,
         "after": nothing,
         "model": None,
+        "parameters": {"before": None, "after": None},
         "explanations": [],
         "ended": None,
         "map": [],

@@ -9,6 +9,8 @@ narrow enough that the map is all but straight. That tenth is taken away again i
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
@@ -28,7 +30,10 @@ _MUCH = 10.0  # of log-likelihood: other noises may cost some of it, a filter th
 def log_likelihood(run: FilterRun, gate: float) -> float:
     """Of the readings, but for a constant, each judged before it was used; a refused one counts as one at the gate."""
     judged = np.isfinite(run.innovation_rad_s)
-    return -0.5 * float(np.sum(np.minimum(run.nis[judged], gate) + np.log(run.innovation_variance[judged])))
+    variance = run.innovation_variance[judged]
+    if not np.all(variance > 0.0):
+        return -math.inf
+    return -0.5 * float(np.sum(np.minimum(run.nis[judged], gate) + np.log(variance)))
 
 
 def second_look(
