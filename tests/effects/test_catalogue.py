@@ -238,8 +238,12 @@ def test_a_plant_of_any_size_can_be_searched_and_spoken_of(effect: type[Effect],
 def test_the_smallest_size_is_half_to_one_percent_of_coulomb_friction(
     effect: type[StaticEffect], facts: RecordFacts
 ) -> None:
-    """At top speed, top current, the warmest sample, the onset or the end, whatever the plant's size."""
+    """At top speed, top current, the warmest sample, the onset or the end, whatever the plant's size.
+
+    0.3 % for an offset, which acts all the time.
+    """
     k, b, c, _ = facts.friction
+    least = 0.003 if effect.id == "offset_torque" else 0.005
     shape = effect.candidates(facts)[0].shape
     if effect.components == 2:
         shape = (shape[0], math.pi / 2.0, 0.0)
@@ -250,7 +254,7 @@ def test_the_smallest_size_is_half_to_one_percent_of_coulomb_friction(
     )
     # Taken at the same speed, so that the linearised pair gives the force itself.
     added = k * part[0] + part[1] - (b * part[3] + part[2]) * facts.top_speed_rad_s - (c * part[4] + part[5])
-    assert 0.0049 < abs(added) / dry_scale(facts) < 0.0101
+    assert 0.98 * least < abs(added) / dry_scale(facts) < 0.0101
 
 
 @pytest.mark.parametrize("effect", STATIC, ids=lambda effect: effect.id)
