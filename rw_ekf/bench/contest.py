@@ -134,7 +134,8 @@ def workers(most: int) -> Iterator[Executor]:
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
     try:
         with _interrupts_held():
-            pool.submit(die_with_parent)  # starts them all
+            for _ in range(count):  # each starts a process, for none is idle yet
+                pool.submit(die_with_parent)
         yield pool
     except BaseException:
         for process in list((pool._processes or {}).values()):  # an interrupt shall not wait for runs under way
@@ -147,24 +148,20 @@ def workers(most: int) -> Iterator[Executor]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """What is started meanwhile never takes one: an interrupt of the terminal is the parent's affair, and comes after.
+    """What is started meanwhile ignores them for good: one of the terminal is the parent's affair, and comes after.
 
-    A process inherits which signals its starter's thread blocks. Another thread of the parent may still take the
-    signal, and Python then interrupts the main thread wherever it is: so the handler only notes it meanwhile.
+    A process inherits what its starter ignores. One that is blocked waits, ignored or not, until it is unblocked.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)  # one that waited is noted now
-        signal.signal(signal.SIGINT, handler)
-        if came:
-            signal.raise_signal(signal.SIGINT)
+        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
 def _figures(entry: Entry, scenario: Scenario, models: Models) -> Metrics:
