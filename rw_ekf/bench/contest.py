@@ -148,20 +148,24 @@ def workers(most: int) -> Iterator[Executor]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """What is started meanwhile ignores them for good: one of the terminal is the parent's affair, and comes after.
+    """What is started meanwhile never takes one: that of a terminal is the parent's affair, and comes after.
 
-    A process inherits what its starter ignores. One that is blocked waits, ignored or not, until it is unblocked.
+    A process inherits which signals its starter's thread blocks. Another thread of the parent may still take the
+    signal, and Python then interrupts the main thread wherever it is: so the handler only notes it meanwhile.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)  # one that waited is noted now
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _figures(entry: Entry, scenario: Scenario, models: Models) -> Metrics:
