@@ -51,28 +51,17 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
 
     What goes with time waits where time goes with speed or temperature. If the laws of those then leave structure, the
     search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
-    because there a curve of time would take the place of whatever law of speed is missing.
+    because there a curve of time would take the place of whatever law of speed is missing. A friction that wanders in
+    no particular shape, which follows anything that goes with time, is the last to be asked.
     """
     search = Search(prepared.record, prepared.facts, advance)
-    found = _investigated(prepared, search, advance)
-    again = found.is_unexplained and search.set_aside and prepared.record.work.has(work.RIVALS)
+    found = _searched(prepared, search, advance)
+    again = found.left and search.set_aside and prepared.record.work.has(work.RIVALS)
     if again and not one_and_the_same(found.fit, "time", "speed"):
-        search.stationary_first = False
-        other = _investigated(prepared, search, advance)
-        if other.new_ids and not other.is_unexplained:
+        impatient = Search(prepared.record, prepared.facts, advance, stationary_first=False)
+        other = _searched(prepared, impatient, advance)
+        if other.new_ids and not other.left:
             return other
-    return found
-
-
-def _investigated(prepared: Prepared, search: Search, advance: Advance) -> Found:
-    selection = search.run(prepared.base)
-    if selection.new_ids:
-        weigh_rivals(search, selection)
-        confirm(prepared, selection, selection.new_ids)
-    _drop_trifles(prepared, selection)
-    veto(prepared, selection, selection.new_ids)
-    advance("mapping the residual")
-    found = _mapped(prepared, selection)
     if not found.left and found.new_ids:
         return found
     if not prepared.record.work.has(work.WANDER):
@@ -80,6 +69,17 @@ def _investigated(prepared: Prepared, search: Search, advance: Advance) -> Found
         return found
     advance(f"fitting {WANDERING.id}, wandering")
     return _with_wandering_friction(found, search)
+
+
+def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:
+    selection = search.run(prepared.base)
+    if selection.new_ids:
+        weigh_rivals(search, selection)
+        confirm(prepared, selection, selection.new_ids)
+    _drop_trifles(prepared, selection)
+    veto(prepared, selection, selection.new_ids)
+    advance("mapping the residual")
+    return _mapped(prepared, selection)
 
 
 def _drop_trifles(prepared: Prepared, selection: Selection) -> None:

@@ -102,12 +102,14 @@ class Search:
         record: Record,
         facts: RecordFacts,
         advance: Callable[[str], object],
+        *,
+        stationary_first: bool = True,
     ) -> None:
-        """All of the record is searched."""
+        """All of the record is searched; what goes with time waits where time goes with speed or temperature."""
         self.work = record.work
         self.facts = facts
         self.advance = advance
-        self.stationary_first = True  # what goes with time waits where time goes with speed or temperature
+        self.stationary_first = stationary_first
         self.set_aside = False  # something had to wait
         self.effects = [effect for effect in CATALOGUE.values() if effect.untestable(facts) is None and effect.in_state]
 
