@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, 
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
 from rw_ekf.diagnosis.judge.posterior import posterior_of
-from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, residual_tests
+from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, left_over, residual_tests
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.candidates import threshold
@@ -113,8 +113,8 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             for d in found.dependences
         ],
         "residual_tests": {
-            "before": residual_tests(before.trace.normalised_innovation),
-            "after": residual_tests((after if chosen else before).trace.normalised_innovation),
+            "before": residual_tests(left_over(selection.base)),
+            "after": residual_tests(left_over(found.fit if chosen else selection.base)),
         },
         "warnings": [
             *prepared.source.notes,

@@ -20,8 +20,8 @@ from rw_ekf.diagnosis.report.words import (
     parameter_text,
     percent_text,
     plain_name,
+    probability_text,
     ranked,
-    statistic_text,
 )
 from rw_ekf.diagnosis.standing import standing_of
 from rw_ekf.numbers import MISSING, number_text
@@ -217,13 +217,13 @@ def candidate_table(document: Mapping[str, Any]) -> str:
             f"{html.escape(plain_name(str(candidate.get('effect'))))}<br>"
             f"<code>{html.escape(str(candidate.get('effect')))}</code>",
             parameters or MISSING,
-            statistic_text(candidate.get("statistic")),
+            html.escape(probability_text(candidate.get("posterior"))),
             html.escape(p_value_text(candidate.get("p_value"))),
             gain_text(candidate),
             html.escape(str(candidate.get("decision") or "")),
         ]
         rows.append((standing_of(candidate), cells))
-    heads = ("effect", "parameters", "statistic", "p-value", "held-out error", "decision")
+    heads = ("effect", "parameters", "probability", "p-value", "held-out error", "decision")
     return table(heads, rows, (2, 3, 4)) if rows else ""
 
 

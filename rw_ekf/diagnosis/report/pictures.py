@@ -28,8 +28,8 @@ from rw_ekf.diagnosis.report.words import (
     Units,
     gain_text,
     p_value_text,
+    probability_text,
     ranked,
-    statistic_text,
     untestable_reasons,
 )
 from rw_ekf.diagnosis.standing import Standing, standing_of
@@ -154,7 +154,7 @@ def evidence_picture(document: Mapping[str, Any]) -> bytes | None:
 
 # x in widths of the bars, heading, alignment
 _COLUMNS = (
-    (1.17, "statistic", "right"),
+    (1.17, "probability", "right"),
     (1.47, "p-value", "right"),
     (1.86, "held-out error", "right"),
     (1.93, "decision", "left"),
@@ -166,7 +166,7 @@ def _write_row(axis: Any, row: int, candidate: Mapping[str, Any]) -> None:
     style = {"color": INK if added else "#3d444c", "weight": "bold" if added else "normal"}
     _write(axis, -0.02, row, str(candidate.get("effect")), ha="right", **style)
     texts = (
-        statistic_text(candidate.get("statistic")),
+        probability_text(candidate.get("posterior")),
         p_value_text(candidate.get("p_value")),
         gain_text(candidate),
         _short(str(candidate.get("decision") or ""), 42),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rw_ekf.diagnosis.standing import UNTESTABLE, standing_of
-from rw_ekf.numbers import MISSING, number_of, number_text, plus_minus
+from rw_ekf.numbers import MISSING, chance_text, number_of, number_text, plus_minus
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm
 
 _STILL = 0.005  # a smaller share of a figure is no change
@@ -186,6 +186,12 @@ def gain_text(candidate: Mapping[str, Any]) -> str:
         return MISSING
     effect = CATALOGUE.get(str(candidate.get("effect")))
     return percent_text(-gain) + (" in it" if effect is not None and effect.local_in_time else "")
+
+
+def probability_text(value: object) -> str:
+    """A posterior probability; a dash for what was not weighed."""
+    number = number_of(value)
+    return MISSING if number is None else chance_text(number)
 
 
 def statistic_text(value: object) -> str:
