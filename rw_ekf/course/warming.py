@@ -10,6 +10,7 @@ along as a straight line of time, held from the end of the record on.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -32,10 +33,13 @@ class Warming(NamedTuple):
 
     @classmethod
     def of(cls, entry: Any) -> Self | None:
-        """From `ended.warming` of a diagnosis document; None where it holds none."""
-        if not isinstance(entry, dict) or not all(isinstance(entry.get(name), int | float) for name in cls._fields):
+        """From `ended.warming` of a diagnosis document; None where it holds none that a body can have."""
+        try:
+            law = cls(*(float(entry[name]) for name in cls._fields))
+        except (KeyError, TypeError, ValueError, OverflowError):
             return None
-        return cls(*(float(entry[name]) for name in cls._fields))
+        possible = law.time_constant_s > 0.0 and min(law.per_speed_K_s_rad, law.per_current_K_A2) >= 0.0
+        return law if possible and all(map(math.isfinite, law)) else None
 
     def temperature(
         self, start_degC: float, time_s: Float64Array, speed_rad_s: Float64Array, current_A: Float64Array

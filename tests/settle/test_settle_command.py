@@ -45,6 +45,7 @@ BAD: dict[str, tuple[Any, str]] = {
     "one stands": (diagnosis((1.0, LAG)), "only one explanation stands (actuator_lag)"),
     "an explanation is no object": (spoilt(explanations=[1, 2]), "explanations[0]"),
     "no probability": (first_with(posterior="high"), "explanations[0].posterior is 'high'"),
+    "a number beyond all": (first_with(posterior=10**400), "explanations[0].posterior"),
     "no model": (first_with(model=None), "explanations[0].model"),
     "a model of nothing": (first_with(model={"schema": "rw_ekf.model/1"}), "explanations[0].model"),
     "an effect unknown": (first_with(model={**LAG.document(), "effects": [{"effect": "magic"}]}), "'magic'"),

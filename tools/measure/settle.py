@@ -23,6 +23,7 @@ from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.course.warming import Warming, ended
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.judge.explanations import LEAST_POSTERIOR, log_evidence, with_posteriors
 from rw_ekf.diagnosis.judge.explanations import Explanation as Weighed
@@ -60,7 +61,7 @@ PAIRS = (
     Pair(
         "drift-temperature", ("coulomb_drift:rate_rad_s3=-0.00005", "coulomb_temperature:slope_1_K=-0.005"), "P1", 1.0
     ),
-    Pair("bristle-friction-lag", ("presliding_hysteresis:deflection_rad=0.03", "friction_lag"), "P2", 1.0),
+    Pair("bristle-friction-lag", ("presliding_hysteresis:deflection_rad=0.05", "friction_lag"), "P2", 1.0),
     Pair("offset-5rpm", ("offset_torque:torque_rad_s2=0.006", "offset_torque:torque_rad_s2=-0.006"), "P2", 5.0),
 )
 
@@ -205,17 +206,18 @@ def designed(wheel: Wheel, standing: Standing, true: set[Effects], design: Desig
             return SETTLE_S * number + time_s
         logs.append(log)
         if number + 1 < ROUNDS:
-            last = sum(float(item.time_s[-1] - item.time_s[0]) for item in logs)
-            design = design_for(Scene(_standing_after(weigh(standing, logs), standing, last), 1.0 / RATE_HZ))
+            design = design_for(Scene(_standing_after(weigh(standing, logs), standing), 1.0 / RATE_HZ))
     return None
 
 
-def _standing_after(weighed: Sequence[Weighed], before: Standing, ended_s: float) -> Standing:
-    """What stands on both logs, for the next two minutes."""
+def _standing_after(weighed: Sequence[Weighed], before: Standing) -> Standing:
+    """What stands on all logs so far, for the next two minutes; how they ended is read as a diagnosis reads it."""
+    best = weighed[0].fit
+    course = best.linearised.record.course
+    end = ended(course, best.trajectory.speed, with_temperature=True)
     found = []
     for item in weighed:
         fit, known = item.fit, item.fit.model.known
-        q = fit.noise.ratio * fit.noise.variance * RATE_HZ
         found.append(
             Explanation(
                 effects=item.effects,
@@ -223,10 +225,16 @@ def _standing_after(weighed: Sequence[Weighed], before: Standing, ended_s: float
                 model=fit.model,
                 covariance=fit.likelihood.covariance[:known, :known],
                 variance=fit.noise.variance,
-                density=q,
+                density=fit.noise.ratio * fit.noise.variance * RATE_HZ,
             )
         )
-    return replace(before, explanations=most_probable(found), ended_s=ended_s)
+    return replace(
+        before,
+        explanations=most_probable(found),
+        ended_s=end["time_s"],
+        temperature_degC=end["temperature_degC"],
+        warming=Warming.of(end["warming"]),
+    )
 
 
 def fixed(wheel: Wheel, standing: Standing, true: set[Effects]) -> float | None:
