@@ -8,7 +8,7 @@ are to be linearised (docs/filter.md, "In hindsight").
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +18,11 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.filter.second_look import log_likelihood, second_look
+from rw_ekf.filter.second_look import log_likelihood, second_look, was_reset
 from rw_ekf.starting_point import FilterSetup
 
 _CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
+_ASTRAY = 10.0  # log-likelihood: other noises may cost some of it, a filter that went astray more
 
 
 def run_of_log(
@@ -38,11 +39,31 @@ def run_of_log(
 
 def belief_of_log(course: Course, setup: FilterSetup, run: FilterRun) -> Belief:
     """What is believed at the end: the moments of a mixture over what is not known beside the parameters."""
-    parts = list(_parts(course, setup, run))
+    return _mixture(list(_parts(course, setup, run)))
+
+
+def belief_of_fit(course: Course, setup: FilterSetup, fitted: Belief, noises: Sequence[float]) -> Belief:
+    """What is believed after a fit: the filter's word on it, linearised where the fit ended.
+
+    A fit regresses friction on a speed that the same readings gave: near rest, where friction depends on it, that
+    biases it by more than a sigma. A filter predicts each reading from those before it. setup: with the speed noise
+    that the fit found; noises: torque noises of equal weight. The fit's own word where the filter has none.
+    """
+    parts = []
+    for noise in noises:
+        constants = without_drift(setup.constants).with_acceleration_noise(noise)
+        again = second_look(course, constants, setup.prior, fitted, setup.effects)
+        if again is None:
+            return fitted
+        parts.append((1.0 / len(noises), again[0]))
+    return _mixture(parts)
+
+
+def _mixture(parts: Sequence[tuple[float, Belief]]) -> Belief:
     if len(parts) == 1:
         return parts[0][1]
-    mean = sum((weight * part.mean for weight, part in parts), np.zeros_like(run.mean))
-    covariance = np.zeros_like(run.covariance)
+    mean = sum((weight * part.mean for weight, part in parts), np.zeros_like(parts[0][1].mean))
+    covariance = np.zeros_like(parts[0][1].covariance)
     for weight, part in parts:
         off = part.mean - mean
         covariance += weight * (part.covariance + np.outer(off, off))
@@ -81,4 +102,11 @@ def filtered(course: Course, setup: FilterSetup, *, keep_states: bool = False, k
 
 
 def _looked_at_again(course: Course, setup: FilterSetup, first: FilterRun) -> Belief:
-    return second_look(course, setup.constants, setup.prior, first, setup.effects)
+    """A second look, or the first where parameters wander or were reset, or where the second made readings unlikely."""
+    found = Belief(first.mean, first.covariance)
+    if setup.constants.wanders or was_reset(first):
+        return found
+    again = second_look(course, setup.constants, setup.prior, found, setup.effects)
+    if again is None or again[1] < log_likelihood(first, setup.constants.gate) - _ASTRAY:
+        return found
+    return again[0]

@@ -8,6 +8,7 @@ import pytest
 from drivers.sim.plant_batch import PlantRun, simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.course.course import Course
+from rw_ekf.filter.health import DIVERGED
 from rw_ekf.hindsight import belief_of_log, run_of_log
 from rw_ekf.model.state import PARAMETERS
 from rw_ekf.starting_point import setup_of_record
@@ -48,3 +49,12 @@ def test_friction_that_wanders_is_followed() -> None:
     assert told.constants.wanders
     found = belief_of_log(course_of(run), told, filtered)
     np.testing.assert_allclose(found.std[PARAMETERS], np.sqrt(np.diag(filtered.covariance))[PARAMETERS], rtol=0.1)
+
+
+def test_a_filter_that_was_reset_has_the_last_word() -> None:
+    """What was learned before a reset is nothing to look again from."""
+    case = Case("P2", 0.0, 1)
+    course = course_of(run_of(case))
+    filtered, setup = run_of_log(course, setup_of_record(course))
+    filtered.mended[100] = DIVERGED
+    assert np.allclose(belief_of_log(course, setup, filtered).covariance, filtered.covariance, rtol=1e-9)

@@ -175,6 +175,7 @@ def _least_squares(
 
     from rw_ekf.errors import FilterError
     from rw_ekf.filter.belief import Belief
+    from rw_ekf.hindsight import belief_of_fit
     from rw_ekf.identify.least_squares import least_squares
     from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
     from rw_ekf.units import rpm_from_rad_s
@@ -202,10 +203,15 @@ def _least_squares(
     judged = consistency_of_fit(found, setup.constants)
     if judged.is_noise is False:
         said += judged.warnings()
+    size = setup.effects.table().size
     belief = Belief.of_known(
-        (*found.parameters, *found.effects.values), covariance, speed_variance=setup.constants.speed_variance
+        (*found.parameters, *found.effects.values), covariance, size, speed_variance=setup.constants.speed_variance
     )
-    return belief, _without_reading_effects(found.noises, setup), quality, said
+    noises = _without_reading_effects(found.noises, setup)
+    if setup.stribeck_speed_std == 0.0:  # one that was fitted with the rest is in the fit's sigmas alone
+        told = replace(setup, constants=setup.constants.with_speed_noise(noises.speed_noise_rad_s))
+        belief = belief_of_fit(course, told, belief, noises.acceleration_noise_quantiles.tolist())
+    return belief, noises, quality, said
 
 
 def _without_reading_effects(noises: NoisePosterior, setup: FilterSetup) -> NoisePosterior:

@@ -52,6 +52,11 @@ class FilterConstants(NamedTuple):
         """Whether parameters are taken to wander."""
         return max(self.motor_gain_drift, self.viscous_drift, self.coulomb_drift, self.static_drift) > 0.0
 
+    def with_speed_noise(self, noise_rad_s: float) -> FilterConstants:
+        """The same with another standard deviation of a reading."""
+        share = (noise_rad_s / self.speed_noise_rad_s) ** 2
+        return self._replace(speed_variance=noise_rad_s**2, stuck_variance=share * self.stuck_variance)
+
     def with_acceleration_noise(self, noise: float) -> FilterConstants:
         """The same with another acceleration noise [rad/s per sqrt(s)], never none."""
         least = _LEAST_ACCELERATION_NOISE * self.speed_noise_rad_s

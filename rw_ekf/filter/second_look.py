@@ -24,7 +24,6 @@ from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 SHARE = 0.1  # of what the first pass learned
-_MUCH = 10.0  # of log-likelihood: other noises may cost some of it, a filter that went astray more
 
 
 def log_likelihood(run: FilterRun, gate: float) -> float:
@@ -37,19 +36,17 @@ def log_likelihood(run: FilterRun, gate: float) -> float:
 
 
 def second_look(
-    course: Course, constants: FilterConstants, prior: Belief, first: FilterRun, effects: EffectSet = NO_EFFECTS
-) -> Belief:
-    """The belief after a second pass; that of the first where parameters wander, were reset, or it went no better.
+    course: Course, constants: FilterConstants, prior: Belief, first: Belief, effects: EffectSet = NO_EFFECTS
+) -> tuple[Belief, float] | None:
+    """The belief after a second pass, and the log-likelihood of that pass; None where no belief comes of it.
 
-    constants: of the second pass; their noises may be others than the first one's. prior: what the first began with.
+    constants: of the second pass, without drift; their noises may be others than the first one's. prior: what the first
+    began with.
     """
-    found = Belief(first.mean, first.covariance)
-    if constants.wanders or _was_reset(first):
-        return found
     known = slice(SPEED + 1, STATE_SIZE + effects.size)
     size = np.sqrt(np.diag(prior.covariance[known, known]))
     if not np.all(size > 0.0):
-        return found
+        return None
     before = np.linalg.inv(prior.covariance[known, known] / np.outer(size, size))
     added = SHARE * _positive_part(np.linalg.inv(first.covariance[known, known] / np.outer(size, size)) - before)
     aim = (first.mean - prior.mean)[known] / size  # everything in the prior's sigmas, and from its mean
@@ -58,13 +55,14 @@ def second_look(
     mean[known] += size * (start @ added @ aim)
     covariance[known, known] = start * np.outer(size, size)
     run = filter_log(course, constants, mean, covariance, effects, mends=True)
-    worse = log_likelihood(run, constants.gate) < log_likelihood(first, constants.gate) - _MUCH
-    if worse or _was_reset(run) or not np.isfinite(run.covariance).all():
-        return found
-    return _taken_away(Belief(run.mean, run.covariance), prior.mean, known, size, added, aim) or found
+    if was_reset(run):
+        return None
+    found = _taken_away(Belief(run.mean, run.covariance), prior.mean, known, size, added, aim)
+    return None if found is None else (found, log_likelihood(run, constants.gate))
 
 
-def _was_reset(run: FilterRun) -> bool:
+def was_reset(run: FilterRun) -> bool:
+    """Whether the parameters of a run were."""
     return bool(np.any((run.mended != health.WELL) & (run.mended != health.LOCKED_OUT)))
 
 
