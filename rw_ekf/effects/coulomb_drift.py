@@ -103,6 +103,17 @@ class CoulombDrift(WanderingEffect):
         return value * (passed if tau <= 0.0 else -tau * math.expm1(-passed / tau))
 
     @staticmethod
+    def sentence_of_pieces(terms: Sequence[Term], facts: RecordFacts) -> str:
+        """Its highest and its lowest, and when; the parameters have every piece."""
+        levels = [0.0, *accumulate(term.values[0] * term.shape[2] for term in terms)]
+        times = [terms[0].shape[1], *(term.shape[1] + term.shape[2] for term in terms)]
+        ends = [
+            f"{of_coulomb(levels[i], 0.0, facts)} at {times[i]:.4g} s"
+            for i in map(levels.index, (min(levels), max(levels)))
+        ]
+        return f"Dry friction wanders with time, in no particular shape: from where it began to {ends[0]} and {ends[1]}"
+
+    @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As the change over the record."""
         tau, start, piece = shape

@@ -28,6 +28,7 @@ _LEAST_DAMPING = 0.02
 _STANDSTILL_TURNS = 10
 _COMPARABLE = 6.0  # log-likelihood: along different trajectories values differ by that for no reason
 ROOM_SIGMAS = 2.0  # by which an effect may be larger than it was found
+_LOOSER = 3.0  # than the whole record knows it, a part takes the size of an event over
 _SMALL_STEP = 0.05  # standard deviations
 
 
@@ -73,12 +74,18 @@ class Fit:
         return self.refitted(self.model.without(effect_id))
 
     def on_part(self, record: Record) -> Fit:
-        """The same model fitted to a part of the record alone; the places of events stay."""
-        model = self.model
+        """The same model fitted to a part of the record alone; the places of events stay, and their sizes nearly.
+
+        An event lives in one stretch of the record: a part without it would deny it where it is.
+        """
+        model, prior = self.model, self.prior
         for name in model.effects.ids:
-            if any(term.effect.local_in_time for term in model.of(name)):
+            for item in self.terms_of(name) if model.of(name)[0].effect.local_in_time else ():
                 model = model.settled(name)
-        return fit_model(record, model, self.prior, self.trajectory, self.noise, self.omit)
+                std = _LOOSER * math.sqrt(max(float(item.covariance[0, 0]), 0.0))
+                if prior is not None and std > 0.0:
+                    prior = prior.with_coefficient(name, item.term.values[0], std)
+        return fit_model(record, model, prior, self.trajectory, self.noise, self.omit)
 
     def terms_of(self, effect_id: str) -> list[FittedTerm]:
         """The terms of one effect, in the order of use."""

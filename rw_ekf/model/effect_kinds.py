@@ -17,9 +17,10 @@ that are means over a window, friction with a memory, another Stribeck curve, an
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar
 
-from rw_ekf.model.effect import Effect, Shape
+from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
 from rw_ekf.model.friction import FrictionCurve
 
 # current [A], external [rad/s^2], viscous [1/s], viscous_factor [-], dry_factor [-], dry [rad/s^2]
@@ -58,6 +59,11 @@ class WanderingEffect(StaticEffect):
     @abstractmethod
     def piece(from_s: float, to_s: float) -> Shape:
         """Shape constants of a slope from one time to another, level afterwards."""
+
+    @staticmethod
+    @abstractmethod
+    def sentence_of_pieces(terms: Sequence[Term], facts: RecordFacts) -> str:
+        """What was found where the pieces (m,) follow each other in time; without the final stop."""
 
 
 class CurrentEffect(Effect):

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.search.wander import wandering
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect_kinds import StaticEffect
 from tests.diagnosis.simulated import log_of, simulated
@@ -34,6 +37,40 @@ def test_friction_that_follows_what_is_not_logged_drifts() -> None:
     document = diagnose_log(blind).document
     assert document["verdict"]["effects"] == ["coulomb_drift"], document["verdict"]["statement"]
     assert document["after"]["free_run_rms_rpm"] < 0.7 * document["before"]["free_run_rms_rpm"]
+
+
+@pytest.mark.parametrize(("wander", "walks"), [(0.0, False), (0.0024, True)])
+def test_a_friction_that_walks_at_random_is_told_from_one_that_keeps_still(wander: float, walks: bool) -> None:
+    """0.4 % of Coulomb friction per sqrt(s) is a walk beyond doubt; process noise of the speed is none."""
+    effect = f"coulomb_drift:rate_rad_s3=0,wander_rad_s2={wander}"
+    run = simulated([effect], seed=12, profile="P2", process_rpm=0.02)
+    prepared = prepare(source_of([log_of(run)]), None, None, "blocks")
+    found = wandering(prepared, prepared.base, 1.0e-4)
+    assert (found is not None) == walks
+    if found is not None:
+        assert found.trial.p_value < 1.0e-6
+        assert found.gain == pytest.approx(found.trial.statistic)  # nothing else had to give way
+        assert found.fit.model.matters("coulomb_drift", prepared.facts)
+
+
+@pytest.mark.slow
+def test_a_strong_short_spike_is_followed_to_the_end() -> None:
+    """A quarter of Coulomb friction for 25 s, within a block that is held out: named, with onset, decay and size."""
+    run = simulated(["drag_spike:amplitude_rad_s2=0.147,onset_s=230,decay_s=25"], seed=13, profile="P2")
+    document = diagnose_log(log_of(run)).document
+    assert document["verdict"]["effects"] == ["drag_spike"], document["verdict"]["statement"]
+    found = next(c for c in document["candidates"] if c["effect"] == "drag_spike")["parameters"]
+    for name, value, share in (("onset_s", 230.0, 0.01), ("decay_s", 25.0, 0.2), ("amplitude_rad_s2", 0.147, 0.15)):
+        assert math.isclose(found[name]["value"], value, rel_tol=share), found
+
+
+@pytest.mark.slow
+def test_a_friction_that_walks_is_named_as_one_that_wanders() -> None:
+    """Not unexplained, and not one of the shapes that a stretch of it happens to have."""
+    run = simulated(["coulomb_drift:rate_rad_s3=0,wander_rad_s2=0.0024"], seed=3, profile="P2")
+    verdict = diagnose_log(log_of(run)).document["verdict"]
+    assert verdict["effects"] == ["coulomb_drift"], verdict["statement"]
+    assert "wanders with time" in verdict["statement"]
 
 
 def test_pieces_of_a_broken_line_add_up_to_it() -> None:

@@ -22,18 +22,15 @@ from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, smoothed_trajectory
-from rw_ekf.likelihood.frozen_filter import filtered_trajectory, run_frozen
+from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
-from rw_ekf.likelihood.profile import likelihood
 from rw_ekf.units import rpm_from_rad_s
-from rw_ekf.wheel.table import ABSENT
 
 _STARTS = 400  # of a horizon: more would add nothing but time
 _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
 _STEPS_AT_MOST = 4_000_000
-_TURNS, _MEMORY_TURNS = 2, 5  # of smoothing a trajectory under another model
 
 
 @dataclass(frozen=True)
@@ -127,25 +124,6 @@ def _observed_acceleration(
     return np.where(record.follows, asked / step, np.nan)
 
 
-def heldout_likelihood(record: Record, fit: Fit, trajectory: Trajectory) -> float:
-    """Log-likelihood of a part (record) under a fit's model, nothing adjusted to the part but the noises.
-
-    A model that fits well claims little process noise, which the sigmas of its own parameters then outgrow.
-
-    trajectory: of the whole record, by whatever model; it is smoothed anew under this one.
-    """
-    omit = np.zeros(trajectory.speed.size, dtype=bool)
-    with_memory = fit.model.effects.table().memory_state_at != ABSENT
-    here = Trajectory.of_speed(trajectory.speed, trajectory.spread)
-    if with_memory:
-        here = filtered_trajectory(record, fit.model, fit.noise, omit)
-    for _ in range(_MEMORY_TURNS if with_memory else _TURNS):
-        linearised = linearise(record, fit.model, here, fit.noise, omit, with_jacobian=False)
-        here = smoothed_trajectory(linearised, np.zeros(0), likelihood(linearised, None, fit.noise).noise)
-    linearised = linearise(record, fit.model, here, fit.noise, omit, with_jacobian=False)
-    return likelihood(linearised, None, fit.noise).value
-
-
 def _rms(values: Float64Array) -> float:
     found = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(found**2))) if found.size else math.nan
@@ -178,6 +156,7 @@ _VETOED = (
 _WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
 _REAL_GAIN = 0.05
 _LEAST_EVENT = 4.0  # of twice the log-likelihood on the seconds left out of an event: two sigma
+_UNDOUBTED = 100.0  # on all of it: those seconds lie between others that are read, and need only not be against it
 
 
 def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
@@ -193,14 +172,6 @@ def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
             selection.final = selection.final.without(name)
 
 
-def confirmed_between(prepared: Prepared, less: Fit, more: Fit) -> bool:
-    """Whether what holds between the blocks that a model was fitted to is likelier with it: for a curve of time."""
-    with_it, without = (
-        heldout_likelihood(prepared.heldout, prepared.on_part(fit), prepared.base.trajectory) for fit in (more, less)
-    )
-    return with_it > without
-
-
 def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
     """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first."""
     after: Figures | None = None
@@ -214,7 +185,8 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
         worse = worsened(before, after, *(_WORST if gained else _WORSE))
         if worse is None and CATALOGUE[name].local_in_time:
             gain = event_gain(selection.final, name)
-            if gain is not None and gain.statistic < _LEAST_EVENT:
+            undoubted = selection.trials[name].statistic > _UNDOUBTED
+            if gain is not None and gain.statistic < (0.0 if undoubted else _LEAST_EVENT):
                 worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
         if worse is not None:
             selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"

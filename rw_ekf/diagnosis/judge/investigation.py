@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.heldout import confirm, confirmed_between, veto
+from rw_ekf.diagnosis.judge.heldout import confirm, veto
 from rw_ekf.diagnosis.judge.residual import Dependence, Lattice, residual_map
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE, weigh_rivals
 from rw_ekf.diagnosis.search.selection import LOCAL_P, Search, Selection
-from rw_ekf.diagnosis.search.wander import wandering
+from rw_ekf.diagnosis.search.wander import followed_finely, wandering
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, TOO_SMALL
-from rw_ekf.effects.catalogue import GRID, WANDERING
+from rw_ekf.effects.catalogue import CATALOGUE, GRID, WANDERING
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term
@@ -61,8 +61,8 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
         impatient = Search(prepared.record, prepared.facts, advance, stationary_first=False)
         other = _searched(prepared, impatient, advance)
         if other.new_ids and not other.left:
-            return other
-    if not found.left and found.new_ids:
+            found, search = other, impatient
+    if not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids):
         return found
     if not prepared.record.work.has(work.WANDER):
         prepared.record.work.leave_out("a dry friction that wanders with time")
@@ -96,7 +96,7 @@ def _drop_trifles(prepared: Prepared, selection: Selection) -> None:
 def _mapped(prepared: Prepared, selection: Selection) -> Found:
     """The selection on the whole record; structure that its effects leave by nature is no reason to doubt them."""
     whole, terms = selection.final, selection.final.model.terms
-    dependences = residual_map(whole, prepared.facts)
+    dependences = residual_map(whole, prepared.facts, followed_finely(whole))
     left = [item for item in dependences if item.p_value < MAP_P]
     excused = {name for term in terms for name in term.effect.may_leave(term.shape, prepared.facts)}
     share = 1.0 if excused.issuperset(item.name for item in left) else _share(selection, left)
@@ -127,10 +127,13 @@ def _with_wandering_friction(found: Found, search: Search) -> Found:
     prepared, selection = found.prepared, found.selection
     if WANDERING.id in selection.base.model.effects.ids or one_and_the_same(found.fit, "time", "speed"):
         return found  # no smooth function of time is seen beside one of speed
-    tried = wandering(prepared, selection.final)
-    if tried is None:
+    if found.left and found.left[0].name not in _GOES_WITH_TIME:
+        return found  # whatever it is, time does not show it best
+    # Where the map shows something of time already, that it is a walk needs no more evidence than that.
+    tried = wandering(prepared, selection.final, MAP_P if found.left else LOCAL_P)
+    if tried is None or not tried.fit.may_matter(WANDERING.id, prepared.facts):
         return found
-    if tried.trial.p_value >= LOCAL_P or not tried.fit.may_matter(WANDERING.id, prepared.facts):
+    if not found.left and tried.gain < 0.0:
         return found
     if not tried.fit.model.possible(WANDERING.id, prepared.facts):
         return found
@@ -138,8 +141,6 @@ def _with_wandering_friction(found: Found, search: Search) -> Found:
     changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
     changed.final = search.pruned(changed.final, changed)
     if WANDERING.id not in changed.final.model.effects.ids:
-        return found
-    if not confirmed_between(prepared, changed.final.without(WANDERING.id), changed.final):
         return found
     changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
     other = _mapped(prepared, changed)

@@ -50,8 +50,8 @@ class Dependence:
     p_value: float
 
 
-def residual_map(fit: Fit, facts: RecordFacts) -> list[Dependence]:
-    """Dependences of what the model leaves, most significant first."""
+def residual_map(fit: Fit, facts: RecordFacts, beside: Float64Array | None = None) -> list[Dependence]:
+    """Dependences of what the model leaves, most significant first; beside: more regressors (n, m) that are free."""
     drive, dry = slopes_by_torque(fit)
     linearised = fit.linearised
     speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
@@ -78,7 +78,7 @@ def residual_map(fit: Fit, facts: RecordFacts) -> list[Dependence]:
     if facts.angle:
         turn = np.outer(linearised.record.course.angle_rad, np.arange(1, 5))
         groups["angle"] = [drive[:, None] * np.sin(turn), drive[:, None] * np.cos(turn)]
-    scorer = Scorer(fit)
+    scorer = Scorer(fit, beside)
     found = []
     for name, parts in groups.items():
         regressors = np.where(linearised.record.follows[:, None], np.concatenate(parts, axis=1), 0.0)

@@ -15,6 +15,7 @@ from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect_kinds import WanderingEffect
 from rw_ekf.numbers import chance_text, number_text
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
@@ -115,8 +116,10 @@ def _noise_text(found: Found) -> str:
 def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     """What was found of one effect, its size as a share of the friction that the final model has."""
     facts = replace(facts, friction=fit.model.parameters)
-    terms = fit.terms_of(name)  # pieces of a broken line are in the order of time
-    if CATALOGUE[name].repeats:
+    effect, terms = CATALOGUE[name], fit.terms_of(name)
+    if issubclass(effect, WanderingEffect) and len(terms) > 1:
+        return effect.sentence_of_pieces([item.term for item in terms], facts)
+    if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
     return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
 

@@ -8,24 +8,63 @@ from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
 _ZOOMS = 8
+_STARTS, _WORTH_FOLLOWING = 8, 0.3  # places of the bank that are followed, and their share of the strongest at least
+_FITTED = 2  # of those
+_KEPT_SHARE = 0.5  # of the gain that a regression promised: a fit with less went astray
 _WORTH_A_LAW = 16.0  # of twice the log-likelihood, for one law more
 
 
-def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> Score:
-    """The best place of an event near the one found, by ever finer steps: a fit follows its onset only so far."""
+def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> list[Score]:
+    """The best places of an event, the strongest first: the bank's strongest, followed by ever finer steps.
+
+    Several, because a place that is a little off may be weaker than another far away; a fit follows an onset only so
+    far.
+    """
     scorer, effect = Scorer(fit), score.effect
-    best: Score | None = None
-    at = score.candidate
+    bank = scorer.all_at(facts, [(effect, candidate) for candidate in effect.candidates(facts)])
+    worth = [item for item in [score, *bank] if item.statistic > _WORTH_FOLLOWING * score.statistic]
+    found = [_followed(scorer, start, facts) for start in _apart(worth, facts.duration_s / _STARTS)[:_STARTS]]
+    return _apart(sorted(found, key=lambda item: -item.statistic), 0.0)[:_FITTED]
+
+
+def _apart(scores: list[Score], least_s: float) -> list[Score]:
+    """Of places in order those that are no neighbour of one before: another decay, or an onset a decay away."""
+    chosen: list[Score] = []
+    for item in scores:
+        onset, decay = item.effect.lasts(item.candidate.shape)
+        others = [other.effect.lasts(other.candidate.shape) for other in chosen]
+        if not any(0.5 < decay / other < 2.0 and abs(onset - at) < max(0.3 * decay, least_s) for at, other in others):
+            chosen.append(item)
+    return chosen
+
+
+def _followed(scorer: Scorer, start: Score, facts: RecordFacts) -> Score:
+    """The best place of an event near one, nearer with every turn."""
+    best = start
     for turn in range(_ZOOMS):
-        near = scorer.best_at(facts, [(effect, candidate) for candidate in effect.nearby(at, turn, facts)])
-        best = max([*near.values(), *([best] if best else [])], key=lambda item: item.statistic, default=None)
-        if best is None:
-            return score
-        at = best.candidate
-    return best if best is not None else score
+        near = [(best.effect, candidate) for candidate in best.effect.nearby(best.candidate, turn, facts)]
+        best = max([*scorer.best_at(facts, near).values(), best], key=lambda item: item.statistic)
+    return best
+
+
+def fitted_event(fit: Fit, score: Score, facts: RecordFacts) -> Fit:
+    """A fit with an event beside what it has, the likeliest of those from the event's best places."""
+    found = [fitted_at(fit, place) for place in zoomed(fit, score, facts)]
+    return max(found, key=lambda item: item.likelihood.value)
+
+
+def fitted_at(fit: Fit, score: Score) -> Fit:
+    """A fit with an effect beside what it has, from its place; again along the filter's path where it went astray."""
+    fits = [fit.refitted(fit.model.with_terms(term)) for term in score.starts]
+    best = max(fits, key=lambda item: item.likelihood.value)
+    gained = 2.0 * (best.likelihood.value - fit.likelihood.value)
+    if score.effect.linear and gained <= _KEPT_SHARE * score.statistic:
+        return likelier_along_filter(best, fit, fit.model.with_terms(score.starts[0]))
+    return best
 
 
 def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> tuple[Fit, dict[str, float]]:
@@ -41,7 +80,7 @@ def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> tuple[Fit, dict[
         less = fit.refitted(model.without(name))
         score = event_scores(less, [CATALOGUE[name]], facts).get(name)
         if score is not None:
-            tried.append(less.refitted(less.model.with_terms(zoomed(less, score, facts).starts[0])))
+            tried.append(fitted_event(less, score, facts))
     if not tried:
         return fit, {}
     best = max(tried, key=lambda item: 2.0 * item.likelihood.value - _WORTH_A_LAW * len(item.model.effects.ids))

@@ -23,6 +23,7 @@ from rw_ekf.model.effect_kinds import StaticEffect
 
 _RATIOS_BELOW = 6
 _GROUP_RANK = 0.02  # of a unit regressor: less is what the model's own parameters do
+_SIGNALS, _SIGNAL_STEPS = (0.3, 300.0), 16  # of random coefficients, of the regressor best seen, in sigmas of noise
 _SEEN = 1.0e-4  # a regressor that the model's own explain to this share of its length says nothing
 
 
@@ -130,6 +131,25 @@ class Scorer:
                 best_merit, statistic = merit, 2.0 * (value - self.without)
         return statistic, regressors.shape[1]
 
+    def score_random(self, regressors: Float64Array) -> tuple[float, float]:
+        """Statistic of regressors (n, m) whose coefficients are drawn from one normal distribution, and its deviation.
+
+        The coefficients are integrated out, so that their number costs nothing: one number more is fitted, which the
+        model without them has at the edge of what it may be. Restricted likelihoods on either side.
+        """
+        best = nothing = self._restricted(self.own, 0.0, 0, 0.0)
+        deviation = 0.0
+        for i in range(len(self.ratios)):
+            U, sizes, _ = np.linalg.svd(self._beside_own(i, regressors), full_matrices=False)
+            powers = (U.T @ self.residuals[i]) ** 2
+            for signal in np.geomspace(*_SIGNALS, _SIGNAL_STEPS) / max(float(sizes[0]), 1.0e-300):
+                x = (signal * sizes) ** 2
+                gain = float(np.sum(powers * x / (1.0 + x)))
+                merit = self._restricted(i, gain, 0, 0.5 * float(np.sum(np.log1p(x))))
+                if merit > best:
+                    best, deviation = merit, float(signal) * math.sqrt((self.rss[i] - gain) / self.count)
+        return 2.0 * (best - nothing), deviation
+
     def _beside_own(self, i: int, regressors: Float64Array) -> Float64Array:
         """Columns whitened at the i-th ratio, the model's own projected out."""
         _, A, _ = self.linearised.whitened(self.ratios[i], self.variance, regressors)
@@ -156,6 +176,21 @@ class Scorer:
     def best_at(self, facts: RecordFacts, places: list[tuple[type[Effect], Candidate]]) -> dict[str, Score]:
         """The best of the places given for each effect, by id."""
         return self._best(facts, places, {})
+
+    def all_at(self, facts: RecordFacts, places: list[tuple[type[Effect], Candidate]]) -> list[Score]:
+        """All of the places given, the strongest first; those left out that the model itself follows."""
+        gains = [gain for group in hypotheses(self.linearised, places) for gain in self._gains(group)]
+        gains.sort(key=lambda gain: -gain.statistic)
+        return [
+            gain.hypothesis.scored(
+                gain.statistic,
+                gain.hypothesis.evidence(gain.statistic, gain.std, facts),
+                gain.coefficients,
+                gain.std,
+                facts,
+            )
+            for gain in gains
+        ]
 
     def _best(
         self, facts: RecordFacts, places: list[tuple[type[Effect], Candidate]], among: dict[str, int]

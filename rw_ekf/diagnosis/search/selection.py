@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value
 from rw_ekf.diagnosis.search.confounding import deferred, event_scores, may_confound, quantity_of
-from rw_ekf.diagnosis.search.event import with_other_laws, zoomed
+from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, with_other_laws
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -20,14 +20,12 @@ from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
-from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
 LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
 _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
-_KEPT_SHARE = 0.5  # of the gain that a regression promised: a fit with less went astray
 ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
 _LEAST_SIGMAS = 2.5
 
@@ -203,15 +201,11 @@ class Search:
             if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
                 continue
             self.advance(f"fitting {name}")
-            place = zoomed(current, score, self.facts) if local else score
-            fits = [current.refitted(current.model.with_terms(term)) for term in place.starts]
-            fit = max(fits, key=lambda item: item.likelihood.value)
-            if effect.linear and fit.likelihood.value - current.likelihood.value <= _KEPT_SHARE * 0.5 * place.statistic:
-                fit = likelier_along_filter(fit, current, current.model.with_terms(place.starts[0]))
+            fit = fitted_event(current, score, self.facts) if local else fitted_at(current, score)
             shape_std = {}
             if local:
                 shape_std = fit.terms_of(name)[0].shape_std
-                fit = current.refitted(fit.model.settled(name))
+                fit = fit.refitted(fit.model.settled(name))
                 statistic = score.statistic
             else:
                 statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
@@ -237,8 +231,7 @@ class Search:
         score = Scorer(fit).best_of_each(self.facts, [effect]).get(name)
         if score is None:
             return fit
-        fits = [fit.refitted(fit.model.with_terms(term)) for term in score.starts]
-        return max(fits, key=lambda item: item.likelihood.value)
+        return fitted_event(fit, score, self.facts) if effect.local_in_time else fitted_at(fit, score)
 
     def pruned(self, fit: Fit, selection: Selection) -> Fit:
         """Leave out, one by one, what is no longer missed or no longer matters."""
