@@ -34,6 +34,7 @@ class Record:
     detectable: bool
     table_ratio: float | None
     excess_chi_square: float | None
+    posterior: dict[str, float] = field(default_factory=dict)  # as the verdict gave it
     cold: bool = False  # the first log of its worker: its time is not counted
     before: dict[str, Any] | None = None
     after: dict[str, Any] | None = None
@@ -103,6 +104,7 @@ def record_of(case: Case, document: dict[str, Any], seconds: float, **more: Any)
         named=list(verdict["effects"]),
         indistinguishable=[list(group) for group in verdict["indistinguishable"]],
         statement=verdict["statement"],
+        posterior=dict(verdict.get("posterior") or {}),
         seconds=seconds,
         before=document.get("before"),
         after=document.get("after"),

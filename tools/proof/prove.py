@@ -39,6 +39,7 @@ from tools.proof.detectable import detectable_of
 from tools.proof.judge import Record, as_json, failure_of, record_of
 from tools.proof.marks import MARKS, case_called, cases_of
 from tools.proof.plants import log_of, save_log
+from tools.proof.reliability import reliability_table
 from tools.proof.tty import SPEED_FACTOR, TtyError, diagnose_over_tty, tty_cases
 
 DIAGNOSIS = "rw_ekf.diagnosis.diagnose:diagnose_log"
@@ -164,6 +165,9 @@ def markdown_text(records: Sequence[Record], seed: int, command: str) -> str:
         f"Made {now} by `{command}`, seed {seed}, {len(records)} logs, Python {platform.python_version()}.",
         "## Marks",
         proof_tables.as_markdown(proof_tables.marks_table(records)),
+        "## Probabilities",
+        "Of what was stated with a probability, how often it was so: all entries of a verdict, and its likeliest.",
+        proof_tables.as_markdown(reliability_table(records)),
         "## Outcomes",
         proof_tables.as_markdown(proof_tables.outcomes_table(records)),
     ]
@@ -183,6 +187,7 @@ def print_tables(records: Sequence[Record]) -> None:
         ("by effect", proof_tables.effects_table(records)),
         ("injected and named", proof_tables.confusion_table(records)),
         ("outcomes", proof_tables.outcomes_table(records)),
+        ("probabilities", reliability_table(records)),
         ("marks", proof_tables.marks_table(records)),
     )
     for title, table in sections:

@@ -1,0 +1,92 @@
+"""Whether stated probabilities hold: of all that was said with 70 %, seven in ten should be so.
+
+Each entry of a verdict's `posterior` is one statement: the wheel has this effect, or none, or something that is in no
+catalogue. The expected calibration error is the mean over bins of the statements' probability, weighted by their
+number, of |mean stated - share true| (Naeini, Cooper, Hauskrecht 2015). Statements near zero are many and easy, so that
+it is also told of the likeliest statement of each verdict alone (Guo et al. 2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rw_ekf.diagnosis.judge.posterior import NONE, SOMETHING_ELSE
+from tools.proof.judge import Record
+from tools.proof.tables import Table
+
+BINS = 10
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A probability that a verdict gave, and whether it was so."""
+
+    stated: float
+    true: bool
+
+
+def statements(record: Record) -> list[Statement]:
+    """All that one verdict stated, the likeliest first."""
+    said = sorted(record.posterior.items(), key=lambda item: -item[1])
+    return [Statement(chance, _is_so(record, name)) for name, chance in said]
+
+
+def _is_so(record: Record, name: str) -> bool:
+    if name == NONE:
+        return record.expects == "adequate"
+    if name == SOMETHING_ELSE:
+        return record.expects == "unexplained"
+    return name in record.expected
+
+
+def all_statements(records: Iterable[Record]) -> list[Statement]:
+    """Of every verdict that had probabilities."""
+    return [item for record in records for item in statements(record)]
+
+
+def likeliest_statements(records: Iterable[Record]) -> list[Statement]:
+    """The first of each verdict."""
+    return [said[0] for record in records if (said := statements(record))]
+
+
+def _by_bin(said: Sequence[Statement]) -> list[list[Statement]]:
+    bins: list[list[Statement]] = [[] for _ in range(BINS)]
+    for item in said:
+        bins[min(int(item.stated * BINS), BINS - 1)].append(item)
+    return bins
+
+
+def calibration_error(said: Sequence[Statement]) -> float:
+    """Expected calibration error, 0 to 1; NaN of nothing."""
+    if not said:
+        return float("nan")
+    total = sum(len(found) * abs(_stated(found) - _true(found)) for found in _by_bin(said) if found)
+    return float(total / len(said))
+
+
+def _stated(said: Sequence[Statement]) -> float:
+    return float(np.mean([item.stated for item in said]))
+
+
+def _true(said: Sequence[Statement]) -> float:
+    return float(np.mean([item.true for item in said]))
+
+
+def reliability_table(records: Sequence[Record]) -> Table:
+    """Stated against true, by tenths of the stated probability; the last row has the calibration error."""
+    every, first = all_statements(records), likeliest_statements(records)
+    rows: list[Sequence[str]] = []
+    for number, (found, top) in enumerate(zip(_by_bin(every), _by_bin(first), strict=True)):
+        if found:
+            rows.append((f"{number / BINS:.1f} to {(number + 1) / BINS:.1f}", *_cells(found), *_cells(top)))
+    rows.append(
+        ("calibration error", "", "", f"{calibration_error(every):.3f}", "", "", f"{calibration_error(first):.3f}")
+    )
+    return ("stated", "statements", "mean stated", "true", "likeliest of a verdict", "mean stated", "true"), rows
+
+
+def _cells(said: Sequence[Statement]) -> tuple[str, str, str]:
+    return ("", "", "") if not said else (str(len(said)), f"{_stated(said):.3f}", f"{_true(said):.3f}")
