@@ -12,7 +12,8 @@ from typing import Any
 from rw_ekf.bench.contest import Contest
 from rw_ekf.bench.metrics import RECOVERED_DEG
 from rw_ekf.bench.pictures import courses_picture, peaks_picture
-from rw_ekf.bench.result import BASELINE, Row, rows_of
+from rw_ekf.bench.result import BASELINE, LEGEND, Row, rows_of, tables_of
+from rw_ekf.bench.tables import Table
 from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.diagnosis.report.markup import STYLE, prose
 from rw_ekf.errors import BadInputError
@@ -22,8 +23,13 @@ from rw_ekf.logs.atomic import atomic_path, write_text
 DOCUMENT, PAGE = "bench.json", "bench.html"
 
 
-def write_page(directory: Path, contest: Contest, document: Mapping[str, Any], headline: str) -> list[Path]:
-    """Write everything into `directory`; returns what was written. Raises BadInputError if it cannot be made."""
+def write_page(
+    directory: Path, contest: Contest, document: Mapping[str, Any], headline: str, further: Sequence[Table] = ()
+) -> list[Path]:
+    """Write everything into `directory`; returns what was written. Raises BadInputError if it cannot be made.
+
+    further: tables that stand below those of the reversal.
+    """
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -43,7 +49,7 @@ def write_page(directory: Path, contest: Contest, document: Mapping[str, Any], h
             temporary.write_bytes(content)
         written.append(path)
     page = directory / PAGE
-    write_text(page, page_text(contest, rows, pictures, headline))
+    write_text(page, page_text(contest, rows, pictures, headline, further))
     return [*written, page]
 
 
@@ -65,7 +71,9 @@ def headline_of(rows: Sequence[Row]) -> str:
     )
 
 
-def page_text(contest: Contest, rows: Sequence[Row], pictures: Mapping[str, bytes], headline: str) -> str:
+def page_text(
+    contest: Contest, rows: Sequence[Row], pictures: Mapping[str, bytes], headline: str, further: Sequence[Table] = ()
+) -> str:
     """The whole HTML document."""
     scenario = contest.scenario
     facts = [
@@ -81,14 +89,16 @@ def page_text(contest: Contest, rows: Sequence[Row], pictures: Mapping[str, byte
         f"<h1>{prose(headline)}</h1></header>",
         _figure(pictures["peaks"], "Peak error of every scheme, best first; the line goes on to the worst seed."),
     ]
-    for noise_rpm in scenario.cycle.speed_noise_rpm:
+    for noise_rpm, table in zip(scenario.cycle.speed_noise_rpm, tables_of(rows, scenario), strict=True):
         name = f"attitude-{noise_rpm:g}rpm"
-        body.append(f"<h2>{noise_rpm:g} rpm of speed noise</h2>")
+        body.append(f"<h2>{table.title}</h2>")
         if name in pictures:
             body.append(
                 _figure(pictures[name], f"Attitude around the reversal, first seed. Grey: {RECOVERED_DEG:g} deg.")
             )
-        body.append(_table([row for row in rows if row.noise_rpm == noise_rpm]))
+        body.append(table.markup())
+    body.append(f"<p>{html.escape(LEGEND)}</p>")
+    body += [f"<h2>{html.escape(table.title)}</h2>{table.markup()}" for table in further]
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -103,33 +113,3 @@ def _figure(content: bytes, caption: str) -> str:
     encoded = base64.b64encode(content).decode("ascii")
     text = html.escape(caption)
     return f'<figure><img alt="{text}" src="data:image/png;base64,{encoded}"><figcaption>{text}</figcaption></figure>'
-
-
-def _table(rows: Sequence[Row]) -> str:
-    heads = (
-        "peak [deg]",
-        "worst",
-        "steady [deg]",
-        "recover [s]",
-        "stop [s]",
-        "effort [A s]",
-        "chatter [A/s]",
-        "impulse [mNms]",
-    )
-    head = "<th>scheme</th><th>source</th><th>parameters</th>" + "".join(f'<th class="number">{h}</th>' for h in heads)
-    body = []
-    for row in rows:
-        entry = SCHEMES[row.scheme]
-        figures = (
-            (row.peak_deg, 4), (row.worst_deg, 4), (row.steady_deg, 4), (row.recover_s, 1), (row.stop_s, 2),
-            (row.effort_A_s, 2), (row.chatter_A_per_s, 4), (1e3 * row.impulse_Nms, 3),
-        )  # fmt: skip
-        cells = "".join(
-            f'<td class="number">{f"{value:.{places}f}" if math.isfinite(value) else "–"}</td>'
-            for value, places in figures
-        )
-        body.append(
-            f"<tr><td><code>{row.scheme}</code></td><td>{html.escape(entry.source)}</td><td>{entry.parameters_from}</td>"
-            f"{cells}</tr>"
-        )
-    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(body)}</table></div>'

@@ -1,16 +1,17 @@
-"""What a contest came to: one row a scheme and noise, as a document and as a table for people."""
+"""What a contest came to: one row a scheme and noise, as a document and as tables for people."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 from rw_ekf.bench.contest import Contest, Entry
 from rw_ekf.bench.metrics import RECOVERED_DEG
 from rw_ekf.bench.scenario import Scenario
+from rw_ekf.bench.tables import Table, shown
 from rw_ekf.control.compensation.registry import SCHEMES
 
 SCHEMA = "rw_ekf.bench/1"
@@ -92,40 +93,52 @@ def document_of(contest: Contest) -> dict[str, Any]:
     }
 
 
-def table_text(rows: Sequence[Row], scenario: Scenario) -> str:
-    """A table for a terminal, one part for each noise."""
-    parts = []
-    for noise_rpm in scenario.cycle.speed_noise_rpm:
-        here = [row for row in rows if row.noise_rpm == noise_rpm]
-        base = next((row.peak_deg for row in here if row.scheme == BASELINE), math.nan)
-        lines = [
-            f"speed noise {noise_rpm:g} rpm",
-            f"  {'scheme':<20} {'source':<24} {'peak':>7} {'worst':>7} {'ratio':>6} {'steady':>7} {'recover':>7} "
-            f"{'stop':>6} {'effort':>7} {'chatter':>8} {'impulse':>8}  parameters",
-            f"  {'':<20} {'':<24} {'deg':>7} {'deg':>7} {'1:':>6} {'deg':>7} {'s':>7} "
-            f"{'s':>6} {'A s':>7} {'A/s':>8} {'mNms':>8}",
-        ]
-        lines += [f"  {_line(row, base)}" for row in here]
-        parts.append("\n".join(lines))
-    parts.append(
-        f"peak: largest attitude error in the 120 s from the reversal on; worst: of all seeds; ratio: of {BASELINE}'s "
-        f"peak to it; recover: until the error stays below {RECOVERED_DEG:g} deg, - where it does not within 120 s."
-    )
-    return "\n\n".join(parts) + "\n"
+def tables_of(rows: Sequence[Row], scenario: Scenario) -> list[Table]:
+    """The figures of a contest, one table for each noise."""
+    return [_table(noise_rpm, rows) for noise_rpm in scenario.cycle.speed_noise_rpm]
 
 
-def _line(row: Row, base_deg: float) -> str:
-    entry = SCHEMES[row.scheme]
-    source = entry.source if len(entry.source) <= 24 else entry.source[:23] + "…"
-    ratio = base_deg / row.peak_deg if row.peak_deg > 0.0 else math.nan
-    return (
-        f"{row.scheme:<20} {source:<24} {_shown(row.peak_deg, 4):>7} {_shown(row.worst_deg, 4):>7} "
-        f"{_shown(ratio, 1):>6} {_shown(row.steady_deg, 4):>7} {_shown(row.recover_s, 1):>7} "
-        f"{_shown(row.stop_s, 2):>6} "
-        f"{_shown(row.effort_A_s, 2):>7} {_shown(row.chatter_A_per_s, 4):>8} "
-        f"{_shown(1e3 * row.impulse_Nms, 3):>8}  {entry.parameters_from}"
+def _table(noise_rpm: float, rows: Sequence[Row]) -> Table:
+    here = [row for row in rows if row.noise_rpm == noise_rpm]
+    base_deg = next((row.peak_deg for row in here if row.scheme == BASELINE), math.nan)
+    return Table(
+        title=f"{noise_rpm:g} rpm of speed noise",
+        heads=("scheme", "source", "parameters", *(column.name for column in _COLUMNS)),
+        units=("", "", "", *(column.unit for column in _COLUMNS)),
+        rows=tuple(
+            (
+                row.scheme,
+                SCHEMES[row.scheme].source,
+                SCHEMES[row.scheme].parameters_from,
+                *(shown(column.of(row, base_deg), column.places) for column in _COLUMNS),
+            )
+            for row in here
+        ),
+        words=3,
     )
 
 
-def _shown(value: float, places: int) -> str:
-    return f"{value:.{places}f}" if math.isfinite(value) else "-"
+class _Column(NamedTuple):
+    """A figure as tables show it."""
+
+    name: str
+    unit: str
+    places: int
+    of: Callable[[Row, float], float]  # of a row and the baseline's peak [deg]
+
+
+_COLUMNS = (
+    _Column("peak", "deg", 4, lambda row, _: row.peak_deg),
+    _Column("worst", "deg", 4, lambda row, _: row.worst_deg),
+    _Column("ratio", "1:", 1, lambda row, base: base / row.peak_deg if row.peak_deg > 0.0 else math.nan),
+    _Column("steady", "deg", 4, lambda row, _: row.steady_deg),
+    _Column("recover", "s", 1, lambda row, _: row.recover_s),
+    _Column("stop", "s", 2, lambda row, _: row.stop_s),
+    _Column("effort", "A s", 2, lambda row, _: row.effort_A_s),
+    _Column("chatter", "A/s", 4, lambda row, _: row.chatter_A_per_s),
+    _Column("impulse", "mNms", 3, lambda row, _: 1e3 * row.impulse_Nms),
+)
+LEGEND = (
+    f"peak: largest attitude error in the 120 s from the reversal on; worst: of all seeds; ratio: of {BASELINE}'s "
+    f"peak to it; recover: until the error stays below {RECOVERED_DEG:g} deg, - where it does not within 120 s."
+)

@@ -11,6 +11,7 @@ from typing import Any
 from rw_ekf.bench.contest import Models, hold_runs
 from rw_ekf.bench.result import BASELINE
 from rw_ekf.bench.scenario import Scenario
+from rw_ekf.bench.tables import Table
 from rw_ekf.control.compensation.registry import SCHEMES
 
 
@@ -125,21 +126,23 @@ def _middle(values: Sequence[float]) -> float:
     return median(value if math.isfinite(value) else math.inf for value in values)
 
 
-def table_text(found: Sequence[Bearing], sweeps: Sequence[Sweep] = SWEEPS) -> str:
-    """A table for a terminal: the level at which a scheme is no better than none, sweep by sweep."""
+def table_of(found: Sequence[Bearing], sweeps: Sequence[Sweep] = SWEEPS) -> Table:
+    """The level at which a scheme is no better than none, sweep by sweep; else its largest share of that peak."""
     schemes = [name for name in SCHEMES if any(bearing.scheme == name for bearing in found)]
-    heads = [f"{sweep.id} [{sweep.unit}]" for sweep in sweeps]
-    lines = [f"{'loses to ' + BASELINE + ' at':<24}" + "".join(f"{head:>26}" for head in heads)]
     by = {(bearing.scheme, bearing.sweep.id): bearing for bearing in found}
-    for name in schemes:
-        cells = []
-        for sweep in sweeps:
-            bearing = by[name, sweep.id]
-            lost = bearing.loses_at
-            worst = max(bearing.shares)
-            cells.append(f"never ({worst:.2g} at most)" if lost is None else f"{lost:g}")
-        lines.append(f"  {name:<22}" + "".join(f"{cell:>26}" for cell in cells))
-    lines += [
-        f"{sweep.id}: {sweep.meaning} {', '.join(f'{v:g}' for v in sweep.levels)} {sweep.unit}" for sweep in sweeps
-    ]
-    return "\n".join(lines) + "\n"
+    return Table(
+        title=f"Loses to {BASELINE} at",
+        heads=("scheme", *(sweep.id for sweep in sweeps)),
+        units=("", *(sweep.unit for sweep in sweeps)),
+        rows=tuple((name, *(_cell(by[name, sweep.id]) for sweep in sweeps)) for name in schemes),
+        words=1,
+        notes=tuple(
+            f"{sweep.id}: {sweep.meaning} {', '.join(f'{level:g}' for level in sweep.levels)} {sweep.unit}"
+            for sweep in sweeps
+        ),
+    )
+
+
+def _cell(bearing: Bearing) -> str:
+    lost = bearing.loses_at
+    return f"never (at most {max(bearing.shares):.2g})" if lost is None else f"{lost:g}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from rw_ekf.bench.contest import Models, finished
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.bench.spikes import RECOVERED_DEG, Spike, SpikeAnswer, answer_to_spike, rate_error_threshold_rpm
+from rw_ekf.bench.tables import Table, shown
 from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.wheel.model_file import WheelModel
 
@@ -41,21 +41,29 @@ def documents_of(answers: dict[Place, SpikeAnswer]) -> list[dict[str, Any]]:
     ]
 
 
-def table_text(answers: dict[Place, SpikeAnswer]) -> str:
-    """A table for a terminal."""
+def table_of(answers: dict[Place, SpikeAnswer]) -> Table:
+    """The same for people."""
     spike = Spike()
-    lines = [
-        f"drag spike of {spike.of_coulomb:g} Coulomb friction at {spike.speed_rpm:g} rpm, decay {spike.decay_s:g} s; "
-        f"recover: until the attitude stays within {RECOVERED_DEG:g} deg of where it would be; threshold of the rate "
-        f"error {rate_error_threshold_rpm():g} rpm",
-        f"  {'scheme':<22} {'noise':>6} {'peak':>8} {'recover':>8} {'rate error':>11} {'of threshold':>13}",
-        f"  {'':<22} {'rpm':>6} {'deg':>8} {'s':>8} {'rpm':>11} {'':>13}",
-    ]
-    for (name, noise_rpm), answer in answers.items():
-        recover = "-" if math.isnan(answer.recover_s) else f"{answer.recover_s:.1f}"
-        trips = "  trips" if answer.of_threshold >= 1.0 else ""
-        lines.append(
-            f"  {name:<22} {noise_rpm:>6g} {answer.peak_deg:>8.4f} {recover:>8} {answer.rate_error_rpm:>11.1f} "
-            f"{answer.of_threshold:>13.3f}{trips}"
-        )
-    return "\n".join(lines) + "\n"
+    size = f"{spike.of_coulomb:g} x Coulomb friction at {spike.speed_rpm:g} rpm, decay {spike.decay_s:g} s"
+    return Table(
+        title=f"Drag spike of {size}",
+        heads=("scheme", "noise", "peak", "recover", "rate error", "of threshold", ""),
+        units=("", "rpm", "deg", "s", "rpm", "", ""),
+        rows=tuple(
+            (
+                name,
+                f"{noise_rpm:g}",
+                shown(answer.peak_deg, 4),
+                shown(answer.recover_s, 1),
+                shown(answer.rate_error_rpm, 1),
+                shown(answer.of_threshold, 3),
+                "trips" if answer.of_threshold >= 1.0 else "",
+            )
+            for (name, noise_rpm), answer in answers.items()
+        ),
+        words=1,
+        notes=(
+            f"recover: until the attitude stays within {RECOVERED_DEG:g} deg of where it would be; threshold of the "
+            f"rate error {rate_error_threshold_rpm():g} rpm",
+        ),
+    )

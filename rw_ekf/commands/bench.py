@@ -52,7 +52,8 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.bench.contest import entries_of, hold_contest, models_of
     from rw_ekf.bench.page import headline_of, write_page
     from rw_ekf.bench.prepare import scenario_of, schemes_of
-    from rw_ekf.bench.result import document_of, rows_of, table_text
+    from rw_ekf.bench.result import LEGEND, document_of, rows_of, tables_of
+    from rw_ekf.bench.tables import texts
     from rw_ekf.commands.first_use import make_ready
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
@@ -68,19 +69,19 @@ def execute(args: argparse.Namespace) -> int:
         contest = hold_contest(schemes, scenario, args.seeds, models, bar.update)
         bearings = robustness.sweep_all(schemes, scenario, args.seeds, models, bar.update) if args.robustness else []
         answers = spike_table.answers_of(schemes, scenario, models, bar.update) if args.spikes else {}
-    rows = rows_of(contest)
+    rows, further = rows_of(contest), []
     document, headline = document_of(contest), headline_of(rows)
     if args.robustness:
         document["robustness"] = [bearing.document() for bearing in bearings]
+        further.append(robustness.table_of(bearings))
     if args.spikes:
         document["spikes"] = spike_table.documents_of(answers)
+        further.append(spike_table.table_of(answers))
     if args.out is not None:
-        for path in write_page(Path(args.out), contest, document, headline):
+        for path in write_page(Path(args.out), contest, document, headline, further):
             sys.stderr.write(f"rw-ekf: wrote {path}\n")
     if args.json:
         print_json(document)
     else:
-        swept = f"{robustness.table_text(bearings)}\n" if args.robustness else ""
-        swept += f"{spike_table.table_text(answers)}\n" if args.spikes else ""
-        sys.stdout.write(f"{table_text(rows, scenario)}\n{swept}{headline}\n")
+        sys.stdout.write(f"{texts([*tables_of(rows, scenario), *further])}\n{LEGEND}\n\n{headline}\n")
     return 0

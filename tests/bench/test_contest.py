@@ -18,13 +18,14 @@ from rw_ekf.bench import contest as contests
 from rw_ekf.bench.contest import Contest, Entry, hold_contest, run_entry
 from rw_ekf.bench.metrics import metrics_of
 from rw_ekf.bench.page import headline_of, write_page
-from rw_ekf.bench.result import document_of, rows_of, table_text
+from rw_ekf.bench.result import document_of, rows_of, tables_of
 from rw_ekf.bench.robustness import SWEEPS, sweep_all
-from rw_ekf.bench.robustness import table_text as sweep_text
+from rw_ekf.bench.robustness import table_of as sweep_table
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.bench.spike_table import answers_of, documents_of
-from rw_ekf.bench.spike_table import table_text as spikes_text
+from rw_ekf.bench.spike_table import table_of as spikes_table
 from rw_ekf.bench.spikes import answer_to_spike
+from rw_ekf.bench.tables import Table
 from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.json_output import json_text
 
@@ -83,12 +84,17 @@ def test_the_document_and_the_page_say_what_was_found(held: Contest, tmp_path: P
     assert [(s["scheme"], s["noise_rpm"]) for s in document["schemes"]] == [("pid_current", 1.0), ("dmc", 1.0)]
     assert document["schemes"][1]["parameters_from"] == "estimator"
     assert document["scenario"]["wheel"]["start_rpm"] == 60.0
-    written = write_page(tmp_path / "new", held, document, headline_of(rows))
+    further = Table("what else", ("scheme", "noise"), ("", "rpm"), (("dmc<", "1"),), words=1, notes=("so it is",))
+    written = write_page(tmp_path / "new", held, document, headline_of(rows), [further])
     assert {path.name for path in written} == {"bench.json", "peaks.png", "attitude-1rpm.png", "bench.html"}
     page = written[-1].read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 2
-    assert "<code>dmc</code>" in page
-    assert f"{rows[0].peak_deg:.4f}" in table_text(rows, SHORT)
+    assert "<td>dmc</td>" in page
+    assert "<h2>what else</h2>" in page
+    assert "<td>dmc&lt;</td>" in page
+    (table,) = tables_of(rows, SHORT)
+    assert f"{rows[0].peak_deg:.4f}" in table.text()
+    assert f"{rows[0].peak_deg:.4f}" in page
     assert "times less" in headline_of(rows)
 
 
@@ -101,7 +107,7 @@ def test_wrong_parameters_lose_what_right_ones_gain() -> None:
     assert found.shares[0] < 0.15
     assert 0.6 < found.shares[-1] < 1.0
     assert math.isclose(found.shares[-1], 0.8, abs_tol=0.15)
-    assert "never" in sweep_text([found], [sweep])
+    assert "never" in sweep_table([found], [sweep]).text()
 
 
 def test_the_spikes_of_a_contest_are_those_of_single_runs_in_the_order_asked_for() -> None:
@@ -112,7 +118,7 @@ def test_the_spikes_of_a_contest_are_those_of_single_runs_in_the_order_asked_for
     alone = answer_to_spike(SCHEMES["dmc"], SHORT, 1.0, 1)
     np.testing.assert_array_equal(np.array(found["dmc", 1.0]), np.array(alone))  # NaN where nobody saw it recover
     assert [document["scheme"] for document in documents_of(found)] == schemes
-    assert "trips" in spikes_text(found).splitlines()[3]  # the plain controller
+    assert "trips" in spikes_table(found).text().splitlines()[3]  # the plain controller
 
 
 def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPatch) -> None:
