@@ -16,14 +16,14 @@ _LARGEST_RAD_S = 1.0e6  # of an error: no wheel; keeps what is learned finite
 
 
 TUNABLE = {"bandwidth_rad_s": (0.05, 6.0)}
-ON_READINGS_RAD_S = 0.1  # the bandwidth that was tuned for them
+ON_READINGS_RAD_S, WITH_FILTERED_SIGN_RAD_S = 0.085, 0.093  # bandwidths that were tuned for them
 
 
 @dataclass(frozen=True)
 class MracParameters:
     """Gains of the adaptation by its two poles: lambda = 2 damping bandwidth, gamma = bandwidth^2. Tuned: the first."""
 
-    bandwidth_rad_s: float = 1.2
+    bandwidth_rad_s: float = 2.8
     damping: float = 0.707
     limit_of_static: float = 6.0  # of what is learned, as a multiple of the data sheet's break-away friction
     speed: SpeedSource = "filtered"  # that the model is compared with

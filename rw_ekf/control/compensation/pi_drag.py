@@ -21,7 +21,7 @@ TUNABLE = {"bandwidth_rad_s": (0.05, 5.0)}  # beyond, the bench's loop has less 
 class PiDragParameters:
     """Of the estimator and the limiter. Tuned: the bandwidth; Cassini's is `CASSINI_RAD_S`."""
 
-    bandwidth_rad_s: float = 1.7
+    bandwidth_rad_s: float = 1.8
     damping: float = CASSINI_DAMPING
     limit_of_static: float = 6.0  # the limiter, as a multiple of the data sheet's break-away friction
     speed: SpeedSource = "raw"  # the filtered one is led by the filter's own friction model: no observer then

@@ -19,7 +19,7 @@ TUNABLE = {"time_constant_s": (0.01, 3.0)}
 class LagLearning:
     """The lag and how it is learned. Tuned: the lag that it begins with."""
 
-    time_constant_s: float = 0.1  # tau before anything is learned
+    time_constant_s: float = 0.11  # tau before anything is learned
     spread: float = 1.0  # standard deviation of its logarithm then
     walk_per_sqrt_s: float = 0.03  # of its logarithm: tau "varies with the operating condition"
 
