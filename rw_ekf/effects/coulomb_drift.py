@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import ClassVar
 
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moves, of_coulomb
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moment, moves, of_coulomb
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import Contribution, WanderingEffect
 
@@ -108,7 +108,7 @@ class CoulombDrift(WanderingEffect):
         levels = [0.0, *accumulate(term.values[0] * term.shape[2] for term in terms)]
         times = [terms[0].shape[1], *(term.shape[1] + term.shape[2] for term in terms)]
         ends = [
-            f"{of_coulomb(levels[i], 0.0, facts)} at {times[i]:.4g} s"
+            f"{of_coulomb(levels[i], 0.0, facts)} at {moment(times[i], facts)}"
             for i in map(levels.index, (min(levels), max(levels)))
         ]
         return f"Dry friction wanders with time, in no particular shape: from where it began to {ends[0]} and {ends[1]}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, of_coulomb
+from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, moment, of_coulomb
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 
@@ -111,6 +111,6 @@ class DragSpike(StaticEffect):
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
         """As a share of Coulomb friction, with onset and decay."""
         return (
-            f"Friction jumps up by {of_coulomb(value, std, facts)} at {shape[0]:.1f} s"
+            f"Friction jumps up by {of_coulomb(value, std, facts)} at {moment(shape[0], facts)}"
             f" and decays with a time constant of {shape[1]:.3g} s"
         )

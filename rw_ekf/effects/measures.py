@@ -84,3 +84,9 @@ def moves(value: float) -> str:
 def slope_percent(quantity: str, value: float, std: float, per: str) -> str:
     """A relative slope in words: "Viscous friction falls 3.02 +- 0.14 % per K"."""
     return f"{quantity} {moves(value)} {plus_minus(100.0 * abs(value), 100.0 * std)} % {per}"
+
+
+def moment(time_s: float, facts: RecordFacts) -> str:
+    """A time of the log, with that since its start where its own time does not begin at zero."""
+    since = f" ({time_s - facts.first_s:.1f} s after the log's start)" if facts.first_s != 0.0 else ""
+    return f"{time_s:.1f} s{since}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import copy
 import json
 import re
 from dataclasses import replace
@@ -157,7 +158,7 @@ def test_nan_is_null_in_the_document(found: Diagnosis, written: Path) -> None:
 @pytest.mark.parametrize("kind", ["adequate", "unexplained", "insufficient_excitation"])
 def test_without_a_better_model_what_an_earlier_run_left_is_gone(kind: str, tmp_path: Path) -> None:
     """A stale augmented model (and picture) is removed; the page has the reason and advice, and no command for it."""
-    for name in ALL_FILES:
+    for name in (*ALL_FILES, "shapes.png"):
         (tmp_path / name).write_text("of an earlier run", encoding="utf-8")
     poor = example([], kind=kind, seed=2)
     page = report(poor, tmp_path)
@@ -169,6 +170,37 @@ def test_without_a_better_model_what_an_earlier_run_left_is_gone(kind: str, tmp_
     assert poor.document["verdict"]["statement"].split(":")[0] in page.text
     assert "What to do next" in page.text
     assert (kind == "insufficient_excitation") == ("rw-ekf excite identification --config" in page.text)
+
+
+def test_what_no_effect_explains_is_drawn_and_told(tmp_path: Path) -> None:
+    """The curve is the first picture, its sentence the headline; the record that would help is a next step."""
+    poor = example([], kind="unexplained", seed=2)
+    shape = {
+        "dependence": "time", "kind": "drag", "at_unit": "s", "unit": "mNm", "at": [0.0, 300.0, 600.0],
+        "value": [0.0, 0.3, 0.0], "std": [0.02, 0.02, 0.02],
+        "sentence": "about 0.30 +- 0.02 mNm more drag around 150 to 450 s after the log's start",
+        "record": "a second log: `rw-ekf excite identification`",
+    }  # fmt: skip
+    poor.document["shapes"] = [shape, {**shape, "dependence": "current", "at_unit": "mA", "sentence": "nothing"}]
+    page = report(poor, tmp_path)
+    assert (tmp_path / "shapes.png").exists()
+    assert page.images[0]["src"] == "data:image/png;base64," + base64.b64encode(
+        (tmp_path / "shapes.png").read_bytes()
+    ).decode("ascii")
+    assert "explains: about 0.30 ± 0.02 mNm more drag around 150 to 450 s" in page.text.replace("\xa0", " ")
+    assert "On time would tell more: a second log: rw-ekf excite identification" in page.text
+    assert "against current: nothing" in diagnosis_text(poor.document)
+
+
+def test_times_since_the_log_s_start_stand_beside_its_own(found: Diagnosis, tmp_path: Path) -> None:
+    """Onset and split of a log that begins at 1000 s say so; nothing does where it begins at zero."""
+    document = copy.deepcopy(found.document)
+    document["candidates"][0]["parameters"] = {"onset_s": {"value": 1230.0, "std": 0.5, "unit": "s"}}
+    later = replace(found, log=replace(found.log, time_s=found.log.time_s + 1000.0), document=document)
+    page = report(later, tmp_path)
+    assert page.text.count("230.0 s after the log's start") == 2
+    assert "it starts at 1000 s" in page.text
+    assert "log's start" not in report(replace(found, document=document), tmp_path).text
 
 
 def test_no_rpm_for_a_plant_that_is_no_wheel(found: Diagnosis, tmp_path: Path) -> None:

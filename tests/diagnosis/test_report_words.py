@@ -34,6 +34,15 @@ def test_the_bold_panel_is_that_of_the_named_cause() -> None:
     assert marked("adequate") == []
 
 
+def test_the_bold_panel_of_what_is_unexplained_is_that_of_the_curve() -> None:
+    """The first fitted curve goes before the largest means; a drive that is no wheel's current has a panel too."""
+    diagnosis: Any = SimpleNamespace(
+        document={"verdict": {"kind": "unexplained"}, "shapes": [{"dependence": "current"}, {"dependence": "time"}]}
+    )
+    means: Any = [[SimpleNamespace(structure=1.0)] for _ in PANELS]
+    assert [PANELS[number].title for number in _marked(diagnosis, PANELS, means)] == ["current"]
+
+
 def test_every_effect_of_the_catalogue_has_a_panel() -> None:
     """But for the one of the reading's grid, which depends on nothing."""
     shown = {name: effect.shown_against for name, effect in CATALOGUE.items() if effect.shown_against}

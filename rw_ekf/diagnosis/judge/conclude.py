@@ -16,6 +16,7 @@ from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
 from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, left_over, residual_tests
+from rw_ekf.diagnosis.judge.shapes import shapes_of
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.candidates import threshold
@@ -93,6 +94,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         model = None
     if chosen and quantised and not names:
         after = before
+    in_rpm = inertia is not None or prepared.source.log.in_rpm
     document = {
         "schema": SCHEMA,
         **prepared.source.document(),
@@ -112,6 +114,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}
             for d in found.dependences
         ],
+        "shapes": shapes_of(found, inertia, in_rpm=in_rpm),
         "residual_tests": {
             "before": residual_tests(left_over(selection.base)),
             "after": residual_tests(left_over(found.fit if chosen else selection.base)),
@@ -140,7 +143,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         model=model,
         inertia_kg_m2=inertia,
         inertia_from=prepared.setup.inertia_from,
-        in_rpm=inertia is not None or prepared.source.log.in_rpm,
+        in_rpm=in_rpm,
     )
 
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import confirm, veto
-from rw_ekf.diagnosis.judge.residual import Dependence, Lattice, residual_map
+from rw_ekf.diagnosis.judge.residual import Lattice
+from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE, weigh_rivals

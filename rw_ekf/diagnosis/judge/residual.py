@@ -1,9 +1,4 @@
-"""What a fitted model leaves, looked at in three ways (docs/diagnosis.md).
-
-The map asks whether anything structured is left, and along what: each dependence (speed, low speed, current, angle,
-temperature, time) is a set of hat functions that multiply a torque or a dry friction, entered into the same regression
-as an effect would be. Nothing in particular is assumed of the shape, and a dependence that the model's own parameters
-can follow counts for nothing.
+"""What a fitted model leaves, by the usual tests, and the grid that readings stand on (docs/diagnosis.md).
 
 The tests are the usual ones, each at its own false-alarm rate: whiteness, mean, NIS, periodogram. They look at one-step
 errors of the whole record's fit, which hide what acts like a bias: the filter follows it. So none of them decides; they
@@ -22,12 +17,8 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.diagnosis.search.candidates import INFLATION
-from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.filter.consistency import chi_square_tail, consistency_of
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.likelihood.structure import hats, slopes_by_torque
-from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 
 FALSE_ALARM = 1.0e-3  # of each test
@@ -38,54 +29,6 @@ _TOLERANCE = 0.01  # of the grid: text with few digits is not exact
 _LEAST_VALUES = 5
 _LEAST_PROBABILITY = 1.0e-9  # of a cell: beyond it a reading is an outlier of any noise
 _COARSER = 1.5  # standard deviations of the noise that a grid must exceed
-
-
-@dataclass(frozen=True)
-class Dependence:
-    """What the residual's dependence on one quantity amounts to."""
-
-    name: str
-    statistic: float  # chi-square gain, profiled over the noises as an effect's is
-    freedom: int
-    p_value: float
-
-
-def residual_map(fit: Fit, facts: RecordFacts, beside: Float64Array | None = None) -> list[Dependence]:
-    """Dependences of what the model leaves, most significant first; beside: more regressors (n, m) that are free."""
-    drive, dry = slopes_by_torque(fit)
-    linearised = fit.linearised
-    speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
-    current = fit.linearised.record.course.mean_current_A
-    groups: dict[str, list[Float64Array]] = {}
-    size = np.abs(speed)
-    top = max(facts.top_speed_rad_s, 1.0e-9)
-    by_speed = hats(size, 12, 0.0, top)
-    groups["speed"] = [dry[:, None] * by_speed, drive[:, None] * by_speed]
-    near = hats(size, 5, 0.0, 8.0 * facts.stribeck_speed_rad_s)[:, :-1]
-    groups["low speed"] = [dry[:, None] * near, drive[:, None] * near]
-    if facts.top_current_A > 0.0:
-        by_current = hats(np.abs(current), 6, 0.0, facts.top_current_A)
-        signed = np.sign(current)[:, None] * by_current
-        groups["current"] = [dry[:, None] * by_current, drive[:, None] * by_current, drive[:, None] * signed]
-    time = linearised.record.course.time_s
-    by_time = hats(time, 10, facts.first_s, facts.last_s)
-    groups["time"] = [dry[:, None] * by_time, drive[:, None] * by_time]
-    if facts.temperature_range_K is not None and facts.temperature_range_K > 0.5:
-        warmth = linearised.record.course.temperature_degC
-        by_warmth = hats(warmth, 4, float(warmth.min()), float(warmth.max()))
-        gain = (drive * current)[:, None]
-        groups["temperature"] = [dry[:, None] * by_warmth, drive[:, None] * by_warmth, gain * by_warmth]
-    if facts.angle:
-        turn = np.outer(linearised.record.course.angle_rad, np.arange(1, 5))
-        groups["angle"] = [drive[:, None] * np.sin(turn), drive[:, None] * np.cos(turn)]
-    scorer = Scorer(fit, beside)
-    found = []
-    for name, parts in groups.items():
-        regressors = np.where(linearised.record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
-        statistic, freedom = scorer.score_group(regressors)
-        p = chi_square_tail(statistic / INFLATION, freedom) if freedom and statistic > 0.0 else 1.0
-        found.append(Dependence(name, statistic, freedom, p))
-    return sorted(found, key=lambda item: (item.p_value, -item.statistic))
 
 
 def left_over(fit: Fit) -> Float64Array:

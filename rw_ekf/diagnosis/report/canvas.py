@@ -93,17 +93,46 @@ _CORRELATION_SAMPLES = 2**17
 _LEAST_IN_BIN = 8.0  # independent samples that make a mean
 
 
+_CLOCK_S = 1.0e5  # beyond it a clock's time, not a run's: too long for ticks
+
+
 @dataclass(frozen=True)
 class TimeAxis:
-    """Time as it is drawn: increasing throughout, in seconds or hours."""
+    """Time as it is drawn: since the log's start, increasing throughout, in seconds or hours."""
 
     values: Float64Array  # (n,) in `unit`
     unit: str
     label: str
+    start_s: float = 0.0  # the log's own time where it starts
+    continuous: bool = True  # it never restarts: the log's own time is `start_s` more throughout
+
+    @property
+    def long_label(self) -> str:
+        """The label, with the log's own time at its start where that is not zero."""
+        if self.start_s == 0.0:
+            return self.label
+        return (
+            f"{self.label}, which is at {self.start_s:.{1 if abs(self.start_s) < _CLOCK_S else 0}f} s of its own time"
+        )
+
+    @property
+    def unit_s(self) -> float:
+        """Seconds of one unit."""
+        return 3600.0 if self.unit == "h" else 1.0
+
+    def show_own(self, axis: Any) -> None:
+        """The log's own time stamps above an axis, where they are another time and fit there."""
+        if self.start_s == 0.0 or not self.continuous or abs(self.start_s) > _CLOCK_S:
+            return
+        start = self.start_s / self.unit_s
+        above = axis.secondary_xaxis("top", functions=(lambda t: t + start, lambda t: t - start))
+        above.set_xlabel(f"the log's own time [{self.unit}]", fontsize=8.5, color=GREY)
+        above.tick_params(labelsize=8, color="#aab0b8", labelcolor=GREY)
+        above.spines["top"].set_visible(False)
 
 
 def time_axis(log: WheelLog) -> TimeAxis:
-    """The log's own time where it is one; a segment whose time restarts follows the one before."""
+    """Time since the log's start; a segment whose time restarts follows the one before."""
     time_s = np.asarray(log.time_s, dtype=np.float64)
     if time_s.size == 0:
         return TimeAxis(time_s, "s", "time [s]")
@@ -111,14 +140,12 @@ def time_axis(log: WheelLog) -> TimeAxis:
     forward = step_s[step_s > 0.0]
     usual_s = float(np.median(forward)) if forward.size else 1.0
     shift = np.cumsum(np.where(step_s > 0.0, 0.0, usual_s - step_s))
-    drawn = time_s.copy()
+    start_s = float(time_s[0])
+    drawn = time_s - start_s
     drawn[1:] += shift
-    start = f" since {time_s[0]:.0f} s" if abs(time_s[0]) > 1.0e5 else ""  # a clock's time, not a run's
-    if start:
-        drawn -= time_s[0]
-    if drawn[-1] - drawn[0] > 3.0 * 3600.0:
-        return TimeAxis(drawn / 3600.0, "h", f"time{start} [h]")
-    return TimeAxis(drawn, "s", f"time{start} [s]")
+    unit, unit_s = ("h", 3600.0) if drawn[-1] > 3.0 * 3600.0 else ("s", 1.0)
+    since = " since the log's start" if start_s != 0.0 else ""
+    return TimeAxis(drawn / unit_s, unit, f"time{since} [{unit}]", start_s, continuous=bool(np.all(shift == 0.0)))
 
 
 def thinned_line(x: Float64Array, y: Float64Array, bins: int = _LINE_BINS) -> tuple[Float64Array, Float64Array]:

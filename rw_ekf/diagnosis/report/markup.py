@@ -24,7 +24,7 @@ from rw_ekf.diagnosis.report.words import (
     ranked,
 )
 from rw_ekf.diagnosis.standing import standing_of
-from rw_ekf.numbers import MISSING, number_text
+from rw_ekf.numbers import MISSING, number_of, number_text
 
 STYLE = """
 :root {
@@ -165,8 +165,8 @@ def table(heads: Sequence[str], rows: Sequence[tuple[str, Sequence[str]]], numbe
     return f'<div class="scroll"><table><thead><tr>{cells("th", heads)}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def parameter_table(document: Mapping[str, Any]) -> str:
-    """The parameters of the effects that were added; empty without any."""
+def parameter_table(document: Mapping[str, Any], start_s: float) -> str:
+    """The parameters of the effects that were added; empty without any. start_s: the log's own time at its start."""
     rows = []
     for candidate in document.get("candidates") or ():
         if standing_of(candidate) == "added":
@@ -180,6 +180,7 @@ def parameter_table(document: Mapping[str, Any]) -> str:
                     sigma, _, power = sigma.partition(")")
                     found, sigma = f"{found[1:]}{power}", f"{sigma}{power}"
                 cells = [html.escape(v) for v in (candidate["effect"], name, found, sigma, unit)]
+                cells[1] += _since_start(name, parameter, start_s)
                 cells[3] = cells[3] or ("fixed" if fixed else MISSING)
                 rows.append(("", cells))
     return table(("effect", "parameter", "value", "sigma", "unit"), rows, (2, 3)) if rows else ""
@@ -203,14 +204,22 @@ def base_parameter_table(document: Mapping[str, Any]) -> str:
     return table(heads, rows, tuple(range(1, len(heads)))) if rows else ""
 
 
-def candidate_table(document: Mapping[str, Any]) -> str:
-    """Every candidate of the catalogue, tested or not; empty without any."""
+def _since_start(name: str, parameter: Mapping[str, Any], start_s: float) -> str:
+    """Beside the onset of an event: when that was since the log's start, where its own time does not begin at zero."""
+    value = number_of(parameter.get("value"))
+    if not name.startswith("onset_s") or value is None or start_s == 0.0:
+        return ""
+    return f"<br>{value - start_s:.1f} s after the log's start"
+
+
+def candidate_table(document: Mapping[str, Any], start_s: float) -> str:
+    """Every candidate of the catalogue, tested or not; empty without any. start_s: as in `parameter_table`."""
     candidates = list(document.get("candidates") or ())
     ordered = ranked(candidates) + [c for c in candidates if standing_of(c) == "untestable"]
     rows = []
     for candidate in ordered:
         parameters = "<br>".join(
-            f"{html.escape(name)} {prose(parameter_text(parameter))}"
+            f"{html.escape(name)} {prose(parameter_text(parameter))}{_since_start(name, parameter, start_s)}"
             for name, parameter in (candidate.get("parameters") or {}).items()
         )
         cells = [
@@ -239,8 +248,8 @@ def figure_table(pairs: Sequence[FigurePair]) -> str:
     return table(heads, rows, tuple(range(2, len(heads)))) if rows else ""
 
 
-def split_text(document: Mapping[str, Any]) -> str:
-    """Which stretches of the log found the effect and which judged it."""
+def split_text(document: Mapping[str, Any], start_s: float) -> str:
+    """Which stretches of the log found the effect and which judged it, in its own time, which starts at start_s."""
     split = document.get("split") or {}
     lines = []
     for key, role in (("fit_s", "Fitted on"), ("heldout_s", "Held out")):
@@ -250,7 +259,8 @@ def split_text(document: Mapping[str, Any]) -> str:
         more = f", and {len(spans) - _MOST_SPANS} more" if len(spans) > _MOST_SPANS else ""
         lines.append(f"<li>{role}: {total:.6g} s in {len(spans)} stretches ({shown}{more} s)</li>" if spans else "")
     kind = html.escape(str(split.get("kind") or MISSING))
-    return f"<p>Split: {kind}.</p><ul>{''.join(lines)}</ul>"
+    own = f" Times are the log's own: it starts at {start_s:.10g} s." if start_s != 0.0 else ""
+    return f"<p>Split: {kind}.{own}</p><ul>{''.join(lines)}</ul>"
 
 
 def commands(directory: Path, log_name: str, options: Sequence[str] = ()) -> str:

@@ -23,6 +23,7 @@ from rw_ekf.diagnosis.report.markup import (
     table,
     tiles,
 )
+from rw_ekf.diagnosis.report.shapes import shapes_caption
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, untestable_reasons, verdict_of
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import standing_of
@@ -89,7 +90,7 @@ def _figures(diagnosis: Diagnosis, units: Units) -> str:
     plant = "" if units.wheel else " SI: rad/s, or m/s of a plant that moves along a line."
     torques = ""
     if diagnosis.inertia_kg_m2 is not None:
-        torques = f" Torques: {html.escape(inertia_text(diagnosis.inertia_kg_m2, diagnosis.inertia_from))}."
+        torques = f" Torques: {prose(inertia_text(diagnosis.inertia_kg_m2, diagnosis.inertia_from))}."
     words = (
         "Root-mean-square errors on the held-out part, parameters frozen at what the fit part gave."
         f"{compared}{plant}{torques}"
@@ -102,6 +103,12 @@ def _pictures(diagnosis: Diagnosis, pictures: Mapping[str, bytes], units: Units)
     thresholds = any(c.get("threshold") is not None for c in diagnosis.document.get("candidates") or ())
     parts = []
     for key, heading, alt, caption in (
+        (
+            "shapes",
+            "What no effect explains" if kind != "effect" else "What is left over",
+            "Fitted curves of what is left, over the quantities that it depends on, each with a band of two sigma.",
+            shapes_caption(diagnosis.document),
+        ),
         ("speed", *_speed_words(diagnosis)),
         (
             "residual",
@@ -139,17 +146,18 @@ def _speed_words(diagnosis: Diagnosis) -> tuple[str, str, str]:
 
 def _details(diagnosis: Diagnosis, units: Units) -> str:
     document = diagnosis.document
+    start_s = float(diagnosis.log.time_s[0]) if len(diagnosis.log) else 0.0
     parts = []
     for heading, content in (
-        ("Parameters of what was added", parameter_table(document)),
+        ("Parameters of what was added", parameter_table(document, start_s)),
         ("Parameters of the friction", base_parameter_table(document)),
         ("Figures on the held-out part", figure_table(figure_pairs(document, units))),
-        ("Candidates", candidate_table(document)),
+        ("Candidates", candidate_table(document, start_s)),
     ):
         if content:
             parts.append(f"<h3>{heading}</h3>{content}")
     if document.get("split"):
-        parts.append(f"<h3>Split of the record</h3>{split_text(document)}")
+        parts.append(f"<h3>Split of the record</h3>{split_text(document, start_s)}")
     warnings = [*diagnosis.log.warnings, *(document.get("warnings") or ())]
     if warnings:
         items = "".join(f"<li>{prose(str(text))}</li>" for text in dict.fromkeys(warnings))
@@ -173,9 +181,8 @@ _FIRST = {
     "adequate": "Nothing needs to be added: the model may go on as it is.",
     "effect": "Run with the augmented model. The effect's coefficient is then estimated online, with a sigma of its "
     "own; diagnosing another log with this model must say adequate, or find the next effect.",
-    "unexplained": "No effect of the catalogue explains what is left. The residual's largest dependence is set in bold "
-    "in the picture of the residual: log what else changes with it (angle, temperature), and record a log that "
-    "repeats it.",
+    "unexplained": "No effect of the catalogue explains what is left: log what else changes with it, and record a log "
+    "that repeats it.",
     "insufficient_excitation": "Drive the wheel through reversals, low speeds and coast-downs "
     "(`rw-ekf excite identification --config wheel.yaml`), and diagnose that log.",
 }
@@ -189,6 +196,10 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
     kind = str(verdict.get("kind"))
     if kind in _FIRST:
         steps.append(_FIRST[kind])
+    if kind == "unexplained":
+        steps += [
+            f"On {shape['dependence']} would tell more: {shape['record']}." for shape in document.get("shapes") or ()
+        ]
     for group in verdict.get("indistinguishable") or ():
         steps.append(_separation([str(name) for name in group]))
     if kind != "insufficient_excitation":

@@ -84,7 +84,7 @@ def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
             lower.set_ylim(-1.15 * max(largest), 1.15 * max(largest))
         lower.set_ylabel(f"measured − free run [{units.speed}]", fontsize=9.5)
     upper.set_ylabel(f"speed [{units.speed}]", fontsize=9.5)
-    lower.set_xlabel(time.label, fontsize=9.5)
+    lower.set_xlabel(time.long_label, fontsize=9.5)
     if diagnosis.heldout.any():
         entries.append((ground(), "held out: played no role in finding the effect"))
     for axis in (upper, lower):
@@ -92,6 +92,7 @@ def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
         shade(axis, time, diagnosis.heldout)
         axis.margins(x=0.0)
         axis.yaxis.set_major_locator(MaxNLocator(5))
+    time.show_own(upper)
     legend(figure, entries)
     figure.align_ylabels([upper, lower])
     return png(figure)
@@ -137,7 +138,7 @@ def evidence_picture(document: Mapping[str, Any]) -> bytes | None:
     axis.grid(visible=False, axis="y")
     axis.spines["left"].set_visible(False)
     axis.set_yticks([])
-    axis.set_xlabel("statistic, logarithmic", fontsize=9)
+    axis.set_xlabel("evidence: twice the gain in log-likelihood", fontsize=9)
     for row, candidate in enumerate(tested):
         _write_row(axis, row, candidate)
     row = len(tested)

@@ -112,7 +112,10 @@ def _marked(diagnosis: Diagnosis, panels: list[Panel], means: list[list[BinnedMe
     named = {CATALOGUE[name].shown_against for name in verdict.get("effects") or () if name in CATALOGUE}
     if verdict.get("kind") == "effect":
         return {number for number, panel in enumerate(panels) if panel.title in named}
-    return {int(np.argmax([np.nan_to_num(row[0].structure) for row in means]))}
+    fitted = [shape["dependence"] for shape in diagnosis.document.get("shapes") or ()][:1]
+    titles = {"current", "drive"} if fitted == ["current"] else set(fitted)
+    largest = {number for number, panel in enumerate(panels) if panel.title in titles}
+    return largest or {int(np.argmax([np.nan_to_num(row[0].structure) for row in means]))}
 
 
 def _layout(panels: int) -> list[list[str]]:

@@ -39,6 +39,7 @@ def diagnosis_text(
         [
             *_figures(document, Units(wheel_units, None), inertia),
             *_effects(document),
+            *_left(document),
             *_explanations(document),
             *_candidates(document),
         ]
@@ -83,6 +84,15 @@ def _effects(document: Mapping[str, Any]) -> list[str]:
             texts = [f"{name} {parameter_text(parameter)}" for name, parameter in parameters.items()]
             lines.append(f"    {candidate['effect']}: {', '.join(texts) or 'no parameters'}")
     return ["", "  added", *lines] if lines else []
+
+
+def _left(document: Mapping[str, Any]) -> list[str]:
+    """What the catalogue does not explain, in words, and which record would tell more."""
+    shapes = list(document.get("shapes") or ())
+    if not shapes:
+        return []
+    said = [f"    against {shape['dependence']}: {shape['sentence']}" for shape in shapes]
+    return ["", "  left over", *said, f"    what would tell more: {shapes[0]['record']}"]
 
 
 def _explanations(document: Mapping[str, Any]) -> list[str]:

@@ -140,7 +140,8 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
     if kind == "insufficient_excitation":
         return "This log cannot show what a model lacks"
     if kind == "unexplained" or not effects:
-        return "The model lacks something that no effect of the catalogue explains" if statement else ""
+        left = "".join(f": {shape['sentence']}" for shape in list(document.get("shapes") or ())[:1])
+        return f"The model lacks something that no effect of the catalogue explains{left}" if statement else ""
     named = effects[0] if len(effects) == 1 else f"{', '.join(effects[:-1])} and {effects[-1]}"
     free_run = next((pair for pair in figure_pairs(document, units) if pair.key == "free_run_rms_rpm"), None)
     if free_run is None or not free_run.moves:

@@ -8,6 +8,7 @@ from pathlib import Path
 from rw_ekf.diagnosis.report.page import page
 from rw_ekf.diagnosis.report.pictures import evidence_picture, speed_picture
 from rw_ekf.diagnosis.report.residual import residual_picture
+from rw_ekf.diagnosis.report.shapes import shapes_picture
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
@@ -35,6 +36,7 @@ def write_report(
     units = Units(wheel_units, inertia_kg_m2)
     _make(directory)
     drawn = {
+        "shapes": shapes_picture(diagnosis),
         "speed": speed_picture(diagnosis, units),
         "residual": residual_picture(diagnosis, units),
         "evidence": evidence_picture(diagnosis.document),

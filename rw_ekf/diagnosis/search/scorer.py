@@ -37,6 +37,16 @@ class _Gain:
     std: Float64Array
 
 
+@dataclass(frozen=True)
+class GroupFit:
+    """A regression on many regressors at once, beside all that the model has."""
+
+    statistic: float  # twice the gain in log-likelihood
+    freedom: int  # of the combinations that say something
+    coefficients: Float64Array  # (m,) the smallest that give the same prediction beside the model's own
+    covariance: Float64Array  # (m, m) of as much of them as the record decides
+
+
 class Scorer:
     """Scores hypotheses beside a fit, at a few ratios of noises from the model's own downwards.
 
@@ -115,21 +125,27 @@ class Scorer:
                     best[g] = merit, _Gain(hypothesis, 2.0 * (value - self.without), solution, std)
         return [found[1] for found in best if found is not None]
 
-    def score_group(self, regressors: Float64Array) -> tuple[float, int]:
-        """Statistic and degrees of freedom of many regressors (n, m) taken together, those without content left out."""
-        regressors = self._independent(regressors)
-        if regressors.shape[1] == 0:
-            return 0.0, 0
+    def fit_group(self, regressors: Float64Array) -> GroupFit:
+        """Many regressors (n, m) taken together, those without content left out."""
+        independent, mixing = self._independent(regressors)
+        count = regressors.shape[1]
+        if independent.shape[1] == 0:
+            return GroupFit(0.0, 0, np.zeros(count), np.zeros((count, count)))
         best_merit, statistic = -math.inf, 0.0
+        solution, covariance = np.zeros(independent.shape[1]), np.zeros((independent.shape[1],) * 2)
         for i in range(len(self.ratios)):
-            G = self._beside_own(i, regressors)
-            U, sizes, _ = np.linalg.svd(G, full_matrices=False)
-            gain = float(np.sum((U.T @ self.residuals[i]) ** 2))
+            G = self._beside_own(i, independent)
+            U, sizes, Vt = np.linalg.svd(G, full_matrices=False)
+            along = U.T @ self.residuals[i]
+            gain = float(np.sum(along**2))
             value = self._value(i, gain)
             merit = self._restricted(i, gain, sizes.size, float(np.sum(np.log(np.maximum(sizes, 1.0e-300)))))
             if merit > best_merit:
                 best_merit, statistic = merit, 2.0 * (value - self.without)
-        return statistic, regressors.shape[1]
+                back = Vt.T / np.maximum(sizes, 1.0e-300)
+                solution = back @ along
+                covariance = max(self.rss[i] - gain, 1.0e-9) / self.count * (back @ back.T)
+        return GroupFit(statistic, independent.shape[1], mixing @ solution, mixing @ covariance @ mixing.T)
 
     def score_random(self, regressors: Float64Array) -> tuple[float, float]:
         """Statistic of regressors (n, m) whose coefficients are drawn from one normal distribution, and its deviation.
@@ -156,13 +172,20 @@ class Scorer:
         Q = self.bases[i]
         return A - Q @ (Q.T @ A)
 
-    def _independent(self, regressors: Float64Array) -> Float64Array:
-        """Combinations of regressors (n, m) that say something, of unit length at the model's own ratio."""
+    def _independent(self, regressors: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Combinations of regressors (n, m) that say something, of unit length at the model's own ratio.
+
+        With the matrix (m, r) that makes r of them of the regressors; what the model itself follows is in none of them.
+        """
         _, A, _ = self.linearised.whitened(self.ratios[self.own], self.variance, regressors)
         lengths = np.linalg.norm(A, axis=0)
-        scaled = regressors[:, lengths > 0.0] / lengths[lengths > 0.0]
+        seen = lengths > 0.0
+        scaled = regressors[:, seen] / lengths[seen]
         _, sizes, Vt = np.linalg.svd(self._beside_own(self.own, scaled), full_matrices=False)
-        return np.ascontiguousarray(scaled @ Vt[sizes > _GROUP_RANK].T)
+        combined = Vt[sizes > _GROUP_RANK].T
+        mixing = np.zeros((regressors.shape[1], combined.shape[1]))
+        mixing[seen] = combined / lengths[seen, None]
+        return np.ascontiguousarray(scaled @ combined), mixing
 
     def best_of_each(self, facts: RecordFacts, effects: list[type[Effect]]) -> dict[str, Score]:
         """The best place of each effect, by id; its evidence is averaged over all of them."""
