@@ -177,7 +177,9 @@ SCHEMES: dict[str, SchemeEntry] = {
         SchemeEntry(
             "mrac_filtered_sign",
             "[L17] V.2, on readings, with the filter's sign",
-            lambda sheet, **given: _mrac(sheet, speed="raw", **{"bandwidth_rad_s": mrac.WITH_FILTERED_SIGN_RAD_S, **given}),
+            lambda sheet, **given: _mrac(
+                sheet, speed="raw", **{"bandwidth_rad_s": mrac.WITH_FILTERED_SIGN_RAD_S, **given}
+            ),
             tunable=mrac.TUNABLE,
         ),
         SchemeEntry(
