@@ -130,7 +130,7 @@ def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noi
     with_memory = linearised.memory_jacobian.shape[0] > 0
     if with_memory:
         chain = chain._replace(memory_defect=chain.memory_defect + linearised.memory_jacobian @ correction)
-    smooth(chain, noise.ratio * noise.variance / linearised.record.course.period_s, noise.variance, means, variances)
+    smooth(chain, noise.ratio * noise.variance / linearised.record.period_s, noise.variance, means, variances)
     spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), _LEAST_SPREAD * math.sqrt(noise.variance))
     speed = linearised.trajectory.speed + means[:, 0]
     if not with_memory:

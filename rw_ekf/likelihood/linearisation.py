@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ class Linearisation:
     jacobian: Float64Array  # (n, p)
     memory_jacobian: Float64Array  # (n, p), or (0, p) for a model without a memory
 
-    @property
+    @cached_property
     def innovation_at(self) -> NDArray[np.intp]:
         """Samples that have an innovation, whatever the noises: those read, but the first of each stretch."""
         n = self.chain.reading.size
@@ -43,12 +44,15 @@ class Linearisation:
         """(r, A, sum of log S) at R = scale and q = ratio R / period, over the samples that have an innovation."""
         n, m = jacobian.shape
         r, A = np.full(n, np.nan), np.zeros((n, m))
-        period = self.record.course.period_s
+        period = self.record.period_s
         held = np.zeros((0, m)) if memory_jacobian is None else memory_jacobian
         self.record.work.charge(whitening_units(n, m))
         rows = np.ascontiguousarray(jacobian)  # another layout would be compiled anew, in two seconds
         logs = whiten(self.chain, rows, np.ascontiguousarray(held), ratio * scale / period, scale, r, A)
-        used = np.isfinite(r)
+        at = np.flatnonzero(np.isfinite(r))
+        used: slice | NDArray[np.intp] = at
+        if at.size and at[-1] - at[0] == at.size - 1:  # nothing is missing in between: no copy
+            used = slice(int(at[0]), int(at[-1]) + 1)
         return r[used], A[used], logs
 
 

@@ -55,7 +55,7 @@ def noise_posterior(fit: Fit) -> NoisePosterior:
     weights /= total
     ratios = np.array([item.noise.ratio for item in points])
     variances = np.array([item.noise.variance for item in points])
-    densities = ratios * variances / linearised.record.course.period_s  # q
+    densities = ratios * variances / linearised.record.period_s  # q
     mean = np.einsum("i,ij->j", weights, np.array([item.correction for item in points]))
     covariance = np.zeros((mean.size, mean.size))
     for weight, item in zip(weights, points, strict=True):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -166,6 +167,11 @@ class Record:
         follows[:1] = False
         logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
         return cls(course, follows, constants, logs, unlimited() if work is None else work, torque_noise)
+
+    @cached_property
+    def period_s(self) -> float:
+        """The course's, found once [s]."""
+        return self.course.period_s
 
 
 def state_vector(parameters: Float64Array, effects: EffectSet) -> Float64Array:

@@ -91,8 +91,8 @@ def at_ratio(linearised: Linearisation, known: Rows | None, scale: float, ratio:
     weights[weights == 0.0] = 1.0
     if size == 0:
         variance = max(float(r @ r), 1.0e-12) / max(r.size, 1)
-        value = -0.5 * (r.size * math.log(variance) + logs + r.size) + torque_noise_term(
-            linearised, scale * variance, ratio
+        value = -0.5 * (r.size * math.log(variance) + logs + r.size) + float(
+            torque_noise_term(linearised, scale * variance, ratio)
         )
         return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
     normal = (A / weights).T @ (A / weights)
@@ -107,17 +107,17 @@ def at_ratio(linearised: Linearisation, known: Rows | None, scale: float, ratio:
     rss = float(r @ r - 2.0 * step @ target + step @ normal @ step)
     rss = max(rss, 1.0e-12)
     variance = rss / max(n, 1)  # in units of scale
-    value = -0.5 * (n * math.log(variance) + logs + n) + torque_noise_term(linearised, scale * variance, ratio)
+    value = -0.5 * (n * math.log(variance) + logs + n) + float(torque_noise_term(linearised, scale * variance, ratio))
     covariance = variance * np.linalg.inv(total) / np.outer(weights, weights)
     information = 0.5 * float(np.linalg.slogdet(total)[1]) + float(np.sum(np.log(weights)))  # half its log-determinant
     restricted = value - information + 0.5 * size * math.log(variance)
     return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
 
 
-def torque_noise_term(linearised: Linearisation, variance: float, ratio: float) -> float:
-    """What is known beforehand of torque noise, at R = variance and this ratio: its log-density, 0 for nothing."""
-    known, period = linearised.record.torque_noise, linearised.record.course.period_s
-    return 0.0 if known is None else known.log_density(ratio * variance / period)
+def torque_noise_term(linearised: Linearisation, variance: float | Float64Array, ratio: float) -> Float64Array:
+    """What is known beforehand of torque noise, at R = variance (any shape) and this ratio: its log-density, or 0."""
+    known, period = linearised.record.torque_noise, linearised.record.period_s
+    return np.zeros(np.shape(variance)) if known is None else known.log_density(ratio * variance / period)
 
 
 def value_of(linearised: Linearisation, noise: Noise) -> Likelihood:

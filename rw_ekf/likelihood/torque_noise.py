@@ -11,9 +11,11 @@ flat where noise is usual or less, and with tails that a record can outvote: it 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE
 
 _FREEDOM = 7.0  # nine in ten below 1.9 of the usual, one in a thousand above 5.4
@@ -31,6 +33,6 @@ class TorqueNoisePrior:
         """Of a wheel whose noise is known from other logs [rad/s per sqrt(s)]."""
         return cls(max(acceleration_noise, _LEAST))
 
-    def log_density(self, density: float) -> float:
-        """Log-density of sqrt(q), but for a constant; density: q [rad^2/s^2 per s]."""
-        return -0.5 * (_FREEDOM + 1.0) * math.log1p(density / (_FREEDOM * self.scale**2))
+    def log_density(self, density: float | Float64Array) -> Float64Array:
+        """Log-density of sqrt(q), but for a constant; density: q [rad^2/s^2 per s], one or any array of them."""
+        return np.asarray(-0.5 * (_FREEDOM + 1.0) * np.log1p(density / (_FREEDOM * self.scale**2)))

@@ -90,7 +90,7 @@ _SETTLE_SAMPLES = 20
 
 def _horizon(record: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float) -> Float64Array:
     """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
-    period = record.course.period_s
+    period = record.period_s
     steps = max(1, round(seconds / period))
     run = np.zeros(heldout.size, dtype=np.int64)  # how many intervals in a row lead here within the held-out part
     inside = record.follows & heldout & np.roll(heldout, 1)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,7 +44,13 @@ def p_value(effect: type[Effect], statistic: float, facts: RecordFacts) -> float
     if statistic <= 0.0:
         return 1.0
     single = chi_square_tail(statistic / INFLATION, effect.components)
-    return float(-math.expm1(effect.places(facts) * math.log1p(-single))) if single < 1.0 else 1.0
+    return float(-math.expm1(_places(effect, facts) * math.log1p(-single))) if single < 1.0 else 1.0
+
+
+@lru_cache(maxsize=256)
+def _places(effect: type[Effect], facts: RecordFacts) -> float:
+    """Independent places of an effect, counted once a record: it may have a thousand frequencies to list."""
+    return effect.places(facts)
 
 
 def threshold(effect: type[Effect], facts: RecordFacts, p: float = SIGNIFICANT_P) -> float:
@@ -184,7 +191,7 @@ def screened(
     moving = np.zeros((len(left), chain.reading.size))
     for at, (ratio, white) in enumerate(left):
         back = np.zeros(chain.reading.size)
-        adjoint(chain, ratio * variance / linearised.record.course.period_s, variance, white, back)
+        adjoint(chain, ratio * variance / linearised.record.period_s, variance, white, back)
         moving[at] = back * chain.step_s * (chain.slopes[:, 0] != 0.0)
     linearised.record.work.charge(screening_units(middle.size, frequency.size))
     # A torque moves the speed by one over its frequency.

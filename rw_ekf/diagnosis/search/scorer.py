@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, analytic, hypotheses, screened
@@ -24,6 +25,7 @@ from rw_ekf.model.effect_kinds import StaticEffect
 _RATIOS_BELOW = 6
 _GROUP_RANK = 0.02  # of a unit regressor: less is what the model's own parameters do
 _SIGNALS, _SIGNAL_STEPS = (0.3, 300.0), 16  # of random coefficients, of the regressor best seen, in sigmas of noise
+_MOST_CONDITIONED = 1.0e10
 _SEEN = 1.0e-4  # a regressor that the model's own explain to this share of its length says nothing
 
 
@@ -77,53 +79,73 @@ class Scorer:
             self.rss.append(float(left @ left))
             self.logs.append(logs)
         self.count = self.residuals[0].size
-        own = max(range(len(self.ratios)), key=lambda i: self._restricted(i, 0.0, 0, 0.0))
-        self.own = own
-        self.without = self._value(own, 0.0)
+        self.own = max(range(len(self.ratios)), key=lambda i: float(self._restricted(i, 0.0, 0, 0.0)))
+        self.without = float(self._value(self.own, 0.0))
 
-    def _value(self, i: int, gain: float) -> float:
-        left = max(self.rss[i] - gain, 1.0e-9) / self.count
+    def _left(self, i: int, gain: float | Float64Array) -> Float64Array:
+        """Variance left at the i-th ratio after gains (any shape) in the sum of squares."""
+        return np.asarray(np.maximum(self.rss[i] - gain, 1.0e-9) / self.count)
+
+    def _value(self, i: int, gain: float | Float64Array) -> Float64Array:
+        left = self._left(i, gain)
         known = torque_noise_term(self.linearised, left * self.variance, self.ratios[i])
-        return -0.5 * (self.count * math.log(left) + self.logs[i]) + known
+        return np.asarray(known - 0.5 * (self.count * np.log(left) + self.logs[i]))
 
-    def _restricted(self, i: int, gain: float, added: int, information: float) -> float:
-        """Restricted log-likelihood (eq. 6a) of the model and `added` regressors.
+    def _restricted(
+        self, i: int, gain: float | Float64Array, added: int, information: float | Float64Array
+    ) -> Float64Array:
+        """Restricted log-likelihoods (eq. 6a) of the model and `added` regressors, of the shape of `gain`.
 
-        information: half the log-determinant of theirs, beside the model's own.
+        information: half the log-determinants of theirs, beside the model's own.
         """
-        left = max(self.rss[i] - gain, 1.0e-9) / self.count
         free = int(self.bases[i].shape[1]) + added
-        return float(self._value(i, gain) + 0.5 * free * math.log(left) - self.restrictions[i] - information)
+        known = 0.5 * free * np.log(self._left(i, gain)) - self.restrictions[i]
+        return np.asarray(self._value(i, gain) + known - information)
 
     def _gains(self, group: list[Hypothesis]) -> list[_Gain]:
         """What hypotheses that came in one chunk would add; those that the model follows already are left out."""
         regressors = np.concatenate([h.regressors for h in group], axis=1)
-        edges = np.cumsum([0, *(h.regressors.shape[1] for h in group)])
-        best: list[tuple[float, _Gain] | None] = [None] * len(group)
+        first = np.cumsum([0, *(h.regressors.shape[1] for h in group)])
+        alike = [
+            (numbers, first[numbers][:, None] + np.arange(size))  # and the columns of each, (g, size)
+            for size in (1, 2)
+            if (numbers := np.flatnonzero(np.diff(first) == size)).size
+        ]
+        best: list[_Gain | None] = [None] * len(group)
+        merits = np.full(len(group), -math.inf)
         for i, ratio in enumerate(self.ratios):
             _, A, _ = self.linearised.whitened(ratio, self.variance, regressors)
-            Q = self.bases[i]
-            lengths = np.einsum("ij,ij->j", A, A)
-            G = A - Q @ (Q.T @ A)
-            products = G.T @ self.residuals[i]
-            for g, hypothesis in enumerate(group):
-                part = slice(edges[g], edges[g + 1])
-                gram = G[:, part].T @ G[:, part]
-                if np.any(np.diag(gram) <= _SEEN**2 * lengths[part]) or np.linalg.cond(gram) > 1.0e10:
-                    continue
-                inverse = np.linalg.inv(gram)
-                solution = inverse @ products[part]
-                if not hypothesis.effect.admits(float(solution[0]) * hypothesis.unit):
-                    continue
-                gain = float(products[part] @ solution)
-                value = self._value(i, gain)
-                merit = self._restricted(i, gain, len(gram), 0.5 * float(np.linalg.slogdet(gram)[1]))
-                before = best[g]
-                if before is None or merit > before[0]:
-                    scale = max(self.rss[i] - gain, 1.0e-9) / self.count
-                    std = np.sqrt(scale * np.diag(inverse))
-                    best[g] = merit, _Gain(hypothesis, 2.0 * (value - self.without), solution, std)
-        return [found[1] for found in best if found is not None]
+            Q, left = self.bases[i], self.residuals[i]
+            shadow = Q.T @ A  # what the model's own regressors have of them
+            taken = 2.0 * shadow - (Q.T @ Q) @ shadow  # Q is not quite orthonormal: the rows of the prior are cut off
+            products = A.T @ left - shadow.T @ (Q.T @ left)
+            for numbers, columns in alike:
+                gram = _grams(A, shadow, taken, columns)
+                for number, gain, merit in self._regressed(i, [group[g] for g in numbers], gram, products[columns]):
+                    g = numbers[number]
+                    if merit > merits[g]:
+                        best[g], merits[g] = gain, merit
+        return [found for found in best if found is not None]
+
+    def _regressed(
+        self, i: int, group: list[Hypothesis], gram: Float64Array, products: Float64Array
+    ) -> list[tuple[int, _Gain, float]]:
+        """Hypotheses by their places in the group, with what each adds at the i-th ratio and its merit there.
+
+        gram (g, k, k), products (g, k): those of their regressors beside the model's own.
+        """
+        kept = np.flatnonzero(np.linalg.cond(gram) <= _MOST_CONDITIONED)
+        inverse = np.linalg.inv(gram[kept])
+        solutions = np.einsum("gab,gb->ga", inverse, products[kept])
+        gains = np.einsum("ga,ga->g", products[kept], solutions)
+        values = self._value(i, gains)
+        merits = self._restricted(i, gains, gram.shape[1], 0.5 * np.linalg.slogdet(gram[kept])[1])
+        stds = np.sqrt(self._left(i, gains)[:, None] * np.diagonal(inverse, axis1=1, axis2=2))
+        return [
+            (int(g), _Gain(group[g], 2.0 * (float(value) - self.without), solution, std), float(merit))
+            for g, value, merit, solution, std in zip(kept, values, merits, solutions, stds, strict=True)
+            if group[g].effect.admits(float(solution[0]) * group[g].unit)
+        ]
 
     def fit_group(self, regressors: Float64Array) -> GroupFit:
         """Many regressors (n, m) taken together, those without content left out."""
@@ -138,8 +160,8 @@ class Scorer:
             U, sizes, Vt = np.linalg.svd(G, full_matrices=False)
             along = U.T @ self.residuals[i]
             gain = float(np.sum(along**2))
-            value = self._value(i, gain)
-            merit = self._restricted(i, gain, sizes.size, float(np.sum(np.log(np.maximum(sizes, 1.0e-300)))))
+            value = float(self._value(i, gain))
+            merit = float(self._restricted(i, gain, sizes.size, float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))))
             if merit > best_merit:
                 best_merit, statistic = merit, 2.0 * (value - self.without)
                 back = Vt.T / np.maximum(sizes, 1.0e-300)
@@ -153,7 +175,7 @@ class Scorer:
         The coefficients are integrated out, so that their number costs nothing: one number more is fitted, which the
         model without them has at the edge of what it may be. Restricted likelihoods on either side.
         """
-        best = nothing = self._restricted(self.own, 0.0, 0, 0.0)
+        best = nothing = float(self._restricted(self.own, 0.0, 0, 0.0))
         deviation = 0.0
         for i in range(len(self.ratios)):
             U, sizes, _ = np.linalg.svd(self._beside_own(i, regressors), full_matrices=False)
@@ -161,7 +183,7 @@ class Scorer:
             for signal in np.geomspace(*_SIGNALS, _SIGNAL_STEPS) / max(float(sizes[0]), 1.0e-300):
                 x = (signal * sizes) ** 2
                 gain = float(np.sum(powers * x / (1.0 + x)))
-                merit = self._restricted(i, gain, 0, 0.5 * float(np.sum(np.log1p(x))))
+                merit = float(self._restricted(i, gain, 0, 0.5 * float(np.sum(np.log1p(x)))))
                 if merit > best:
                     best, deviation = merit, float(signal) * math.sqrt((self.rss[i] - gain) / self.count)
         return 2.0 * (best - nothing), deviation
@@ -239,6 +261,21 @@ class Scorer:
             white[self.places] = self.residuals[i]
             left.append((self.ratios[i], white))
         return screened(candidates, self.linearised, left, self.variance)
+
+
+def _grams(A: Float64Array, shadow: Float64Array, taken: Float64Array, columns: NDArray[np.intp]) -> Float64Array:
+    """Gram matrices (g, k, k) of the columns (g, k) of A beside the model's own; 0 where those have them whole.
+
+    shadow, taken (p, m): with G = A - Q Q'A, G'G = A'A - shadow' taken, and G (n, m) need not be made.
+    """
+    whole = np.einsum("ij,ij->j", A, A)[columns]
+    gram = np.empty((*columns.shape, columns.shape[1]))
+    for a, left in enumerate(columns.T):
+        for b, right in enumerate(columns.T):
+            product = whole[:, a] if a == b else np.einsum("ij,ij->j", A[:, left], A[:, right])
+            gram[:, a, b] = product - np.einsum("ij,ij->j", shadow[:, left], taken[:, right])
+    gram[np.any(np.diagonal(gram, axis1=1, axis2=2) <= _SEEN**2 * whole, axis=1)] = 0.0
+    return gram
 
 
 def _restriction(A: Float64Array, fit: Fit) -> float:
