@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +49,7 @@ class Fit:
     likelihood: Likelihood
     linearised: Linearisation
     omit: BoolArray  # (n,) readings left out
+    _refits: dict[Model, Fit] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def noise(self) -> Noise:
@@ -66,8 +67,11 @@ class Fit:
         return np.sqrt(np.maximum(np.diag(self.likelihood.covariance), 0.0))
 
     def refitted(self, model: Model) -> Fit:
-        """Another model fitted to the same part of the record, from where this one stands."""
-        return fit_model(self.linearised.record, model, self.prior, self.trajectory, self.noise, self.omit)
+        """Another model fitted to the same part of the record, from where this one stands; each model once."""
+        if model not in self._refits:
+            record = self.linearised.record
+            self._refits[model] = fit_model(record, model, self.prior, self.trajectory, self.noise, self.omit)
+        return self._refits[model]
 
     def without(self, effect_id: str) -> Fit:
         """The same part fitted without one effect."""
