@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.sim.plant_effects import CATALOGUE_IDS
+from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.reader import read_log
 from tools.proof import tables as proof_tables
@@ -191,3 +192,13 @@ def test_the_foreign_plant_agrees_with_ours_where_nothing_is_wrong() -> None:
     assert bristle is not None
     assert healthy < 1.0
     assert bristle > 10.0 * SEEN_CHI_SQUARE
+
+
+@pytest.mark.slow
+def test_a_motor_gain_that_falls_with_speed_is_neither_a_torque_with_a_clock_nor_process_noise() -> None:
+    """A current that reverses every 30 s makes it nearly periodic in time; it depends on speed, unexplained."""
+    document = diagnose_log(log_of(case_called("outside-004", 3))).document
+    assert document["verdict"]["kind"] == "unexplained", document["verdict"]["statement"]
+    assert document["map"][0]["dependence"] == "speed"
+    torque = next(item for item in document["candidates"] if item["effect"] == "external_torque")
+    assert torque["decision"] == "nothing beside smooth laws of the motion"

@@ -68,9 +68,11 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
         ]  # fmt: skip
 
     both: tuple[tuple[Kind, Float64Array], ...] = (("drag", dry), ("torque", drive))
+    gain: tuple[Kind, Float64Array] = ("motor gain", drive * current)
     top = max(facts.top_speed_rad_s, 1.0e-9)
     covers = {
-        "speed": hatted(size, 12, 0.0, top, *both),
+        # A drive short of voltage loses gain as the speed rises.
+        "speed": [*hatted(size, 12, 0.0, top, *both), *hatted(size, 5, 0.0, top, gain)],
         "low speed": hatted(size, 5, 0.0, 8.0 * facts.stribeck_speed_rad_s, *both, open_end=True),
     }
     if facts.top_current_A > 0.0:
@@ -79,7 +81,6 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
     covers["time"] = hatted(time, 10, facts.first_s, facts.last_s, *both)
     if facts.temperature_range_K is not None and facts.temperature_range_K > 0.5:
         warmth = course.temperature_degC
-        gain: tuple[Kind, Float64Array] = ("motor gain", drive * current)
         covers["temperature"] = hatted(warmth, 4, float(warmth.min()), float(warmth.max()), *both, gain)
     if facts.angle:
         orders, turn = np.arange(1, _ORDERS + 1), np.linspace(0.0, 2.0 * np.pi, _ANGLES)

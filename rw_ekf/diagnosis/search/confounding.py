@@ -117,6 +117,20 @@ def says_more(fit: Fit, facts: RecordFacts, effect: type[Effect], quantity: Quan
     return found is not None and found.p_value < enough
 
 
+def beside_motion(fit: Fit, facts: RecordFacts, score: Score) -> float:
+    """p-value of what has a clock, beside friction and a motor gain that follow the speed in any smooth way.
+
+    A motion that nearly repeats itself makes every law of motion nearly periodic.
+    """
+    drive, _ = slopes_by_torque(fit)
+    record = fit.linearised.record
+    x = values_of(record, fit.trajectory.speed, "speed")
+    gain = (drive * record.course.mean_current_A)[:, None] * hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
+    laws = np.concatenate((smooth_regressors(fit, "speed"), np.where(record.follows[:, None], gain, 0.0)), axis=1)
+    found = Scorer(fit, laws).best_at(facts, [(score.effect, score.candidate)]).get(score.effect.id)
+    return 1.0 if found is None else found.p_value
+
+
 def event_scores(fit: Fit, events: list[type[Effect]], facts: RecordFacts) -> dict[str, Score]:
     """Scores of events; where time goes with speed, of what is left beside any smooth function of that."""
     scorer = Scorer(fit, smooth_regressors(fit, "speed") if may_confound(fit, "time", "speed") else None)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value
-from rw_ekf.diagnosis.search.confounding import deferred, event_scores, may_confound, quantity_of
+from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, with_other_laws
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
@@ -175,6 +175,10 @@ class Search:
             selection.trials[name].decision = f"nothing beside a smooth effect of the {other}"
             self.set_aside = True
             strong = [score for score in strong if score.effect.id != name]
+        for score in [score for score in strong if score.effect.clocked]:
+            if beside_motion(current, self.facts, score) >= SIGNIFICANT_P:
+                selection.trials[score.effect.id].decision = "nothing beside smooth laws of the motion"
+                strong.remove(score)
         return sorted(strong, key=lambda score: -score.evidence)
 
     def _enough_for(self, effect: type[Effect]) -> float:
