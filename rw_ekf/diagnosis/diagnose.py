@@ -106,6 +106,7 @@ def _unjudged(source: Source, kind: Kind) -> Diagnosis:
         "explanations": [],
         "ended": None,
         "map": [],
+        "torque_noise": None,
         "shapes": [],
         "residual_tests": {"before": None, "after": None},
         "warnings": [*source.notes, *log.warnings],

@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
 from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
+from rw_ekf.diagnosis.judge.torque_noise import noise_finding
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.candidates import threshold
@@ -74,6 +75,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     work, kept, course = prepared.record.work, prepared.kept, prepared.record.course
     inertia = prepared.setup.inertia_kg_m2 if configuration is None else configuration.wheel.inertia_kg_m2
     before = performance(prepared, prepared.on_part(selection.base), inertia)
+    in_rpm = inertia is not None or prepared.source.log.in_rpm
     names, unexplained = found.new_ids, found.is_unexplained
     after = performance(prepared, prepared.on_part(selection.final), inertia) if names else before
     quantised = lattice is not None and not unexplained
@@ -81,8 +83,12 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
     heldout_s = sum(end - begin for begin, end in split["heldout_s"])
     advance("weighing explanations")
     weighed = weighed_explanations(found)
-    posterior = posterior_of(found, weighed, lattice if quantised else None)
+    noise = noise_finding(found.fit, prepared.facts)
+    noisy = None if noise is None else noise.sentence(in_rpm=in_rpm)
+    posterior = posterior_of(found, weighed, lattice if quantised else None, noise)
     verdict = verdict_on(found, lattice if quantised else None, posterior, before, after, heldout_s)
+    if noisy is not None and verdict.kind == "adequate":
+        verdict = replace(verdict, statement=f"{verdict.statement[:-1]}; but {noisy}.")
     chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
     for name in names:
         trial = selection.trials[name]
@@ -94,7 +100,6 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         model = None
     if chosen and quantised and not names:
         after = before
-    in_rpm = inertia is not None or prepared.source.log.in_rpm
     document = {
         "schema": SCHEMA,
         **prepared.source.document(),
@@ -114,6 +119,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}
             for d in found.dependences
         ],
+        "torque_noise": None if noise is None else {**noise.document(in_rpm=in_rpm), "sentence": noisy},
         "shapes": shapes_of(found, inertia, in_rpm=in_rpm),
         "residual_tests": {
             "before": residual_tests(left_over(selection.base)),
@@ -124,6 +130,7 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             *prepared.source.log.warnings,
             *prepared.setup.notes,
             *prepared.notes,
+            *([f"{noisy[:1].upper()}{noisy[1:]}."] if noisy is not None and verdict.kind == "effect" else []),
             *work.sentences(),
             *([] if refusal is None else [f"no model was written, because none could read it: {refusal}"]),
         ],

@@ -2,7 +2,7 @@
 
 Those of the explanations that were weighed follow from their evidence. What is in no catalogue has none; that it is
 there is told by what the residual's map still shows. The slope of that was fitted to simulated wheels, and tried on
-others.
+others. A torque noise that is not the same everywhere counts as much as a dependence of the same p-value.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import math
 from rw_ekf.diagnosis.judge.explanations import Explanation
 from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.residual import Lattice
+from rw_ekf.diagnosis.judge.torque_noise import NoiseFinding
 from rw_ekf.effects.catalogue import GRID
 
 NONE, SOMETHING_ELSE = "none", "something_else"
@@ -20,12 +21,15 @@ _MOST_DECADES = 8.0
 _LEAST = 1.0e-3  # less is left out
 
 
-def posterior_of(found: Found, weighed: list[Explanation], lattice: Lattice | None) -> dict[str, float]:
+def posterior_of(
+    found: Found, weighed: list[Explanation], lattice: Lattice | None, noise: NoiseFinding | None
+) -> dict[str, float]:
     """Probability of each effect beyond the base model, of none, and of something else; they may come together.
 
-    weighed: the explanations, the final model among them; lattice: None where the readings' grid is not named.
+    weighed: the explanations, the final model among them; lattice: None where the readings' grid is not named; noise:
+    None where torque noise is the same everywhere.
     """
-    elsewhere = something_else(found)
+    elsewhere = something_else(found, noise)
     chances: dict[str, float] = {}
     for item in weighed:
         for name in item.effects or (NONE,):
@@ -40,8 +44,9 @@ def posterior_of(found: Found, weighed: list[Explanation], lattice: Lattice | No
     return {**ranked, NONE: chances.get(NONE, 0.0), SOMETHING_ELSE: elsewhere}
 
 
-def something_else(found: Found) -> float:
-    """Probability that the record holds what is in no catalogue, by what its map still shows."""
-    smallest = min((item.p_value for item in found.dependences), default=1.0)
+def something_else(found: Found, noise: NoiseFinding | None) -> float:
+    """Probability that the record holds what is in no catalogue, by what its map, or its torque noise, still shows."""
+    shown = [item.p_value for item in found.dependences] + ([] if noise is None else [noise.p_value])
+    smallest = min(shown, default=1.0)
     decades = min(-math.log10(max(smallest, 1.0e-300)), _MOST_DECADES)
     return 1.0 / (1.0 + math.exp(-(_ELSE_BIAS + _ELSE_SLOPE * decades)))

@@ -194,8 +194,14 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
     given = verdict.get("advice") or document.get("advice") or ()
     steps = [given] if isinstance(given, str) else [str(step) for step in given]
     kind = str(verdict.get("kind"))
-    if kind in _FIRST:
+    if kind in _FIRST and not (kind == "adequate" and document.get("torque_noise")):
         steps.append(_FIRST[kind])
+    noise = document.get("torque_noise")
+    if noise:
+        steps.append(
+            f"{noise['sentence'][:1].upper()}{noise['sentence'][1:]}. A log that goes slowly through there, both ways, "
+            "several times (`rw-ekf excite S1`), with angle and temperature beside it, shows whether it is noise."
+        )
     if kind == "unexplained":
         steps += [
             f"On {shape['dependence']} would tell more: {shape['record']}." for shape in document.get("shapes") or ()

@@ -136,7 +136,8 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
     kind, _, statement = verdict_of(document)
     effects = [plain_name(str(name)) for name in verdict.get("effects") or ()]
     if kind == "adequate":
-        return "The model explains this log"
+        noise = document.get("torque_noise")
+        return f"The model explains this log, but {noise['sentence']}" if noise else "The model explains this log"
     if kind == "insufficient_excitation":
         return "This log cannot show what a model lacks"
     if kind == "unexplained" or not effects:
