@@ -114,10 +114,14 @@ def noise_finding(fit: Fit, facts: RecordFacts) -> NoiseFinding | None:
     if together >= LEVEL:
         return None
     window = windows[best]
+    low, high = window.low, window.high
+    if window.along == "speed":  # no more than was compared
+        low = max(low, FAST_STRIBECK_SPEEDS * facts.stribeck_speed_rad_s)
+        high = min(high, facts.top_speed_rad_s)
     inside, elsewhere = _sizes(fit, window.inside)
     if inside <= elsewhere:
         return None
-    return NoiseFinding(window.along, window.low, window.high, inside, elsewhere, together)
+    return NoiseFinding(window.along, low, high, inside, elsewhere, together)
 
 
 def _windows(fit: Fit, facts: RecordFacts) -> tuple[list[Window], BoolArray]:

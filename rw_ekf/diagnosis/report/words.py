@@ -136,8 +136,8 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
     kind, _, statement = verdict_of(document)
     effects = [plain_name(str(name)) for name in verdict.get("effects") or ()]
     if kind == "adequate":
-        noise = document.get("torque_noise")
-        return f"The model explains this log, but {noise['sentence']}" if noise else "The model explains this log"
+        uneven = ", but its torque noise is not the same everywhere" if document.get("torque_noise") else ""
+        return f"The model explains this log{uneven}"
     if kind == "insufficient_excitation":
         return "This log cannot show what a model lacks"
     if kind == "unexplained" or not effects:
