@@ -13,8 +13,8 @@ from collections.abc import Callable
 
 from rw_ekf.wheel.table import ABSENT, EffectTable
 
-# Of a whole diagnosis. Ordinary records of ten minutes at 10 Hz spend a tenth to a third of it.
-MOST_UNITS = 3.6e10
+# Of a whole diagnosis. Ten minutes at 10 Hz spend a twentieth to a half of it.
+MOST_UNITS = 1.6e10
 MOST_SECONDS = 45.0
 
 # Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
@@ -26,11 +26,11 @@ FITS = 1.0
 
 
 _PASS = 250.0  # an interval without effects
-_STATIC = 70.0  # a static effect's contribution, or its slope
+_STATIC = 25.0  # a static effect's contribution, or its slope
 _MEMORY = 550.0  # a flow of friction with a memory
 _LAG_STEPS = 3.0  # pieces that a lagging current is followed in
 _PHASOR = 10.0  # a sample's phasor turned on by one frequency
-_WHITE = 12.0  # a sample of one regressor whitened and projected
+_WHITE = 16.0  # a sample of one regressor whitened and projected
 
 
 def pass_units(intervals: int, table: EffectTable, *, slopes: bool, rows: bool) -> float:
@@ -43,8 +43,8 @@ def pass_units(intervals: int, table: EffectTable, *, slopes: bool, rows: bool) 
 
 
 def whitening_units(samples: int, regressors: int) -> float:
-    """Units of whitening regressors and a residual, and of the products that follow."""
-    return samples * (_WHITE * (regressors + 2.0) + 0.5 * regressors * regressors)
+    """Units of whitening regressors and a residual, and of the few products that follow."""
+    return samples * _WHITE * (regressors + 2.0)
 
 
 def screening_units(samples: int, frequencies: int) -> float:
