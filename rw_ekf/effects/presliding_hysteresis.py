@@ -12,6 +12,7 @@ from rw_ekf.model.memory_flow import bristle_flow
 from rw_ekf.numbers import plus_minus
 
 _DAMPINGS = (0.3, 0.0)  # LuGre as it mostly is, and Dahl
+_MORE_DAMPING = 0.6
 _LARGEST = 1.0e3
 
 
@@ -31,6 +32,7 @@ class PreslidingHysteresis(FrictionMemoryEffect):
     source = "[L17 (4), (5)]; Dahl 1977, Canudas de Wit et al. 1995"
     coefficient = Coefficient("deflection_rad", "rad", 0.0, _LARGEST, "deflection of the bristle at break-away")
     constants = (Coefficient("damping", "", 0.0, 10.0, "damping ratio of the wheel on its bristle"),)
+    refined = (0,)  # but for Dahl's
     lacking = (lacks_reversal,)  # a wheel that never passes zero keeps its bristle bent
     excitation = "creep through zero and currents below break-away, both ways: `rw-ekf excite identification`"
     confounded: ClassVar[dict[str, str]] = {
@@ -61,9 +63,21 @@ class PreslidingHysteresis(FrictionMemoryEffect):
 
     @classmethod
     def starts(cls, candidate: Candidate, found: float) -> list[Candidate]:
-        """The other dampings too: a step along the reference hardly tells them apart, a fit does."""
-        others = [damping for damping in _DAMPINGS if damping != candidate.shape[0]]
-        return super().starts(candidate, found) + [candidate._replace(shape=(other, 0.0, 0.0)) for other in others]
+        """Dampings on either side: a step along the reference hardly tells them apart, a fit does."""
+        return [
+            Candidate(found, (_DAMPINGS[0], 0.0, 0.0)),
+            *(candidate._replace(shape=(damping, 0.0, 0.0)) for damping in (_MORE_DAMPING, 0.0)),
+        ]
+
+    @staticmethod
+    def valleys(facts: RecordFacts) -> list[Candidate]:
+        """Bristles on which a wheel swings with a seventh to seven tenths of omega_s, damped little and well."""
+        deflection = _natural_deflection(facts)
+        return [
+            Candidate(min(deflection * ratio, _LARGEST), (damping, 0.0, 0.0))
+            for ratio in (0.02, 0.1, 0.5)
+            for damping in (0.2, 0.5)
+        ]
 
     @staticmethod
     def flow(

@@ -123,7 +123,17 @@ class Fit:
         """Size of an effect, all its terms taken together, and the standard deviation of a coefficient."""
         terms = self.terms_of(effect_id)
         variances = [float(v) for item in terms for v in np.maximum(np.diag(item.covariance), 0.0)]
+        if terms and not terms[0].term.effect.linear:
+            # How far a bristle bends and how it is damped are one question: that it bends is what counts here.
+            variances = [self._variance_of_given_shapes(effect_id)]
         return size_of([item.term for item in terms]), math.sqrt(math.fsum(variances) / max(len(variances), 1))
+
+    def _variance_of_given_shapes(self, effect_id: str) -> float:
+        """Variance of the coefficient of an effect with one, were its refined shape constants known."""
+        number, at = next((i, at.start) for i, (t, at) in enumerate(self.model.placed) if t.id == effect_id)
+        shapes = [p for p, (i, _) in enumerate(self.model.refined, start=self.model.known) if i == number]
+        block = self.likelihood.covariance[np.ix_([at, *shapes], [at, *shapes])]
+        return 1.0 / float(np.linalg.inv(block)[0, 0]) if shapes else float(block[0, 0])
 
 
 def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noise: Noise) -> Trajectory:

@@ -147,6 +147,11 @@ class Effect(ABC):
         """Where fits of an effect that is not linear start: at the size that a regression found, and as tried."""
         return [candidate._replace(amplitude=found), candidate]
 
+    @staticmethod
+    def valleys(facts: RecordFacts) -> list[Candidate]:
+        """Places to fit it from once it is chosen, of an effect whose likelihood has several valleys."""
+        return []
+
     @classmethod
     def places(cls, facts: RecordFacts) -> float:
         """Number of independent places in which the effect is sought: neighbours go halves."""

@@ -189,7 +189,7 @@ def candidate_entries(
         }  # fmt: skip
         if name in selection.base.model.effects.ids:
             entry["decision"] = GIVEN
-            entry["parameters"] = _described(selection.final, name)
+            entry["parameters"] = _described(found.told, name)
         elif name == GRID.id:
             entry |= {"decision": NO_GRID} if lattice is None else _lattice_entry(lattice)
             if name in verdict.effects:
@@ -200,9 +200,7 @@ def candidate_entries(
             entry |= {"statistic": trial.statistic, "p_value": trial.p_value, "decision": trial.decision}
             entry["threshold"] = threshold(effect, facts)
             if name in selection.final.model.effects.ids:
-                entry["parameters"] = _described(selection.final, name)
-                for constant, std in trial.shape_std.items():
-                    entry["parameters"][constant] = {**entry["parameters"][constant], "std": std}
+                entry["parameters"] = _described(found.told, name)
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)

@@ -11,10 +11,12 @@ import numpy as np
 from rw_ekf.diagnosis.judge.heldout import confirm, veto
 from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
+from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE, weigh_rivals
 from rw_ekf.diagnosis.search.selection import LOCAL_P, Search, Selection
+from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
 from rw_ekf.diagnosis.search.wander import followed_finely, wandering
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE, GRID, WANDERING
@@ -45,10 +47,23 @@ class Found:
     new_ids: list[str]  # effects that the record asks for beyond the model it was given
     is_unexplained: bool  # structure is left that outweighs what was found
     share: float  # of all the structure there was, what the effects explain, where some is left that they may not leave
+    told: Fit  # the final model with the standard deviations that a person and the model's file are told
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
-    """Search the record; keep what both its parts agree on; map what is left.
+    """Search the record; keep what both its parts agree on; map what is left; say how well the numbers are known."""
+    found = _named(prepared, advance)
+    told = found.fit
+    for name in found.new_ids:
+        told = with_free_shapes(told, name)
+        if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):
+            advance(f"profiling {name}")
+            told = with_profiled_widths(told, name)
+    return replace(found, told=told)
+
+
+def _named(prepared: Prepared, advance: Advance) -> Found:
+    """What both parts of the record agree on, and what it leaves.
 
     What goes with time waits where time goes with speed or temperature. If the laws of those then leave structure, the
     search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
@@ -75,7 +90,11 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
 def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:
     selection = search.run(prepared.base)
     if selection.new_ids:
+        in_deepest_valleys(selection, prepared.facts)
+        chosen = selection.new_ids
         weigh_rivals(search, selection)
+        if selection.new_ids != chosen:
+            in_deepest_valleys(selection, prepared.facts)
         confirm(prepared, selection, selection.new_ids)
     _drop_trifles(prepared, selection)
     veto(prepared, selection, selection.new_ids)
@@ -110,6 +129,7 @@ def _mapped(prepared: Prepared, selection: Selection) -> Found:
         new_ids=selection.new_ids,
         is_unexplained=share < EXPLAINED_SHARE,
         share=share,
+        told=whole,
     )
 
 
@@ -152,7 +172,7 @@ def _with_wandering_friction(found: Found, search: Search) -> Found:
 
 def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     """The final model, fitted to the whole record, as a file carries it on."""
-    model = model_of_fit(found.fit, found.prepared)
+    model = model_of_fit(found.told, found.prepared)
     if lattice is None:
         return model
     variance = found.fit.noise.variance - GRID.variance(lattice.grid_rad_s)

@@ -75,7 +75,7 @@ def verdict_on(
             posterior=posterior,
             statement=f"The model explains this log: what is left is noise of {_noise_text(found)}{note}.",
         )
-    said = [_sentence(found.selection.final, name, facts) for name in names]
+    said = [_sentence(found.told, name, facts) for name in names]
     if lattice is not None:
         names = [*names, GRID.id]
         said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))

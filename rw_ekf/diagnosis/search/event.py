@@ -67,14 +67,13 @@ def fitted_at(fit: Fit, score: Score) -> Fit:
     return best
 
 
-def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> tuple[Fit, dict[str, float]]:
+def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> Fit:
     """An event and the law beside it shape each other where time goes with speed: the likeliest pair of them.
 
-    Only alternatives that a law itself names as such are tried in its place, each with the event sought anew. Returned
-    with the standard deviations of the event's shape constants.
+    Only alternatives that a law itself names as such are tried in its place, each with the event sought anew.
     """
     if not may_confound(fit, "time", "speed"):
-        return fit, {}
+        return fit
     tried = []
     for model in [fit.model, *_others(fit.model, facts)]:
         less = fit.refitted(model.without(name))
@@ -82,9 +81,9 @@ def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> tuple[Fit, dict[
         if score is not None:
             tried.append(fitted_event(less, score, facts))
     if not tried:
-        return fit, {}
+        return fit
     best = max(tried, key=lambda item: 2.0 * item.likelihood.value - _WORTH_A_LAW * len(item.model.effects.ids))
-    return fit.refitted(best.model.settled(name)), best.terms_of(name)[0].shape_std
+    return fit.refitted(best.model.settled(name))
 
 
 def _others(model: Model, facts: RecordFacts) -> list[Model]:

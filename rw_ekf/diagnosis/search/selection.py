@@ -42,7 +42,6 @@ class Trial:
     std: float
     terms: tuple[Term, ...] = ()
     decision: str | tuple[str, ...] = NOT_SIGNIFICANT  # in words; or the effects that have all of its gain
-    shape_std: dict[str, float] = field(default_factory=dict)  # of constants that the whole record settled, by name
 
     @classmethod
     def of(cls, score: Score) -> Trial:
@@ -127,8 +126,7 @@ class Search:
                 break
             fit, trial = added
             if trial.effect.local_in_time:
-                fit, shape_std = with_other_laws(fit, trial.effect.id, self.facts)
-                trial.shape_std |= shape_std
+                fit = with_other_laws(fit, trial.effect.id, self.facts)
             current = self.pruned(fit, selection)
             if _inventory(current.model) == _inventory(selection.final.model):
                 break
@@ -206,16 +204,14 @@ class Search:
                 continue
             self.advance(f"fitting {name}")
             fit = fitted_event(current, score, self.facts) if local else fitted_at(current, score)
-            shape_std = {}
             if local:
-                shape_std = fit.terms_of(name)[0].shape_std
                 fit = fit.refitted(fit.model.settled(name))
                 statistic = score.statistic
             else:
                 statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
             p = p_value(effect, statistic, self.facts)
             evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
-            trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence, shape_std=shape_std)
+            trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence)
             selection.trials[name] = trial
             if not local and trial.p_value >= self._enough_for(effect):
                 continue

@@ -1,0 +1,110 @@
+"""How well the numbers of an effect are known, as a person and the model's file are told.
+
+The curvature where a fit ended is not all: an onset and a decay that were settled are not known exactly, and a bristle
+that bends little is known worse on one side than its curvature says (docs/diagnosis.md, "How well numbers are known").
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from rw_ekf.diagnosis.search.candidates import INFLATION
+from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.linearisation import linearise
+from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.profile import at_ratio
+from rw_ekf.model.effect import Term
+
+_HELD_TURNS = 4
+_NORMAL_95 = 1.96
+_FALL = INFLATION * _NORMAL_95**2  # of twice the log-likelihood at either end of 95 %
+_LEAST_STEP, _MOST_STEP = 0.02, 2.5  # of the logarithm of a number, away from where it is best
+_TRIES = 3  # of one end
+_NEAR = 0.3  # of a step: from there the fall goes with the square of it
+_HELD_STD = 1.0e-3  # of a coefficient that a fit has to keep
+
+
+def with_free_shapes(fit: Fit, name: str) -> Fit:
+    """The same, its covariance that of a fit in which an effect's settled shape constants are free as well.
+
+    Along the trajectory as it stands: an amplitude is known the less, the less onset and decay are. Free as far as a
+    slope carries: the onset of a spike while the wheel rests has none, but it cannot have been long ago.
+    """
+    if not any(term.settled and term.effect.refined for term in fit.model.of(name)):
+        return fit
+    terms = tuple(replace(t, settled=t.settled and t.id != name) for t in fit.model.effects.terms)
+    model = replace(fit.model, effects=replace(fit.model.effects, terms=terms))
+    linearised = linearise(fit.linearised.record, model, fit.trajectory, fit.noise, fit.omit)
+    rows, aims = np.zeros((0, model.vector.size)), np.zeros(0)
+    if fit.prior is not None:
+        rows, aims = prior_rows(fit.prior, model)
+    for place, (i, constant) in enumerate(model.refined, start=model.known):
+        if terms[i].id == name:
+            reach = terms[i].effect.constants[constant].reach_at(terms[i].shape[constant])
+            rows = np.vstack((rows, np.eye(1, model.vector.size, place) / reach))
+            aims = np.append(aims, terms[i].shape[constant] / reach)
+    found = at_ratio(linearised, (rows, aims), fit.noise.variance, fit.noise.ratio)
+    value = replace(fit.likelihood, correction=found.correction, covariance=found.covariance)
+    return replace(fit, model=model, linearised=linearised, likelihood=value)
+
+
+def with_profiled_widths(fit: Fit, name: str) -> Fit:
+    """The same fit, standard deviations of one effect's numbers no smaller than their profile likelihoods are wide.
+
+    Of an effect with one term; its coefficient must not have a prior.
+    """
+    item = fit.terms_of(name)[0]
+    number = fit.model.terms.index(item.term)
+    at = fit.model.placed[number][1].start
+    factors = np.ones(fit.model.vector.size)
+    if fit.prior is None or name in fit.prior.effect_ids:
+        return fit
+    factors[at] = _factor(fit, at, partial(_with_coefficient, fit, item.term))
+    for place, (i, constant) in enumerate(fit.model.refined, start=fit.model.known):
+        if i == number:
+            factors[place] = _factor(fit, place, partial(_with_constant, fit, item.term, constant))
+    covariance = fit.likelihood.covariance * np.outer(factors, factors)
+    return replace(fit, likelihood=replace(fit.likelihood, covariance=covariance))
+
+
+def _factor(fit: Fit, place: int, held: Callable[[float], Fit]) -> float:
+    """By how much a number's standard deviation has to grow to the half-width of its profile; 1 at the least."""
+    value, std = float(fit.model.vector[place]), float(fit.std[place])
+    if not (value > 0.0 and std > 0.0):
+        return 1.0
+    ends = []
+    for way in (-1.0, 1.0):
+        step = min(max(_NORMAL_95 * std / value, _LEAST_STEP), _MOST_STEP)
+        for _ in range(_TRIES):
+            fall = 2.0 * (fit.likelihood.value - held(value * math.exp(way * step)).likelihood.value)
+            ratio = math.sqrt(_FALL / max(fall, 0.1 * _FALL))
+            step, before = min(max(ratio, 0.3) * step, _MOST_STEP), step
+            if abs(step / before - 1.0) < _NEAR:
+                break
+        ends.append(value * math.exp(way * step))
+    return max((ends[1] - ends[0]) / (2.0 * _NORMAL_95 * std), 1.0)
+
+
+def _with_coefficient(fit: Fit, term: Term, value: float) -> Fit:
+    """The same part fitted with a coefficient that stays where it is put."""
+    assert fit.prior is not None
+    prior = fit.prior.with_coefficient(term.id, value, _HELD_STD * value)
+    return _held(replace(fit, prior=prior), term, replace(term, values=(value,)))
+
+
+def _with_constant(fit: Fit, term: Term, constant: int, value: float) -> Fit:
+    """The same with a shape constant that stays where it is put."""
+    shape = list(term.shape)
+    shape[constant] = value
+    return _held(fit, term, replace(term, shape=(shape[0], shape[1], shape[2]), settled=True))
+
+
+def _held(fit: Fit, term: Term, changed: Term) -> Fit:
+    terms = tuple(changed if other is term else other for other in fit.model.effects.terms)
+    model = replace(fit.model, effects=replace(fit.model.effects, terms=terms))
+    return fit_model(fit.linearised.record, model, fit.prior, fit.trajectory, fit.noise, fit.omit, turns=_HELD_TURNS)

@@ -1,0 +1,54 @@
+"""A friction with a memory, once chosen, fitted again from places all over its numbers.
+
+Near rest the likelihood of a bristle has several valleys in deflection and damping, and the slope in a wrong one says
+of a size many sigmas off that it is known to a percent. So a fit is sketched from each place along the trajectory of
+the model without the effect, which knows nothing of where the first fit ended, and the deepest valley counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rw_ekf.diagnosis.search.candidates import INFLATION, p_value
+from rw_ekf.diagnosis.search.selection import Selection
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood import work
+from rw_ekf.likelihood.fitting import fit_model
+from rw_ekf.model.effect import RecordFacts, Term
+
+_SKETCH_TURNS = 3
+_DEEPER = 0.5  # log-likelihood by which another valley must be deeper
+
+
+def in_deepest_valleys(selection: Selection, facts: RecordFacts) -> None:
+    """Fit what was chosen and has several valleys again from all of them; what lies deeper stands in its place."""
+    for name in selection.new_ids:
+        starts = CATALOGUE[name].valleys(facts)
+        record = selection.final.linearised.record
+        if not starts:
+            continue
+        if not record.work.has(work.FITS):
+            record.work.leave_out(f"other valleys of {name}")
+            continue
+        less = selection.without(name)
+        model = selection.final.model.without(name)
+        sketches = [
+            fit_model(
+                record, model.with_terms(Term.at(CATALOGUE[name], start)), less.prior, less.trajectory, less.noise,
+                less.omit, turns=_SKETCH_TURNS,
+            )
+            for start in starts
+        ]  # fmt: skip
+        best = max(sketches, key=lambda fit: fit.likelihood.value)
+        if best.likelihood.value < selection.final.likelihood.value + _DEEPER:
+            continue
+        selection.final = best.refitted(best.model)
+        _update(selection, name, 2.0 * (selection.final.likelihood.value - less.likelihood.value), facts)
+
+
+def _update(selection: Selection, name: str, statistic: float, facts: RecordFacts) -> None:
+    trial = selection.trials[name]
+    evidence = trial.evidence + 0.5 * (statistic - trial.statistic) / INFLATION
+    selection.trials[name] = replace(
+        trial, statistic=statistic, evidence=evidence, p_value=p_value(trial.effect, statistic, facts)
+    )

@@ -1,0 +1,74 @@
+"""How well the numbers of an effect are known, and which of its valleys they are of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import pytest
+
+from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_profiled_widths
+from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
+from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.search.selection import Selection, Trial
+from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.model.effect import Term
+from tests.diagnosis.simulated import log_of, simulated
+
+BRISTLE, SPIKE = CATALOGUE["presliding_hysteresis"], CATALOGUE["drag_spike"]
+DEFLECTION_RAD, DAMPING = 0.03, 0.45
+
+
+@lru_cache
+def prepared_with_bristle() -> Prepared:
+    """A wheel on a bristle, five minutes of it."""
+    effect = f"presliding_hysteresis:deflection_rad={DEFLECTION_RAD},damping={DAMPING}"
+    return prepare(source_of([log_of(simulated([effect], seed=21, samples=3000))]), None, None, "blocks")
+
+
+def fit_from(prepared: Prepared, deflection_rad: float, damping: float, turns: int) -> Fit:
+    """The record fitted with a bristle from one place."""
+    base = prepared.base
+    model = base.model.with_terms(Term.of(BRISTLE, (damping, 0.0, 0.0), deflection_rad))
+    return fit_model(prepared.record, model, base.prior, base.trajectory, base.noise, base.omit, turns=turns)
+
+
+def test_a_bristle_leaves_a_wrong_valley_for_the_deepest() -> None:
+    """A fit that was stopped at a fifth of the deflection and of the damping ends at the plant's, within 4 sigma."""
+    prepared = prepared_with_bristle()
+    astray = fit_from(prepared, 0.2 * DEFLECTION_RAD, 0.2 * DAMPING, turns=1)
+    trial = Trial(BRISTLE, 0.0, 1.0, 0.0, 0.0, 0.0)
+    selection = Selection(prepared.base, astray, trials={BRISTLE.id: trial})
+    in_deepest_valleys(selection, prepared.facts)
+    found = selection.final.terms_of(BRISTLE.id)[0]
+    assert selection.final.likelihood.value > astray.likelihood.value + 10.0
+    assert abs(found.term.values[0] - DEFLECTION_RAD) < 4.0 * float(found.covariance[0, 0]) ** 0.5
+    assert abs(found.term.shape[0] - DAMPING) < 4.0 * found.shape_std["damping"]
+    gained = 2.0 * (selection.final.likelihood.value - prepared.base.likelihood.value)
+    assert selection.trials[BRISTLE.id].statistic == pytest.approx(gained, abs=1.0)
+
+
+def test_a_sigma_is_no_smaller_than_the_profile_is_wide() -> None:
+    """A covariance a thousand times too small gives way to the profile, whose width is that of the curvature here."""
+    fit = fit_from(prepared_with_bristle(), DEFLECTION_RAD, DAMPING, turns=8)
+    tiny = replace(fit, likelihood=replace(fit.likelihood, covariance=1.0e-3 * fit.likelihood.covariance))
+    told = with_profiled_widths(tiny, BRISTLE.id)
+    at = fit.model.known - 1
+    assert told.std[: at - 1] == pytest.approx(tiny.std[: at - 1])  # the parameters' are not touched
+    for place in (at, at + 1):
+        assert 0.5 * fit.std[place] < told.std[place] < 2.0 * fit.std[place]
+
+
+def test_a_spike_is_told_with_what_its_onset_and_decay_leave_open() -> None:
+    """A settled spike's amplitude is as uncertain as that of one whose shape is fitted, and so are onset and decay."""
+    run = simulated(["drag_spike:amplitude_rad_s2=0.1,onset_s=150,decay_s=60"], seed=5, profile="P2", samples=3000)
+    prepared = prepare(source_of([log_of(run)]), None, None, "blocks")
+    free = prepared.base.refitted(prepared.base.model.with_terms(Term.of(SPIKE, (150.0, 60.0, 0.0), 0.1)))
+    settled = free.refitted(free.model.settled(SPIKE.id))
+    told = with_free_shapes(settled, SPIKE.id)
+    at = free.model.known - 1
+    assert told.std[at] > 1.3 * settled.std[at]
+    assert told.std[at:] == pytest.approx(free.std[at:], rel=0.1)
+    assert told.model.vector[at] == settled.model.vector[at]
