@@ -1,4 +1,4 @@
-"""How probable each effect is, what is not in the catalogue included (docs/diagnosis.md, "Probabilities").
+"""How probable each effect is, what is not in the catalogue included (docs/active-diagnosis.md).
 
 Those of the explanations that were weighed follow from their evidence. What is in no catalogue has none; that it is
 there is told by what the residual's map still shows. The slope of that was fitted to simulated wheels, and tried on

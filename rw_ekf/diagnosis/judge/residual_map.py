@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.judge.noise_alone import p_value_by_draws
 from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.filter.consistency import chi_square_tail
@@ -22,6 +23,7 @@ from rw_ekf.model.effect import RecordFacts
 
 Kind = Literal["drag", "torque", "torque along the current", "motor gain"]
 
+_DOUBTED = 0.01  # a p-value below it is asked of noise alone
 _ORDERS = 4  # of the angle's sines and cosines
 _ANGLES = 49  # at which a curve over the angle is told
 
@@ -108,11 +110,15 @@ def residual_map(fit: Fit, facts: RecordFacts, beside: Float64Array | None = Non
     scorer = Scorer(fit, beside)
     found = []
     for name, covers in covers_of(fit, facts).items():
-        group = scorer.fit_group(np.concatenate([cover.regressors for cover in covers], axis=1))
-        found.append(Dependence(name, group.statistic, group.freedom, p_value_of(group.statistic, group.freedom)))
+        regressors = np.concatenate([cover.regressors for cover in covers], axis=1)
+        group = scorer.fit_group(regressors)
+        p = p_value_of(group.statistic, group.freedom)
+        if p < _DOUBTED:
+            p = max(p, p_value_by_draws(fit, scorer, regressors, group.statistic))
+        found.append(Dependence(name, group.statistic, group.freedom, p))
     return sorted(found, key=lambda item: (item.p_value, -item.statistic))
 
 
 def p_value_of(statistic: float, freedom: int) -> float:
-    """Of a group of regressors; 1 where none says anything."""
+    """Of a group of regressors by chi-square, which noises that are fitted exceed; 1 where none says anything."""
     return chi_square_tail(statistic / INFLATION, freedom) if freedom and statistic > 0.0 else 1.0

@@ -169,6 +169,29 @@ class Scorer:
                 covariance = max(self.rss[i] - gain, 1.0e-9) / self.count * (back @ back.T)
         return GroupFit(statistic, independent.shape[1], mixing @ solution, mixing @ covariance @ mixing.T)
 
+    def statistics_alone(
+        self, regressors: Float64Array, speed_draws: Float64Array, memory_draws: Float64Array
+    ) -> Float64Array:
+        """Statistics (k,) that `fit_group` would give to regressors (n, m) in k records of noise alone.
+
+        speed_draws (n, k), memory_draws: increments that the noises make.
+        """
+        independent, _ = self._independent(regressors)
+        shape = (len(self.ratios), speed_draws.shape[1])
+        nothing, without, merits, values = (np.full(shape, -math.inf) for _ in range(4))
+        for i, ratio in enumerate(self.ratios):
+            draws = self.linearised.whitened(ratio, self.variance, speed_draws, memory_draws)[1]
+            left = draws - self.bases[i] @ (self.bases[i].T @ draws)
+            U, sizes, _ = np.linalg.svd(self._beside_own(i, independent), full_matrices=False)
+            lost = self.rss[i] - np.sum(left**2, axis=0)  # as if this record's sum of squares had gained so much
+            gains = lost + np.sum((U.T @ left) ** 2, axis=0)
+            nothing[i], without[i] = self._restricted(i, lost, 0, 0.0), self._value(i, lost)
+            information = float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
+            merits[i], values[i] = self._restricted(i, gains, sizes.size, information), self._value(i, gains)
+        every = np.arange(shape[1])
+        found: Float64Array = values[np.argmax(merits, axis=0), every] - without[np.argmax(nothing, axis=0), every]
+        return 2.0 * found
+
     def score_random(self, regressors: Float64Array) -> tuple[float, float]:
         """Statistic of regressors (n, m) whose coefficients are drawn from one normal distribution, and its deviation.
 

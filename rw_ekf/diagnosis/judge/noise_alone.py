@@ -1,0 +1,57 @@
+"""What noise alone makes of a group of regressors, drawn from the fit itself (docs/diagnosis.md, "The map").
+
+Hat functions over time can follow a torque noise as well as any structure. Where a record has a noise that is barely
+seen beside that of its readings, a model with a dozen of them does without it, and gains more than chi-square of as
+many degrees of freedom has: of 60 healthy wheels four were accused so, at 4e-7 for one. The ratio of noises belongs to
+what is fitted, so the same regression is asked of records that have the fit's own noises and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.likelihood.fitting import Fit
+
+_SEED = 20262
+_SAMPLES, _LEAST_DRAWS, _MOST_DRAWS = 2_000_000, 30, 300
+_LEAST_SKEWNESS = 0.05
+
+
+def p_value_by_draws(fit: Fit, scorer: Scorer, regressors: Float64Array, statistic: float) -> float:
+    """P(a statistic as large) of regressors (n, m), noise alone; the tail is that of Pearson's type III."""
+    n = fit.trajectory.speed.size
+    count = int(np.clip(_SAMPLES // max(n, 1), _LEAST_DRAWS, _MOST_DRAWS))
+    alone = scorer.statistics_alone(regressors, *noise_draws(fit, count))
+    spread = max(float(alone.std()), 1.0e-12)
+    skewness = max(float(np.mean((alone - alone.mean()) ** 3)) / spread**3, _LEAST_SKEWNESS)
+    return _tail((statistic - float(alone.mean())) / spread, 8.0 / skewness**2)
+
+
+def noise_draws(fit: Fit, count: int) -> tuple[Float64Array, Float64Array]:
+    """Increments of speed and of memory (n, count; (0, count) without one) that a fit's noises make in its readings.
+
+    A reading's own noise is an increment there, and is taken back, carried along, in the next.
+    """
+    chain, noise = fit.linearised.chain, fit.noise
+    n = chain.reading.size
+    rng = np.random.default_rng(_SEED)
+    density = noise.ratio * noise.variance / fit.linearised.record.period_s
+    moved = np.sqrt(density * chain.noisy_s + chain.extra)[:, None] * rng.standard_normal((n, count))
+    misread = math.sqrt(noise.variance) * rng.standard_normal((n, count))
+    before = np.concatenate((np.zeros((1, count)), misread[:-1]))
+    follows = chain.follows[:, None]
+    speed = np.where(follows, moved + misread - chain.slopes[:, :1] * before, 0.0)
+    if fit.linearised.memory_jacobian.shape[0] == 0:
+        return speed, np.zeros((0, count))
+    return speed, np.where(follows, -chain.slopes[:, 2:3] * before, 0.0)
+
+
+def _tail(z: float, freedom: float) -> float:
+    """P(more than z standard deviations) of a shifted chi-square of as many degrees of freedom."""
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * freedom, max(0.5 * freedom + math.sqrt(0.5 * freedom) * z, 0.0)))
