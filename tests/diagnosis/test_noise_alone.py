@@ -10,7 +10,8 @@ from rw_ekf.diagnosis.judge.noise_alone import noise_draws, p_value_by_draws
 from rw_ekf.diagnosis.judge.residual_map import covers_of
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
-from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.group import fit_group, statistics_alone
+from rw_ekf.diagnosis.search.profiled import Profiled
 from tests.diagnosis.simulated import log_of, simulated
 
 MOVED_RPM = 0.1  # by torque noise, in a second: barely seen beside readings of 1 rpm
@@ -34,14 +35,14 @@ def test_draws_are_white_where_the_fit_whitens(restless: Prepared) -> None:
 def test_hats_over_time_follow_torque_noise_and_it_is_known_how_far(restless: Prepared) -> None:
     """Noise alone gains more than its degrees of freedom; p-values of its own records are even, those of others not."""
     fit = restless.base
-    scorer = Scorer(fit)
+    profiled = Profiled(fit)
     regressors = np.concatenate([c.regressors for c in covers_of(fit, restless.facts)["time"]], axis=1)
-    alone = scorer.statistics_alone(regressors, *noise_draws(fit, 200))
-    group = scorer.fit_group(regressors)
+    alone = statistics_alone(profiled, regressors, *noise_draws(fit, 200))
+    group = fit_group(profiled, regressors)
     assert np.mean(alone) > 1.5 * group.freedom
-    p = np.array([p_value_by_draws(fit, scorer, regressors, float(np.quantile(alone, q))) for q in (0.1, 0.5, 0.9)])
+    p = np.array([p_value_by_draws(fit, profiled, regressors, float(np.quantile(alone, q))) for q in (0.1, 0.5, 0.9)])
     np.testing.assert_allclose(p, [0.9, 0.5, 0.1], atol=0.07)
-    assert p_value_by_draws(fit, scorer, regressors, 400.0) < 1.0e-12
+    assert p_value_by_draws(fit, profiled, regressors, 400.0) < 1.0e-12
 
 
 def test_a_healthy_wheel_with_torque_noise_is_adequate() -> None:

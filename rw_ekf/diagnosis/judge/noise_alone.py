@@ -13,7 +13,8 @@ import math
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.group import statistics_alone
+from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.likelihood.fitting import Fit
 
 _SEED = 20262
@@ -21,11 +22,11 @@ _SAMPLES, _LEAST_DRAWS, _MOST_DRAWS = 2_000_000, 30, 300
 _LEAST_SKEWNESS = 0.05
 
 
-def p_value_by_draws(fit: Fit, scorer: Scorer, regressors: Float64Array, statistic: float) -> float:
+def p_value_by_draws(fit: Fit, profiled: Profiled, regressors: Float64Array, statistic: float) -> float:
     """P(a statistic as large) of regressors (n, m), noise alone; the tail is that of Pearson's type III."""
     n = fit.trajectory.speed.size
     count = int(np.clip(_SAMPLES // max(n, 1), _LEAST_DRAWS, _MOST_DRAWS))
-    alone = scorer.statistics_alone(regressors, *noise_draws(fit, count))
+    alone = statistics_alone(profiled, regressors, *noise_draws(fit, count))
     spread = max(float(alone.std()), 1.0e-12)
     skewness = max(float(np.mean((alone - alone.mean()) ** 3)) / spread**3, _LEAST_SKEWNESS)
     return _tail((statistic - float(alone.mean())) / spread, 8.0 / skewness**2)

@@ -15,7 +15,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.noise_alone import p_value_by_draws
 from rw_ekf.diagnosis.search.candidates import INFLATION
-from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.group import fit_group
+from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
@@ -107,14 +108,14 @@ def _followed(kind: Kind, at: Float64Array, *, by_speed: bool) -> Float64Array:
 
 def residual_map(fit: Fit, facts: RecordFacts, beside: Float64Array | None = None) -> list[Dependence]:
     """Dependences of what the model leaves, most significant first; beside: more regressors (n, m) that are free."""
-    scorer = Scorer(fit, beside)
+    profiled = Profiled(fit, beside)
     found = []
     for name, covers in covers_of(fit, facts).items():
         regressors = np.concatenate([cover.regressors for cover in covers], axis=1)
-        group = scorer.fit_group(regressors)
+        group = fit_group(profiled, regressors)
         p = p_value_of(group.statistic, group.freedom)
         if p < _DOUBTED:
-            p = max(p, p_value_by_draws(fit, scorer, regressors, group.statistic))
+            p = max(p, p_value_by_draws(fit, profiled, regressors, group.statistic))
         found.append(Dependence(name, group.statistic, group.freedom, p))
     return sorted(found, key=lambda item: (item.p_value, -item.statistic))
 

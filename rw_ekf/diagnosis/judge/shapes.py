@@ -16,7 +16,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.residual_map import Cover, Kind, covers_of, p_value_of
 from rw_ekf.diagnosis.search.candidates import INFLATION
-from rw_ekf.diagnosis.search.scorer import GroupFit, Scorer
+from rw_ekf.diagnosis.search.group import GroupFit, fit_group
+from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.wander import followed_finely
 from rw_ekf.numbers import number_text, plus_minus
 from rw_ekf.units import RAD_S_PER_RPM
@@ -85,17 +86,17 @@ def shapes_of(found: Found, inertia_kg_m2: float | None, *, in_rpm: bool) -> lis
     if not left:
         return []
     covers = covers_of(found.fit, found.prepared.facts)
-    scorer = Scorer(found.fit, followed_finely(found.fit))
+    profiled = Profiled(found.fit, followed_finely(found.fit))
     began_s = float(found.prepared.course.time_s[0])
     return [
         entry
         for item in left
-        if (entry := _entry(item.name, *_strongest(scorer, covers[item.name]), inertia_kg_m2, began_s, in_rpm=in_rpm))
+        if (entry := _entry(item.name, *_strongest(profiled, covers[item.name]), inertia_kg_m2, began_s, in_rpm=in_rpm))
     ]
 
 
-def _strongest(scorer: Scorer, covers: list[Cover]) -> tuple[Cover, GroupFit]:
-    fits = [scorer.fit_group(cover.regressors) for cover in covers]
+def _strongest(profiled: Profiled, covers: list[Cover]) -> tuple[Cover, GroupFit]:
+    fits = [fit_group(profiled, cover.regressors) for cover in covers]
     best = min(range(len(covers)), key=lambda i: (p_value_of(fits[i].statistic, fits[i].freedom), -fits[i].statistic))
     return covers[best], fits[best]
 

@@ -15,7 +15,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.candidates import INFLATION, analytic
-from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.group import score_random
+from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.filter.consistency import chi_square_tail
@@ -72,7 +73,7 @@ def wandering(prepared: Prepared, final: Fit, enough: float) -> Wander | None:
     lengths = np.array([term.shape[2] for term in terms])
     columns = analytic(less.linearised, [(WANDERING, Candidate(1.0, term.shape)) for term in terms])
     regressors = np.concatenate([column.regressors for column in columns], axis=1) / np.sqrt(lengths)
-    statistic, density = Scorer(less).score_random(regressors)
+    statistic, density = score_random(Profiled(less), regressors)
     p = 0.5 * chi_square_tail(statistic / INFLATION, 1)
     if p >= enough:
         return None

@@ -1,0 +1,111 @@
+"""A fitted model at a few ratios of noises: what is left of its record there, and what any gain would be worth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.profile import LEAST_RATIO, torque_noise_term
+
+_RATIOS_BELOW = 6
+
+
+class Profiled:
+    """A fit at ratios of noises from its own downwards, its record whitened and its own regressors projected out.
+
+    Which ratio goes with which further regressors is decided by the restricted likelihood (Patterson & Thompson 1971;
+    eq. 6a): regressors that follow a wandering speed would otherwise make it look as if it wandered less, and gain by
+    that.
+    """
+
+    def __init__(self, fit: Fit, beside: Float64Array | None = None) -> None:
+        """beside: more regressors (n, m) that are free, as the model's own are."""
+        linearised = self.linearised = fit.linearised
+        variance = self.variance = fit.noise.variance
+        self.ratios = _ratios(fit.noise.ratio)
+        self.bases: list[Float64Array] = []
+        self.residuals: list[Float64Array] = []
+        self.rss: list[float] = []
+        self.logs: list[float] = []
+        self.restrictions: list[float] = []  # half the log-determinant of the model's own regressors
+        for value in self.ratios:
+            r, A, logs = linearised.whitened(value, variance, linearised.jacobian, linearised.memory_jacobian)
+            self.places = linearised.innovation_at
+            if beside is not None:
+                A = np.concatenate((A, linearised.whitened(value, variance, beside)[1]), axis=1)
+            Q = basis(A, fit)
+            self.restrictions.append(_restriction(A, fit))
+            left = r - Q @ (Q.T @ r)
+            self.bases.append(Q)
+            self.residuals.append(left)
+            self.rss.append(float(left @ left))
+            self.logs.append(logs)
+        self.count = self.residuals[0].size
+        self.own = max(range(len(self.ratios)), key=lambda i: float(self.restricted(i, 0.0, 0, 0.0)))
+        self.without = float(self.value(self.own, 0.0))
+
+    def left(self, i: int, gain: float | Float64Array) -> Float64Array:
+        """Variance left at the i-th ratio after gains (any shape) in the sum of squares."""
+        return np.asarray(np.maximum(self.rss[i] - gain, 1.0e-9) / self.count)
+
+    def value(self, i: int, gain: float | Float64Array) -> Float64Array:
+        """Log-likelihoods at the i-th ratio after gains in the sum of squares, of their shape."""
+        left = self.left(i, gain)
+        known = torque_noise_term(self.linearised, left * self.variance, self.ratios[i])
+        return np.asarray(known - 0.5 * (self.count * np.log(left) + self.logs[i]))
+
+    def restricted(
+        self, i: int, gain: float | Float64Array, added: int, information: float | Float64Array
+    ) -> Float64Array:
+        """Restricted log-likelihoods (eq. 6a) of the model and `added` regressors, of the shape of `gain`.
+
+        information: half the log-determinants of theirs, beside the model's own.
+        """
+        free = int(self.bases[i].shape[1]) + added
+        known = 0.5 * free * np.log(self.left(i, gain)) - self.restrictions[i]
+        return np.asarray(self.value(i, gain) + known - information)
+
+    def beside_own(self, i: int, regressors: Float64Array) -> Float64Array:
+        """Columns whitened at the i-th ratio, the model's own projected out."""
+        _, A, _ = self.linearised.whitened(self.ratios[i], self.variance, regressors)
+        Q = self.bases[i]
+        return A - Q @ (Q.T @ A)
+
+
+def _restriction(A: Float64Array, fit: Fit) -> float:
+    """Half the log-determinant of the information on the model's own vector."""
+    normal = A.T @ A
+    pull = _parameter_rows(fit, A.shape[1])
+    normal += pull.T @ pull
+    scale = np.sqrt(np.maximum(np.diag(normal), 1.0e-300))
+    return float(0.5 * np.linalg.slogdet(normal / np.outer(scale, scale) + 1.0e-12 * np.eye(scale.size))[1]
+                 + np.sum(np.log(scale)))  # fmt: skip
+
+
+def _ratios(ratio: float) -> list[float]:
+    """The model's own ratio, one above, and several below down to hardly any process noise."""
+    low = math.log(LEAST_RATIO)
+    top = max(math.log(ratio), low)
+    steps = np.linspace(low, top, _RATIOS_BELOW + 1) if top > low + 1.0 else np.array([low, top])
+    return [math.exp(v) for v in sorted({*steps.tolist(), top + 1.0})]
+
+
+def basis(A: Float64Array, fit: Fit) -> Float64Array:
+    """Orthonormal basis (n, p) of the span of A, the a priori of the parameters counted as rows, then cut off."""
+    weights = np.linalg.norm(A, axis=0)
+    weights[weights == 0.0] = 1.0
+    pull = _parameter_rows(fit, A.shape[1])
+    U, sizes, _ = np.linalg.svd(np.vstack((A, pull)) / weights, full_matrices=False)
+    return np.asarray(U[: A.shape[0], sizes > 1.0e-8 * sizes[0]])
+
+
+def _parameter_rows(fit: Fit, count: int) -> Float64Array:
+    """What is known of the four parameters beforehand, as rows of unit variance over all that is free, (4, count)."""
+    known = np.zeros((0, 0)) if fit.prior is None else prior_rows(fit.prior.core, fit.model)[0]
+    rows = np.zeros((known.shape[0], count))
+    rows[:, : known.shape[1]] = known
+    return rows
