@@ -29,7 +29,7 @@ _MOST_WEIGHED = 3
 LEAST_POSTERIOR = 0.005  # an explanation below it does not stand
 # Evidence is too sure of itself: near rest statistics exceed chi-square, and no model of a wheel is exact. Fitted to
 # simulated wheels, and tried on others (docs/diagnosis.md).
-TEMPERATURE = 2.0
+TEMPERATURE = 1.5
 _KNOWN = 30.0  # sigmas: a size known better meets one density only
 _GRID = 2000
 _RATIO_STEP = 0.7  # of the logarithm of q dt / R

@@ -16,7 +16,7 @@ from rw_ekf.diagnosis.judge.torque_noise import NoiseFinding
 from rw_ekf.effects.catalogue import GRID
 
 NONE, SOMETHING_ELSE = "none", "something_else"
-_ELSE_BIAS, _ELSE_SLOPE = -4.0, 1.0  # logit per factor of ten of the map's smallest p
+_ELSE_BIAS, _ELSE_SLOPE = -5.0, 1.0  # logit per factor of ten of the map's smallest p
 _MOST_DECADES = 8.0
 _LEAST = 1.0e-3  # less is left out
 
