@@ -80,16 +80,19 @@ def may_confound(fit: Fit, one: Quantity, other: Quantity) -> bool:
     return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > _IS_FUNCTION
 
 
-def smooth_regressors(fit: Fit, quantity: Quantity) -> Float64Array:
-    """Slopes by a dry friction and a torque that follow a smooth unknown function of a quantity, (n, m)."""
+def smooth_regressors(fit: Fit, quantity: Quantity, *, with_gain: bool = False) -> Float64Array:
+    """Slopes by a dry friction and a torque that follow a smooth unknown function of a quantity, (n, m).
+
+    with_gain: by a motor gain too, as by one of temperature always.
+    """
     drive, dry = slopes_by_torque(fit)
     record = fit.linearised.record
     x = values_of(record, fit.trajectory.speed, quantity)
     x = np.concatenate((x[:1], x[:-1]))  # where each interval began
     shapes = hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
     parts = [dry[:, None] * shapes, drive[:, None] * shapes]
-    if quantity == "temperature":
-        parts.append((drive * fit.linearised.record.course.mean_current_A)[:, None] * shapes)
+    if with_gain or quantity == "temperature":
+        parts.append((drive * record.course.mean_current_A)[:, None] * shapes)
     return np.where(record.follows[:, None], np.concatenate(parts, axis=1), 0.0)
 
 
@@ -122,11 +125,7 @@ def beside_motion(fit: Fit, facts: RecordFacts, score: Score) -> float:
 
     A motion that nearly repeats itself makes every law of motion nearly periodic.
     """
-    drive, _ = slopes_by_torque(fit)
-    record = fit.linearised.record
-    x = values_of(record, fit.trajectory.speed, "speed")
-    gain = (drive * record.course.mean_current_A)[:, None] * hats(x, _KNOTS, float(np.min(x)), float(np.max(x)))
-    laws = np.concatenate((smooth_regressors(fit, "speed"), np.where(record.follows[:, None], gain, 0.0)), axis=1)
+    laws = smooth_regressors(fit, "speed", with_gain=True)
     found = Scorer(fit, laws).best_at(facts, [(score.effect, score.candidate)]).get(score.effect.id)
     return 1.0 if found is None else found.p_value
 
