@@ -15,11 +15,11 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.group import statistics_alone
 from rw_ekf.diagnosis.search.profiled import Profiled
+from rw_ekf.filter.consistency import skewed_tail
 from rw_ekf.likelihood.fitting import Fit
 
 _SEED = 20262
 _SAMPLES, _LEAST_DRAWS, _MOST_DRAWS = 2_000_000, 30, 300
-_LEAST_SKEWNESS = 0.05
 
 
 def p_value_by_draws(fit: Fit, profiled: Profiled, regressors: Float64Array, statistic: float) -> float:
@@ -27,9 +27,7 @@ def p_value_by_draws(fit: Fit, profiled: Profiled, regressors: Float64Array, sta
     n = fit.trajectory.speed.size
     count = int(np.clip(_SAMPLES // max(n, 1), _LEAST_DRAWS, _MOST_DRAWS))
     alone = statistics_alone(profiled, regressors, *noise_draws(fit, count))
-    spread = max(float(alone.std()), 1.0e-12)
-    skewness = max(float(np.mean((alone - alone.mean()) ** 3)) / spread**3, _LEAST_SKEWNESS)
-    return _tail((statistic - float(alone.mean())) / spread, 8.0 / skewness**2)
+    return float(skewed_tail(np.array(statistic), alone)[0])
 
 
 def noise_draws(fit: Fit, count: int) -> tuple[Float64Array, Float64Array]:
@@ -49,10 +47,3 @@ def noise_draws(fit: Fit, count: int) -> tuple[Float64Array, Float64Array]:
     if fit.linearised.memory_jacobian.shape[0] == 0:
         return speed, np.zeros((0, count))
     return speed, np.where(follows, -chain.slopes[:, 2:3] * before, 0.0)
-
-
-def _tail(z: float, freedom: float) -> float:
-    """P(more than z standard deviations) of a shifted chi-square of as many degrees of freedom."""
-    from scipy.special import gammaincc
-
-    return float(gammaincc(0.5 * freedom, max(0.5 * freedom + math.sqrt(0.5 * freedom) * z, 0.0)))

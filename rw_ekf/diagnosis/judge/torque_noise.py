@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.filter.consistency import skewed_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.profile import LEAST_RATIO
 from rw_ekf.likelihood.whitening import adjoint
@@ -29,7 +30,6 @@ Along = Literal["speed", "current", "direction"]
 LEVEL = 1.0e-3  # of the finding: so often would it be made of noise alone
 _DRAWS = 400
 _AT = 0.05  # level at which the draws themselves tell how many windows are independent
-_LEAST_SKEWNESS = 0.05
 _WIDTH, _STEP = 1.6, 1.25  # a window of speeds ends at so many times its beginning; the next begins so much further
 _OF_TOP_SPEED = ((0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.1), (0.0, 0.5), (0.25, 0.75), (0.5, 1.1))
 _OF_TOP_CURRENT = ((0.0, 0.1), (0.1, 0.25), (0.25, 0.5), (0.25, 1.1), (0.5, 1.1))
@@ -177,26 +177,15 @@ def _slopes(fit: Fit, windows: list[Window], used: BoolArray) -> tuple[Float64Ar
 def _p_values(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, float]:
     """(p of each window by itself, how many are independent); what a common noise can follow is taken off.
 
-    seen (2 + windows,), alone (draws, 2 + windows): as `_slopes` gives them. Tails are those of Pearson's type III with
-    the draws' spread and skewness: a sum of squares has no others.
+    seen (2 + windows,), alone (draws, 2 + windows): as `_slopes` gives them.
     """
     mean = alone.mean(axis=0)
     seen, alone = seen - mean, alone - mean
     follow = np.linalg.lstsq(alone[:, :2], alone[:, 2:], rcond=None)[0]
     seen, alone = seen[2:] - seen[:2] @ follow, alone[:, 2:] - alone[:, :2] @ follow
-    spread = np.maximum(alone.std(axis=0), 1.0e-300)
-    skewness = np.maximum((alone**3).mean(axis=0) / spread**3, _LEAST_SKEWNESS)
-    p, p_alone = (_tail(values / spread, 8.0 / skewness**2) for values in (seen, alone))
+    p, p_alone = skewed_tail(seen, alone)
     smallest = float(np.quantile(p_alone.min(axis=1), _AT))
     return p, max(math.log1p(-_AT) / math.log1p(-smallest), 1.0)
-
-
-def _tail(z: Float64Array, freedom: Float64Array) -> Float64Array:
-    """P(more than z standard deviations) of a shifted chi-square of as many degrees of freedom."""
-    from scipy.special import gammaincc
-
-    found: Float64Array = gammaincc(0.5 * freedom, np.maximum(0.5 * freedom + np.sqrt(0.5 * freedom) * z, 0.0))
-    return found
 
 
 def _sizes(fit: Fit, inside: BoolArray) -> tuple[float, float]:
