@@ -33,7 +33,7 @@ class Diagnosis:
 
     log: WheelLog
     document: dict[str, Any]  # docs/contract.md#diagnosis
-    heldout: BoolArray  # (n,) samples that played no role in finding the effect
+    heldout: BoolArray  # (n,) samples that no parameter of the figures was fitted to; the search saw them
     before: ModelTrace | None = None  # None: the base model itself could not be judged
     after: ModelTrace | None = None  # None: nothing was added
     temperature_degC: Float64Array | None = None  # (n,) as the search used it

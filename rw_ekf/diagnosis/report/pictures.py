@@ -86,7 +86,7 @@ def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
     upper.set_ylabel(f"speed [{units.speed}]", fontsize=9.5)
     lower.set_xlabel(time.long_label, fontsize=9.5)
     if diagnosis.heldout.any():
-        entries.append((ground(), "held out: played no role in finding the effect"))
+        entries.append((ground(), "held out: no parameter of the figures was fitted to it"))
     for axis in (upper, lower):
         plain(axis)
         shade(axis, time, diagnosis.heldout)
