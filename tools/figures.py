@@ -134,7 +134,7 @@ def held_out() -> Figure:
         bottom.plot([begin + 2.0, end - 2.0], [float(searched)] * 2, color=AFTER if searched else BEFORE, lw=4.0)
     bottom.set_ylim(-0.7, 1.7)
     labelled(bottom, "time [s]", "")
-    bottom.set_yticks([0.0, 1.0], ["held out: free run\nfrom its first speed", "searched and fitted"])
+    bottom.set_yticks([0.0, 1.0], ["held out: free run\nfrom its first speed", "fitted"])
     bottom.grid(visible=False)
     top.set_xlim(0.0, seconds)
     return figure
