@@ -49,7 +49,7 @@ def diagnose_log(
     prepared.record.work.start_clock()
     found = investigate(prepared, advance)
     advance("judging on the held-out part")
-    return conclude(found, configuration, advance)
+    return conclude(found, advance)
 
 
 def richer_part(prepared: Prepared) -> Prepared:
@@ -73,7 +73,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     fit = prepared.base
     for name in effect_ids:
         fit = search.told(fit, name)
-    figure: float | None = performance(prepared, prepared.on_part(fit)).figures["free_run_rms_rpm"]
+    figure: float | None = performance(prepared, fit).figures["free_run_rms_rpm"]
     return figure
 
 

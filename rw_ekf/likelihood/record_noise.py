@@ -23,6 +23,7 @@ from rw_ekf.likelihood.log_fit import LogFit, fit_log
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, FrictionParameters
 
 _SAMPLES = 8_000  # enough for torque noise to a tenth of itself
+_SAMPLES_OF_CLEAR_CASE = 1_000
 _FEWEST = 100
 _SAYS_NOTHING = 10.0  # values, as the standard deviation of a prior
 _HELD = 1.0e-8  # of a value, as the standard deviation of a prior that holds it
@@ -53,7 +54,7 @@ def noise_of_record(
     guessed_stribeck: the Stribeck speed of `constants` is a guess and is fitted too.
     """
     part = busiest(course, _SAMPLES)
-    if int(np.isfinite(part.speed_rad_s).sum()) < _FEWEST:
+    if not _has_enough(part):
         return None
     with contextlib.suppress(FilterError, np.linalg.LinAlgError):
         fit = _fit(part, constants, prior, guessed_stribeck=guessed_stribeck)
@@ -82,9 +83,19 @@ def is_foreign(course: Course, scale: RecordScale) -> bool:
     friction held within the band of the default wheel's class. Foreign is what the band makes clearly less likely, each
     fit at its own best noises: a wheel that hardly moves, whatever its best parameters, proves nothing.
     """
-    part = busiest(course, _SAMPLES)
-    if int(np.isfinite(part.speed_rad_s).sum()) < _FEWEST:
+    part, little = busiest(course, _SAMPLES), busiest(course, _SAMPLES_OF_CLEAR_CASE)
+    if not _has_enough(part):
         return not scale.like_default_wheel
+    if little.samples < part.samples and _has_enough(little) and _is_outside_band(little, scale):
+        return True  # what the band cannot explain here no other part makes good
+    return _is_outside_band(part, scale)
+
+
+def _has_enough(part: Course) -> bool:
+    return int(np.isfinite(part.speed_rad_s).sum()) >= _FEWEST
+
+
+def _is_outside_band(part: Course, scale: RecordScale) -> bool:
     usual = np.array(CK13_STATISTICAL)
     wide = _SAYS_NOTHING * np.maximum(usual, np.abs(np.array(scale.rough)))
     free = _best(part, scale, [scale.rough, CK13_STATISTICAL], usual, wide)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -41,9 +41,6 @@ from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
 
-if TYPE_CHECKING:
-    from rw_ekf.settings.schema import Configuration
-
 Advance = Callable[[str], object]
 
 SCHEMA = "rw_ekf.diagnosis/1"
@@ -56,7 +53,7 @@ def _lattice(found: Found) -> Lattice | None:
     prepared, fit = found.prepared, found.fit
     if GRID.id in prepared.base.model.effects.ids:
         return None
-    performed = performance(prepared, prepared.on_part(fit))
+    performed = performance(prepared, fit)
     innovation = performed.trace.one_step_error_rad_s
     speed = prepared.course.speed_rad_s
     lattice = find_lattice(
@@ -68,23 +65,21 @@ def _lattice(found: Found) -> Lattice | None:
     return lattice
 
 
-def conclude(found: Found, configuration: Configuration | None, advance: Advance) -> Diagnosis:
+def conclude(found: Found, advance: Advance) -> Diagnosis:
     """Judge, decide, and write the document and the model."""
     lattice = _lattice(found)
     prepared, selection = found.prepared, found.selection
     work, kept, course = prepared.record.work, prepared.kept, prepared.record.course
-    inertia = prepared.setup.inertia_kg_m2 if configuration is None else configuration.wheel.inertia_kg_m2
-    before = performance(prepared, prepared.on_part(selection.base), inertia)
-    in_rpm = inertia is not None or prepared.source.log.in_rpm
+    before = performance(prepared, selection.base)
     names, unexplained = found.new_ids, found.is_unexplained
-    after = performance(prepared, prepared.on_part(selection.final), inertia) if names else before
+    after = performance(prepared, selection.final) if names else before
     quantised = lattice is not None and not unexplained
     split = prepared.split.document()
     heldout_s = sum(end - begin for begin, end in split["heldout_s"])
     advance("weighing explanations")
     weighed = weighed_explanations(found)
     noise = noise_finding(found.fit, prepared.facts)
-    noisy = None if noise is None else noise.sentence(in_rpm=in_rpm)
+    noisy = None if noise is None else noise.sentence(in_rpm=prepared.in_rpm)
     posterior = posterior_of(found, weighed, lattice if quantised else None, noise)
     verdict = verdict_on(found, lattice if quantised else None, posterior, before, after, heldout_s)
     if noisy is not None and verdict.kind == "adequate":
@@ -119,8 +114,8 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}
             for d in found.dependences
         ],
-        "torque_noise": None if noise is None else {**noise.document(in_rpm=in_rpm), "sentence": noisy},
-        "shapes": shapes_of(found, inertia, in_rpm=in_rpm),
+        "torque_noise": None if noise is None else {**noise.document(in_rpm=prepared.in_rpm), "sentence": noisy},
+        "shapes": shapes_of(found, prepared.setup.inertia_kg_m2, in_rpm=prepared.in_rpm),
         "residual_tests": {
             "before": residual_tests(left_over(selection.base)),
             "after": residual_tests(left_over(found.fit if chosen else selection.base)),
@@ -148,9 +143,9 @@ def conclude(found: Found, configuration: Configuration | None, advance: Advance
         angle_rad=_over_log(course.angle_rad, kept) if prepared.facts.angle else None,
         angle_is_logged=prepared.angle_is_logged,
         model=model,
-        inertia_kg_m2=inertia,
+        inertia_kg_m2=prepared.setup.inertia_kg_m2,
         inertia_from=prepared.setup.inertia_from,
-        in_rpm=in_rpm,
+        in_rpm=prepared.in_rpm,
     )
 
 
@@ -244,8 +239,7 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     if found.new_ids == [name] and errors[0] and errors[1] is not None:
         return float(100.0 * (1.0 - errors[1] / errors[0]))
     final = found.selection.final
-    less, more = (found.prepared.on_part(fit) for fit in (final.without(name), final))
-    return gain_over(found.prepared, less, more)
+    return gain_over(found.prepared, final.without(name), final)
 
 
 def _described(fit: Fit, name: str) -> dict[str, Any]:

@@ -42,9 +42,17 @@ class Performance:
     predicted_std_rad_s: Float64Array  # of the speed before each reading, (n,)
 
 
-def performance(prepared: Prepared, fit: Fit, inertia_kg_m2: float | None = None) -> Performance:
-    """Run the model of a fit of the other part, frozen, over the record; figures from the held-out samples alone."""
+def performance(prepared: Prepared, fit: Fit) -> Performance:
+    """Figures of the model of a fit of the whole record, from the held-out samples alone; worked out once a fit.
+
+    The model is fitted to the other part anew and run, frozen, over the record.
+    """
+    return prepared.remembered(fit, lambda: _performance(prepared, fit.on_part(prepared.fit_part)))
+
+
+def _performance(prepared: Prepared, fit: Fit) -> Performance:
     record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
+    inertia_kg_m2 = prepared.setup.inertia_kg_m2
     course = record.course.only(~prepared.base.omit)
     run = run_frozen(course, model, noise, record.constants)
     free = _free_run(record, model, run.states, split.block)
@@ -177,9 +185,9 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
     after: Figures | None = None
     for name in reversed(names):
         less = selection.final.without(name)
-        before = performance(prepared, prepared.on_part(less)).figures
+        before = performance(prepared, less).figures
         if after is None:
-            after = performance(prepared, prepared.on_part(selection.final)).figures
+            after = performance(prepared, selection.final).figures
         free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
         gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
         worse = worsened(before, after, *(_WORST if gained else _WORSE))
@@ -208,7 +216,7 @@ def worsened(before: Figures, after: Figures, share: float, nis: float) -> str |
 def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
     """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller.
 
-    Of models fitted to the other part.
+    Of models fitted to the whole record, their numbers to the other part.
     """
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
     key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -42,6 +43,9 @@ _WIDENED, _AGEING = 3.0, 0.2
 _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known exactly
 
 
+_Given = TypeVar("_Given")
+
+
 @dataclass(frozen=True)
 class Prepared:
     """Everything that a search starts from."""
@@ -60,17 +64,18 @@ class Prepared:
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
     in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
-    _on_part: dict[int, tuple[Fit, Fit]] = field(default_factory=dict)  # fits of the record, and of the part, by id
+    _of_fit: dict[int, tuple[Fit, Any]] = field(default_factory=dict)  # by id: a fit of the record, what it gave
 
     def exchanged(self) -> Prepared:
         """The same with the roles of the two parts exchanged."""
-        return replace(self, split=self.split.exchanged(), fit_part=self.heldout, heldout=self.fit_part, _on_part={})
+        return replace(self, split=self.split.exchanged(), fit_part=self.heldout, heldout=self.fit_part, _of_fit={})
 
-    def on_part(self, fit: Fit) -> Fit:
-        """A model of the whole record fitted to the part that the held-out figures take their numbers from."""
-        if id(fit) not in self._on_part:
-            self._on_part[id(fit)] = fit, fit.on_part(self.fit_part)
-        return self._on_part[id(fit)][1]
+    def remembered(self, fit: Fit, work_out: Callable[[], _Given]) -> _Given:
+        """What a fit of the whole record gives on the two parts, worked out once."""
+        if id(fit) not in self._of_fit:
+            self._of_fit[id(fit)] = fit, work_out()
+        given: _Given = self._of_fit[id(fit)][1]
+        return given
 
 
 def prepare(source: Source, configuration: Configuration | None, model: WheelModel | None, kind: Kind) -> Prepared:
