@@ -25,7 +25,7 @@ from rw_ekf.likelihood.fitting import Fit, smoothed_trajectory
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Trajectory
+from rw_ekf.likelihood.one_step import Record
 from rw_ekf.units import rpm_from_rad_s
 
 _STARTS = 400  # of a horizon: more would add nothing but time
@@ -56,7 +56,7 @@ def _performance(prepared: Prepared, fit: Fit) -> Performance:
     course = record.course.only(~prepared.base.omit)
     run = run_frozen(course, model, noise, record.constants)
     free = _free_run(record, model, run.states, split.block)
-    observed = _observed_acceleration(record, model, noise, prepared.base.omit, prepared.base.trajectory)
+    observed = _observed_acceleration(record, model, noise, prepared.base)
     errors = {seconds: _horizon(record, model, run.states, split.heldout, seconds) for seconds in (1.0, 20.0)}
     heldout = split.heldout
     figures = {
@@ -116,20 +116,26 @@ def _horizon(record: Record, model: Model, states: Float64Array, heldout: BoolAr
     return record.course.speed_rad_s[ends] - predicted
 
 
-def _observed_acceleration(
-    record: Record, model: Model, noise: Noise, omit: BoolArray, trajectory: Trajectory
-) -> Float64Array:
-    """What the smoothed speed asks for beyond the model [rad/s^2], (n,), by an observer the same for every model."""
+def _observed_acceleration(record: Record, model: Model, noise: Noise, base: Fit) -> Float64Array:
+    """What the smoothed speed asks for beyond the model [rad/s^2], (n,), by an observer the same for every model.
+
+    NaN where the base model has the wheel at rest: what does not move it is not seen, whatever the model.
+    """
     observer = Noise(noise.variance, max(noise.ratio, _OBSERVER_RATIO))
+    trajectory = base.trajectory
     for _ in range(2):
-        linearised = linearise(record, model, trajectory, observer, omit, with_jacobian=False)
+        linearised = linearise(record, model, trajectory, observer, base.omit, with_jacobian=False)
         smoothed = smoothed_trajectory(linearised, np.zeros(0), observer)
         delta = smoothed.speed - trajectory.speed
         kept = linearised.chain.slopes[:, 0] * np.concatenate(([0.0], delta[:-1]))
+        if linearised.chain.memory_variance > 0.0:  # a bristle that is bent otherwise has its own word in the speed
+            bent = smoothed.memory - linearised.trajectory.memory
+            kept += linearised.chain.slopes[:, 1] * np.concatenate(([0.0], bent[:-1]))
         asked = delta - kept - linearised.chain.defect
         trajectory = smoothed
     step = np.where(record.follows, linearised.chain.step_s, np.nan)
-    return np.where(record.follows, asked / step, np.nan)
+    moves = record.follows & (base.linearised.chain.noisy_s > 0.0)
+    return np.where(moves, asked / step, np.nan)
 
 
 def _rms(values: Float64Array) -> float:
