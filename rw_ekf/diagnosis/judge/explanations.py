@@ -57,7 +57,10 @@ def surviving(found: Found, weighed: list[Explanation]) -> list[Explanation]:
 
 def weighed_explanations(found: Found) -> list[Explanation]:
     """The final model and all that were weighed against it, the most probable first."""
-    fits = [found.fit, *(_in_place(found) if found.new_ids else _beside(found, found.fit))]
+    if found.nearest is not None:
+        fits = [found.fit, found.nearest]
+    else:
+        fits = [found.fit, *(_in_place(found) if found.new_ids else _beside(found, found.fit))]
     before = set(found.selection.base.model.effects.ids)
     weighed: dict[tuple[str, ...], Explanation] = {}
     for fit in fits:

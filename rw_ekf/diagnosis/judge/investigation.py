@@ -48,6 +48,8 @@ class Found:
     is_unexplained: bool  # structure is left that outweighs what was found
     share: float  # of all the structure there was, what the effects explain, where some is left that they may not leave
     told: Fit  # the final model with the standard deviations that a person and the model's file are told
+    nearest: Fit | None = None  # with what was named, where a law without a name is likelier
+    unnamed_odds: float | None = None  # log of those of a law without a name to what was named; None: not weighed
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:

@@ -22,12 +22,14 @@ _SEED = 20262
 _SAMPLES, _LEAST_DRAWS, _MOST_DRAWS = 2_000_000, 30, 300
 
 
-def p_value_by_draws(fit: Fit, profiled: Profiled, regressors: Float64Array, statistic: float) -> float:
-    """P(a statistic as large) of regressors (n, m), noise alone; the tail is that of Pearson's type III."""
+def p_values_by_draws(fit: Fit, profiled: Profiled, groups: list[Float64Array], statistics: list[float]) -> list[float]:
+    """P(a statistic as large) of groups of regressors (n, m), noise alone; the tail is that of Pearson's type III."""
+    if not groups:
+        return []
     n = fit.trajectory.speed.size
     count = int(np.clip(_SAMPLES // max(n, 1), _LEAST_DRAWS, _MOST_DRAWS))
-    alone = statistics_alone(profiled, regressors, *noise_draws(fit, count))
-    return float(skewed_tail(np.array(statistic), alone)[0])
+    alone = statistics_alone(profiled, groups, *noise_draws(fit, count))
+    return [float(skewed_tail(np.array(found), drawn)[0]) for found, drawn in zip(statistics, alone, strict=True)]
 
 
 def noise_draws(fit: Fit, count: int) -> tuple[Float64Array, Float64Array]:

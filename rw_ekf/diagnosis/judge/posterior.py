@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.diagnosis.judge.explanations import Explanation
+from rw_ekf.diagnosis.judge.explanations import TEMPERATURE, Explanation
 from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.judge.torque_noise import NoiseFinding
@@ -18,6 +18,7 @@ from rw_ekf.effects.catalogue import GRID
 NONE, SOMETHING_ELSE = "none", "something_else"
 _ELSE_BIAS, _ELSE_SLOPE = -5.0, 1.0  # logit per factor of ten of the map's smallest p
 _MOST_DECADES = 8.0
+_MOST_ODDS = 10.0  # log, of a law without a name
 _LEAST = 1.0e-3  # less is left out
 
 
@@ -49,4 +50,7 @@ def something_else(found: Found, noise: NoiseFinding | None) -> float:
     shown = [item.p_value for item in found.dependences] + ([] if noise is None else [noise.p_value])
     smallest = min(shown, default=1.0)
     decades = min(-math.log10(max(smallest, 1.0e-300)), _MOST_DECADES)
-    return 1.0 / (1.0 + math.exp(-(_ELSE_BIAS + _ELSE_SLOPE * decades)))
+    odds = _ELSE_BIAS + _ELSE_SLOPE * decades
+    if found.unnamed_odds is not None:
+        odds = max(odds, min(found.unnamed_odds, _MOST_ODDS) / TEMPERATURE)
+    return 1.0 / (1.0 + math.exp(-odds))

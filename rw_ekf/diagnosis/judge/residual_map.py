@@ -2,7 +2,8 @@
 
 Each dependence (speed, low speed, current, angle, temperature, time) is a set of functions that multiply a torque or a
 dry friction, entered into the same regression as an effect would be. Nothing in particular is assumed of the shape, and
-a dependence that the model's own parameters can follow counts for nothing.
+a dependence that the model's own parameters can follow counts for nothing. What bends anyhow is asked of all of them
+at once; what bends little, as most laws do, of the two smoothest of each kind, which weak structure does not drown in.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from typing import Literal
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.judge.noise_alone import p_value_by_draws
+from rw_ekf.diagnosis.judge.noise_alone import p_values_by_draws
 from rw_ekf.diagnosis.search.candidates import INFLATION
-from rw_ekf.diagnosis.search.group import fit_group
+from rw_ekf.diagnosis.search.group import GroupFit, fit_group
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
@@ -25,6 +26,9 @@ from rw_ekf.model.effect import RecordFacts
 Kind = Literal["drag", "torque", "torque along the current", "motor gain"]
 
 _DOUBTED = 0.01  # a p-value below it is asked of noise alone
+_SMOOTHNESS = 0.5  # of a quantity's range: over less a smooth law bends little
+_LEAST_SMOOTH = 1.0e-6  # of the largest: curves that bend more than a smooth law does at all
+_SMOOTHEST = 2  # curves of each kind that are tried by themselves
 _ORDERS = 4  # of the angle's sines and cosines
 _ANGLES = 49  # at which a curve over the angle is told
 
@@ -48,6 +52,35 @@ class Cover:
     at: Float64Array  # (k,) places at which a curve of them is told, in the quantity's own SI unit, the angle in rad
     functions: Float64Array  # (k, m) what they are there
     followed: Float64Array  # (m, j) coefficients of what the four parameters follow: no curve has them
+    named: Float64Array  # (m, j) coefficients of what laws of the catalogue are
+
+    def unfollowed(self) -> Float64Array:
+        """Projection (m, m) of coefficients that leaves what the four parameters do not follow, weighed by the record.
+
+        A regression leaves the rest open but for what is known beforehand: its sigma would be that of no curve.
+        """
+        return self._without(self.followed)
+
+    def smooth(self, *, unnamed: bool = False) -> Float64Array:
+        """Regressors (n, j) of smooth curves, independent of each other, the smoothest first.
+
+        Coefficients of unit variance give a curve of unit variance that bends over half of the quantity's range.
+        unnamed: without what laws of the catalogue are.
+        """
+        place = self.at[: self.functions.shape[1]] / max(float(np.ptp(self.at)), 1.0e-300)
+        alike = np.exp(-0.5 * ((place[:, None] - place) / _SMOOTHNESS) ** 2)
+        free = self._without(np.concatenate((self.followed, self.named), axis=1) if unnamed else self.followed)
+        sizes, curves = np.linalg.eigh(free @ alike @ free.T)
+        order = np.argsort(-sizes)
+        order = order[sizes[order] > _LEAST_SMOOTH * sizes[order[0]]]
+        return np.ascontiguousarray(self.regressors @ (curves[:, order] * np.sqrt(sizes[order])))
+
+    def _without(self, taken: Float64Array) -> Float64Array:
+        """Projection (m, m) of coefficients that takes the columns of `taken` (m, j) off by least squares."""
+        weights = np.sum(self.regressors**2, axis=0)
+        scaled = taken / np.maximum(np.linalg.norm(taken, axis=0), 1.0e-300)
+        fitted: Float64Array = scaled @ np.linalg.pinv((scaled.T * weights) @ scaled) @ (scaled.T * weights)
+        return np.eye(weights.size) - fitted
 
 
 def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
@@ -57,6 +90,7 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
     course = record.course
     speed = np.concatenate((fit.trajectory.speed[:1], fit.trajectory.speed[:-1]))  # where each interval began
     size, current, time = np.abs(speed), course.mean_current_A, course.time_s
+    weak = np.abs(current)
 
     def hatted(values: Float64Array, count: int, low: float, high: float, *kinds: tuple[Kind, Float64Array],
                open_end: bool = False) -> list[Cover]:  # fmt: skip
@@ -66,7 +100,7 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
         told = np.eye(count)[:, :kept]
         return [
             Cover(kind, np.where(record.follows[:, None], slope[:, None] * shapes, 0.0), at, told,
-                  _followed(kind, at[:kept], by_speed=values is size))
+                  *_known(kind, at[:kept], "speed" if values is size else "current" if values is weak else ""))
             for kind, slope in kinds
         ]  # fmt: skip
 
@@ -80,7 +114,7 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
     }
     if facts.top_current_A > 0.0:
         along: tuple[Kind, Float64Array] = ("torque along the current", drive * np.sign(current))
-        covers["current"] = hatted(np.abs(current), 6, 0.0, facts.top_current_A, *both, along)
+        covers["current"] = hatted(weak, 6, 0.0, facts.top_current_A, *both, along)
     covers["time"] = hatted(time, 10, facts.first_s, facts.last_s, *both)
     if facts.temperature_range_K is not None and facts.temperature_range_K > 0.5:
         warmth = course.temperature_degC
@@ -91,33 +125,77 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
         waves = np.concatenate((drive[:, None] * np.sin(phases), drive[:, None] * np.cos(phases)), axis=1)
         told = np.concatenate((np.sin(np.outer(turn, orders)), np.cos(np.outer(turn, orders))), axis=1)
         covers["angle"] = [
-            Cover("torque", np.where(record.follows[:, None], waves, 0.0), turn, told, np.zeros((2 * _ORDERS, 0)))
+            Cover(
+                "torque", np.where(record.follows[:, None], waves, 0.0), turn, told, *[np.zeros((2 * _ORDERS, 0))] * 2
+            )
         ]
     return covers
 
 
-def _followed(kind: Kind, at: Float64Array, *, by_speed: bool) -> Float64Array:
-    """Coefficients (m, j) of hats at `at` that Coulomb friction, viscous friction or the motor gain are."""
-    level = np.ones(at.size)
+def _known(kind: Kind, at: Float64Array, over: str) -> tuple[Float64Array, Float64Array]:
+    """Coefficients of hats at `at` (m,) that the four parameters follow (m, j), and those of laws of the catalogue.
+
+    over: `speed`, `current`, or neither.
+    """
+    level, nothing = np.ones((at.size, 1)), np.zeros((at.size, 0))
+    line, square, cube = at[:, None], at[:, None] ** 2, at[:, None] ** 3
+    by_speed, by_current = over == "speed", over == "current"
     if kind == "drag":
-        return np.column_stack((level, at)) if by_speed else level[:, None]
+        if by_speed:  # dry and viscous friction; windage
+            return np.concatenate((level, line), axis=1), np.concatenate((square, cube), axis=1)
+        return level, nothing if by_current else line
     if kind == "motor gain":
-        return level[:, None]
-    return at[:, None] if kind == "torque along the current" else np.zeros((at.size, 0))
+        return level, nothing if by_speed else line
+    if kind == "torque along the current":
+        return line, square  # a motor that saturates
+    return nothing, np.concatenate((level, line), axis=1) if by_speed else level  # viscous friction by direction
 
 
 def residual_map(fit: Fit, facts: RecordFacts, beside: Float64Array | None = None) -> list[Dependence]:
     """Dependences of what the model leaves, most significant first; beside: more regressors (n, m) that are free."""
     profiled = Profiled(fit, beside)
-    found = []
-    for name, covers in covers_of(fit, facts).items():
-        regressors = np.concatenate([cover.regressors for cover in covers], axis=1)
+    tests = [
+        test
+        for name, covers in covers_of(fit, facts).items()
+        for test in _tests(name, covers, profiled, smoothly=name != "angle")
+    ]
+    doubted = [test for test in tests if test.p_value < _DOUBTED]
+    drawn = p_values_by_draws(
+        fit, profiled, [test.regressors for test in doubted], [test.group.statistic for test in doubted]
+    )
+    for test, p in zip(doubted, drawn, strict=True):
+        test.p_value = max(test.p_value, p)
+    found: dict[str, Dependence] = {}
+    for test in tests:
+        p = min(test.chances * test.p_value, 1.0)
+        if test.name not in found or p < found[test.name].p_value:
+            found[test.name] = Dependence(test.name, test.group.statistic, test.group.freedom, p)
+    return sorted(found.values(), key=lambda item: (item.p_value, -item.statistic))
+
+
+@dataclass
+class _Test:
+    """One way to look for a dependence."""
+
+    name: str
+    regressors: Float64Array
+    group: GroupFit
+    chances: int  # in how many ways the dependence was looked for, this one the best of its sort
+    p_value: float
+
+
+def _tests(name: str, covers: list[Cover], profiled: Profiled, *, smoothly: bool) -> list[_Test]:
+    """All hats at once; and, of the smoothest curves of each kind, those that show most."""
+
+    def test(regressors: Float64Array, chances: int) -> _Test:
         group = fit_group(profiled, regressors)
-        p = p_value_of(group.statistic, group.freedom)
-        if p < _DOUBTED:
-            p = max(p, p_value_by_draws(fit, profiled, regressors, group.statistic))
-        found.append(Dependence(name, group.statistic, group.freedom, p))
-    return sorted(found, key=lambda item: (item.p_value, -item.statistic))
+        return _Test(name, regressors, group, chances, p_value_of(group.statistic, group.freedom))
+
+    anyhow = np.concatenate([cover.regressors for cover in covers], axis=1)
+    if not smoothly:
+        return [test(anyhow, 1)]
+    smooth = [test(cover.smooth()[:, :_SMOOTHEST], 2 * len(covers)) for cover in covers]
+    return [test(anyhow, 2), min(smooth, key=lambda item: (item.p_value, -item.group.statistic))]
 
 
 def p_value_of(statistic: float, freedom: int) -> float:

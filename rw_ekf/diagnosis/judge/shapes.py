@@ -104,7 +104,7 @@ def _strongest(profiled: Profiled, covers: list[Cover]) -> tuple[Cover, GroupFit
 def _entry(
     name: str, cover: Cover, fit: GroupFit, inertia_kg_m2: float | None, began_s: float, *, in_rpm: bool
 ) -> dict[str, Any] | None:
-    functions = cover.functions @ _without_followed(cover)
+    functions = cover.functions @ cover.unfollowed()
     value = functions @ fit.coefficients
     covariance = INFLATION * functions @ fit.covariance @ functions.T
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -127,17 +127,6 @@ def _entry(
         "sentence": _sentence(name, cover.kind, curve, axis, unit),
         "record": _RECORDS[name],
     }
-
-
-def _without_followed(cover: Cover) -> Float64Array:
-    """Projection (m, m) of coefficients that leaves what the four parameters do not follow, as the record weighs them.
-
-    The regression leaves it open but for what is known beforehand: its sigma would be that of no curve.
-    """
-    weights = np.sum(cover.regressors**2, axis=0)
-    own = cover.followed
-    taken: Float64Array = own @ np.linalg.pinv((own.T * weights) @ own) @ (own.T * weights)
-    return np.eye(weights.size) - taken
 
 
 def _axis(name: str, *, in_rpm: bool) -> Axis:

@@ -12,6 +12,7 @@ from rw_ekf.diagnosis.search.profiled import Profiled
 
 _RANK = 0.02  # of a unit regressor: less is what the model's own parameters do
 _SIGNALS, _SIGNAL_STEPS = (0.3, 300.0), 16  # of random coefficients, of the regressor best seen, in sigmas of noise
+_GREATEST = 3000.0  # where every size is weighed
 
 
 @dataclass(frozen=True)
@@ -48,27 +49,31 @@ def fit_group(profiled: Profiled, regressors: Float64Array) -> GroupFit:
 
 
 def statistics_alone(
-    profiled: Profiled, regressors: Float64Array, speed_draws: Float64Array, memory_draws: Float64Array
+    profiled: Profiled, groups: list[Float64Array], speed_draws: Float64Array, memory_draws: Float64Array
 ) -> Float64Array:
-    """Statistics (k,) that `fit_group` would give to regressors (n, m) in k records of noise alone.
+    """Statistics (g, k) that `fit_group` would give to groups of regressors (n, m) in k records of noise alone.
 
     speed_draws (n, k), memory_draws: increments that the noises make.
     """
-    independent, _ = _independent(profiled, regressors)
+    independent = [_independent(profiled, regressors)[0] for regressors in groups]
     shape = (len(profiled.ratios), speed_draws.shape[1])
-    nothing, without, merits, values = (np.full(shape, -math.inf) for _ in range(4))
+    nothing, without = np.empty(shape), np.empty(shape)
+    merits, values = np.empty((len(groups), *shape)), np.empty((len(groups), *shape))
     for i, ratio in enumerate(profiled.ratios):
         draws = profiled.linearised.whitened(ratio, profiled.variance, speed_draws, memory_draws)[1]
         left = draws - profiled.bases[i] @ (profiled.bases[i].T @ draws)
-        U, sizes, _ = np.linalg.svd(profiled.beside_own(i, independent), full_matrices=False)
         lost = profiled.rss[i] - np.sum(left**2, axis=0)  # as if this record's sum of squares had gained so much
-        gains = lost + np.sum((U.T @ left) ** 2, axis=0)
         nothing[i], without[i] = profiled.restricted(i, lost, 0, 0.0), profiled.value(i, lost)
-        information = float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
-        merits[i], values[i] = profiled.restricted(i, gains, sizes.size, information), profiled.value(i, gains)
-    every = np.arange(shape[1])
-    found: Float64Array = values[np.argmax(merits, axis=0), every] - without[np.argmax(nothing, axis=0), every]
-    return 2.0 * found
+        for g, regressors in enumerate(independent):
+            U, sizes, _ = np.linalg.svd(profiled.beside_own(i, regressors), full_matrices=False)
+            gains = lost + np.sum((U.T @ left) ** 2, axis=0)
+            information = float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
+            merits[g, i] = profiled.restricted(i, gains, sizes.size, information)
+            values[g, i] = profiled.value(i, gains)
+    alone = np.take_along_axis(without, np.argmax(nothing, axis=0)[None], axis=0)[0]
+    found = np.take_along_axis(values, np.argmax(merits, axis=1)[:, None], axis=1)[:, 0]
+    gained: Float64Array = 2.0 * (found - alone)
+    return gained
 
 
 def score_random(profiled: Profiled, regressors: Float64Array) -> tuple[float, float]:
@@ -79,16 +84,46 @@ def score_random(profiled: Profiled, regressors: Float64Array) -> tuple[float, f
     """
     best = nothing = float(profiled.restricted(profiled.own, 0.0, 0, 0.0))
     deviation = 0.0
+    signals = np.geomspace(*_SIGNALS, _SIGNAL_STEPS)
     for i in range(len(profiled.ratios)):
-        U, sizes, _ = np.linalg.svd(profiled.beside_own(i, regressors), full_matrices=False)
-        powers = (U.T @ profiled.residuals[i]) ** 2
-        for signal in np.geomspace(*_SIGNALS, _SIGNAL_STEPS) / max(float(sizes[0]), 1.0e-300):
-            x = (signal * sizes) ** 2
-            gain = float(np.sum(powers * x / (1.0 + x)))
-            merit = float(profiled.restricted(i, gain, 0, 0.5 * float(np.sum(np.log1p(x)))))
-            if merit > best:
-                best, deviation = merit, float(signal) * math.sqrt((profiled.rss[i] - gain) / profiled.count)
+        gains, merits, unit = _drawn(profiled, i, regressors, signals)
+        at = int(np.argmax(merits))
+        if merits[at] > best:
+            best = float(merits[at])
+            deviation = float(signals[at]) / unit * math.sqrt((profiled.rss[i] - gains[at]) / profiled.count)
     return 2.0 * (best - nothing), deviation
+
+
+def evidence_of_random(profiled: Profiled, regressors: Float64Array) -> float:
+    """Log of how much likelier a record is with regressors (n, m) of such coefficients, everything integrated out.
+
+    Their size is anybody's guess from what is not seen at all upwards; noises have the prior of eq. 6b.
+    """
+    signals = np.geomspace(_SIGNALS[0], _GREATEST, _SIGNAL_STEPS)
+    logs = np.log(np.array(profiled.ratios))
+    spacing = np.log(np.gradient(logs) if logs.size > 1 else np.ones(1))
+    without, merits = np.empty(logs.size), np.empty((logs.size, signals.size))
+    for i in range(logs.size):
+        gains, found, _ = _drawn(profiled, i, regressors, signals)
+        flat = spacing[i] + 0.5 * logs[i]  # in sqrt(q), as far as nothing is known
+        without[i] = profiled.restricted(i, 0.0, 0, 0.0) + flat + 0.5 * np.log(profiled.left(i, 0.0))
+        merits[i] = found + flat + 0.5 * np.log(profiled.left(i, gains))
+    return float(np.logaddexp.reduce(merits, axis=None) - math.log(signals.size) - np.logaddexp.reduce(without))
+
+
+def _drawn(
+    profiled: Profiled, i: int, regressors: Float64Array, signals: Float64Array
+) -> tuple[Float64Array, Float64Array, float]:
+    """Gains and restricted log-likelihoods (k,) at the i-th ratio of regressors whose coefficients are drawn.
+
+    signals (k,): deviations of the coefficients times the length of the regressor best seen, which comes third.
+    """
+    U, sizes, _ = np.linalg.svd(profiled.beside_own(i, regressors), full_matrices=False)
+    powers = (U.T @ profiled.residuals[i]) ** 2
+    unit = max(float(sizes[0]), 1.0e-300)
+    x = (signals[:, None] * sizes / unit) ** 2
+    gains: Float64Array = np.sum(powers * x / (1.0 + x), axis=1)
+    return gains, profiled.restricted(i, gains, 0, 0.5 * np.sum(np.log1p(x), axis=1)), unit
 
 
 def _independent(profiled: Profiled, regressors: Float64Array) -> tuple[Float64Array, Float64Array]:
