@@ -14,7 +14,7 @@ from rw_ekf.likelihood.frozen_filter import filtered_trajectory
 from rw_ekf.likelihood.linearisation import Linearisation, Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
-from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of
+from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood, value_of
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
 from rw_ekf.model.effect import RecordFacts, Term, size_of
@@ -209,13 +209,12 @@ def _gauss_newton(
             break
         linearised = linearise(record, model, trajectory, noise, omit)
         found = likelihood(linearised, prior, noise)
-        here = value_of(linearised, found.noise)
+        here = as_it_stands(linearised, prior, found)
         if best is not None and here.value < best.likelihood.value - _NOT_WORSE:
             damping *= 0.3
             if damping < _LEAST_DAMPING:
                 break
         else:
-            here = replace(here, covariance=found.covariance, correction=found.correction)
             best = Fit(model, prior, here, linearised, omit)
             start, step, noise = model, found.correction, found.noise
             std = np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300))

@@ -22,6 +22,7 @@ LEAST_RATIO = 1.0e-7
 MOST_RATIO = 1.0e2
 _FIRST_STEP, _NEAR, _NARROW = 0.8, 0.05, 2.0  # of the logarithm of the ratio
 _PARABOLAS = 5
+_LITTLE = 0.5  # log-likelihood that a correction gains: the noises beside it are then those without it
 Rows = tuple[Float64Array, Float64Array]  # of an a priori, as `prior_rows` gives them
 
 
@@ -43,12 +44,17 @@ def likelihood(linearised: Linearisation, prior: Belief | None, noise: Noise) ->
     The ratio is that of the highest restricted likelihood (eq. 6a): a wandering speed that the
     vector can follow would otherwise pass for one that wanders less.
     """
-    found: dict[float, Likelihood] = {}
     known = None if prior is None else prior_rows(prior, linearised.model)
+    return _at_best_ratio(lambda ratio: at_ratio(linearised, known, noise.variance, ratio), noise)
+
+
+def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise) -> Likelihood:
+    """Of the likelihoods at ratios of noises the one of the highest restricted likelihood, sought from `noise`."""
+    found: dict[float, Likelihood] = {}
 
     def at(log_ratio: float) -> float:
         if log_ratio not in found:
-            found[log_ratio] = at_ratio(linearised, known, noise.variance, math.exp(log_ratio))
+            found[log_ratio] = at_one(math.exp(log_ratio))
         return found[log_ratio].restricted
 
     low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
@@ -82,8 +88,13 @@ def _climb(at: Callable[[float], float], x: float, low: float, high: float) -> N
             left, right = (tip, right) if tip < x else (left, tip)
 
 
-def at_ratio(linearised: Linearisation, known: Rows | None, scale: float, ratio: float) -> Likelihood:
-    """Maximise over corrections of the vector and R at one ratio of noises; scale: about what R is [rad^2/s^2]."""
+def at_ratio(
+    linearised: Linearisation, known: Rows | None, scale: float, ratio: float, *, corrected: bool = True
+) -> Likelihood:
+    """Maximise over corrections of the vector and R at one ratio of noises; scale: about what R is [rad^2/s^2].
+
+    corrected: False for the model as it stands.
+    """
     r, A, logs = linearised.whitened(ratio, scale, linearised.jacobian, linearised.memory_jacobian)
     n = r.size
     size = A.shape[1]
@@ -103,7 +114,7 @@ def at_ratio(linearised: Linearisation, known: Rows | None, scale: float, ratio:
         pull, offset = W.T @ W, W.T @ (aim - W @ linearised.model.vector)
     # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
     total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
-    step = np.linalg.solve(total, target + offset / weights)
+    step = np.linalg.solve(total, target + offset / weights) if corrected else np.zeros(size)
     rss = float(r @ r - 2.0 * step @ target + step @ normal @ step)
     rss = max(rss, 1.0e-12)
     variance = rss / max(n, 1)  # in units of scale
@@ -124,3 +135,16 @@ def value_of(linearised: Linearisation, noise: Noise) -> Likelihood:
     """Likelihood of the model as it stands, nothing corrected, at a given ratio of noises."""
     bare = replace(linearised, jacobian=linearised.jacobian[:, :0], memory_jacobian=linearised.memory_jacobian[:, :0])
     return at_ratio(bare, None, noise.variance, noise.ratio)
+
+
+def as_it_stands(linearised: Linearisation, prior: Belief | None, corrected: Likelihood) -> Likelihood:
+    """Likelihood of the model without the correction that `likelihood` found, at its own best noises.
+
+    A model that is still far off asks for more torque noise than the corrected one. At the noises of that one it looks
+    the worse the more there is to gain, so that a step in the right direction would pass for a loss.
+    """
+    here = value_of(linearised, corrected.noise)
+    if corrected.value - here.value > _LITTLE:
+        known, scale = None if prior is None else prior_rows(prior, linearised.model), corrected.noise.variance
+        here = _at_best_ratio(lambda ratio: at_ratio(linearised, known, scale, ratio, corrected=False), corrected.noise)
+    return replace(here, covariance=corrected.covariance, correction=corrected.correction)

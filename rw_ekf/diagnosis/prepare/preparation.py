@@ -19,7 +19,7 @@ from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
-from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, run_freely, smoothed_by_filter
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
@@ -100,17 +100,20 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     temperature, warm = filled(course.temperature_degC, REFERENCE_DEGC)
     logged_angle, turned = filled(course.angle_rad, 0.0)
     course = course._replace(temperature_degC=temperature, angle_rad=logged_angle)
-    parameters = setup.prior.parameters
-    if model is None:  # from several starts: the likelihood has one valley from here
-        head = part_of(course, current, delay, split.fit).window(0, _LEAST_SQUARES_SAMPLES)
-        parameters = least_squares(head, setup.constants, setup.prior.core).parameters
+    parameters, free_run = setup.prior.parameters, np.zeros(0)
+    if model is None:
+        head = least_squares(course.window(0, _LEAST_SQUARES_SAMPLES), setup.constants, setup.prior.core)
+        parameters, free_run = head.parameters, head.simulated_rad_s
     start = model_of_setup(setup, parameters)
     everything = np.ones(course.samples, dtype=bool)
     by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
+    paths = [read_trajectory(course, noise), by_filter]
+    if free_run.size:
+        paths.append(run_freely(by_filter, free_run, noise))
     work = Work()
     torque_noise = _torque_noise(setup, configuration, model)
     record = Record.of(course, everything, setup.constants, work, log_of, torque_noise)
-    base = robust_fit(record, start, setup.prior, noise, [read_trajectory(course, noise), by_filter])
+    base = robust_fit(record, start, setup.prior, noise, paths)
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
         record = replace(record, course=course)
