@@ -80,14 +80,27 @@ class Fit:
     def on_part(self, record: Record) -> Fit:
         """The same model fitted to a part of the record alone; the places of events stay, and their sizes nearly.
 
-        An event lives in one stretch of the record: a part without it would deny it where it is.
+        An event lives in one stretch of the record: a part without it would deny it where it is. Any other effect is
+        drawn towards zero by a prior as wide as it is large, as far as the part does not know it (eq. 10b): a part that
+        has nothing of it may call it anything.
         """
         model, prior = self.model, self.prior
+        given = () if prior is None else prior.effect_ids
         for name in model.effects.ids:
-            for item in self.terms_of(name) if model.of(name)[0].effect.local_in_time else ():
+            terms = self.terms_of(name)
+            local = terms[0].term.effect.local_in_time
+            if local:
                 model = model.settled(name)
+            if prior is None or (name in given and not local):
+                continue
+            for item in terms:
+                if not local:
+                    width = item.term.size / math.sqrt(len(item.term.values))
+                    for _ in item.term.values if width > 0.0 else ():
+                        prior = prior.with_coefficient(name, 0.0, width)
+                    continue
                 std = _LOOSER * math.sqrt(max(float(item.covariance[0, 0]), 0.0))
-                if prior is not None and std > 0.0:
+                if std > 0.0:
                     prior = prior.with_coefficient(name, item.term.values[0], std)
         return fit_model(record, model, prior, self.trajectory, self.noise, self.omit)
 
