@@ -12,7 +12,7 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.belief import Belief
 from rw_ekf.likelihood.frozen_filter import filtered_trajectory
 from rw_ekf.likelihood.linearisation import Linearisation, Noise, linearise
-from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.model import Model, prior_rows
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood, value_of
 from rw_ekf.likelihood.whitening import smooth
@@ -211,9 +211,9 @@ def _gauss_newton(
     omit: BoolArray,
     turns: int,
 ) -> Fit:
-    """The trajectory is smoothed anew in every turn; a step that loses likelihood is shortened."""
+    """The trajectory is smoothed anew in every turn; a step that loses likelihood or prior is shortened."""
     best: Fit | None = None
-    damping = 1.0
+    damping, highest = 1.0, 0.0
     start = model
     step = np.zeros(0)
     for turn in range(turns):
@@ -223,21 +223,45 @@ def _gauss_newton(
         linearised = linearise(record, model, trajectory, noise, omit)
         found = likelihood(linearised, prior, noise)
         here = as_it_stands(linearised, prior, found)
-        if best is not None and here.value < best.likelihood.value - _NOT_WORSE:
+        value = here.value + _log_prior(prior, model)
+        if best is not None and value < highest - _NOT_WORSE:
             damping *= 0.3
             if damping < _LEAST_DAMPING:
                 break
         else:
-            best = Fit(model, prior, here, linearised, omit)
-            start, step, noise = model, found.correction, found.noise
+            best, highest = Fit(model, prior, here, linearised, omit), value
             std = np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300))
-            if turn > 0 and bool(np.all(np.abs(step) < _SMALL_STEP * std)):
+            if turn > 0 and bool(np.all(np.abs(found.correction) < _SMALL_STEP * std)):
                 break
-            trajectory = smoothed_trajectory(linearised, step, noise)
+            start, step, noise = model, _within_reach(model, found), found.noise
+            trajectory = smoothed_trajectory(linearised, found.correction, noise)
             damping = min(1.0, 2.0 * damping)
-        model = start.with_vector(start.vector + damping * start.limited(step))
+        model = start.with_vector(start.vector + damping * step)
     assert best is not None
     return best
+
+
+def _log_prior(prior: Belief | None, model: Model) -> float:
+    """Log of what is known beforehand of a model's vector, but for a constant."""
+    if prior is None:
+        return 0.0
+    W, aim = prior_rows(prior, model)
+    off = W @ model.vector - aim
+    return -0.5 * float(off @ off)
+
+
+def _within_reach(model: Model, found: Likelihood) -> Float64Array:
+    """The correction no longer than the linearisation carries, (p,): where some are cut short, the best of the rest.
+
+    An amplitude that goes with a wider bump is wrong for one that may not yet be as wide.
+    """
+    step = model.limited(found.correction)
+    cut = step != found.correction
+    if not cut.any():
+        return step
+    C = found.covariance
+    along = C[:, cut] @ np.linalg.solve(C[np.ix_(cut, cut)], (step - found.correction)[cut])
+    return model.limited(found.correction + along)
 
 
 def at_standstill(fit: Fit) -> Fit:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -14,6 +15,7 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Trajectory
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
+from tests.diagnosis import simulated as plant
 from tests.diagnosis.simulated import fitted, record_of, simulated
 from tools.proof.marks import case_called
 from tools.proof.plants import log_of, run_of
@@ -42,3 +44,24 @@ def test_a_noisy_base_is_fitted_in_its_deepest_valley() -> None:
     best = fit_model(base.linearised.record, truth, base.prior, path, base.noise, base.omit)
     assert base.likelihood.value > best.likelihood.value - 1.0
     assert abs(base.model.parameters.static - wheel.static) < 3.0 * base.std[3]
+
+
+def test_a_part_that_has_nothing_of_an_effect_does_not_refuse_it() -> None:
+    """Half of a sine's blocks pass the bump hardly at all; verdict and probabilities say the same."""
+    run = simulated(["drag_bump:amplitude_rad_s2=0.0587,speed_rad_s=6.28,width_rad_s=1.57"], seed=5013, profile="S2")
+    verdict = diagnose_log(plant.log_of(run)).document["verdict"]
+    assert verdict["effects"] == ["drag_bump"]
+    assert verdict["posterior"]["drag_bump"] > 0.9
+
+
+def test_a_step_cut_short_takes_along_what_goes_with_it() -> None:
+    """A bump that begins half as wide as it is ends where one from the truth does, and as likely."""
+    run = simulated(["drag_bump:amplitude_rad_s2=0.06,speed_rad_s=90,width_rad_s=12"], seed=41)
+    base = fitted(record_of(run))
+    bump = CATALOGUE["drag_bump"]
+    fits = [
+        base.refitted(base.model.with_terms(replace(Term.of(bump, (90.0, width, 0.0)), values=(size,))))
+        for size, width in ((0.114, 6.0), (0.06, 12.0))
+    ]
+    assert fits[0].likelihood.value > fits[1].likelihood.value - 1.0
+    assert abs(fits[0].model.terms[0].shape[1] - fits[1].model.terms[0].shape[1]) < 0.5

@@ -15,6 +15,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.investigation import Found, model_of_fit
+from rw_ekf.diagnosis.search.selection import Rival, Selection
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation
@@ -102,11 +103,19 @@ def _in_place(found: Found) -> list[Fit]:
     """For each effect named its rivals, fitted to the whole record; anything, or nothing, for one hardly missed."""
     selection, fits = found.selection, []
     for name in found.new_ids:
-        fits += [rival.fit for rival in selection.rivals.get(name, ())]
+        fits += [_of_what_stands(selection, rival) for rival in selection.rivals.get(name, ())]
         if selection.trials[name].statistic < _HARDLY_MISSED:
             less = selection.without(name)
             fits += [less, *_beside(found, less, name)]
     return fits
+
+
+def _of_what_stands(selection: Selection, rival: Rival) -> Fit:
+    """A rival's fit without effects that were refused after it had been made: a verdict has none of them."""
+    fit = rival.fit
+    for name in {*fit.model.effects.ids} - {*selection.final.model.effects.ids, rival.name}:
+        fit = fit.without(name)
+    return fit
 
 
 def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:

@@ -99,7 +99,10 @@ def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:
             in_deepest_valleys(selection, prepared.facts)
         confirm(prepared, selection, selection.new_ids)
     _drop_trifles(prepared, selection)
-    veto(prepared, selection, selection.new_ids)
+    stood = selection.new_ids
+    veto(prepared, selection, stood)
+    if selection.new_ids != stood:  # what stood beside it may have been there for its sake
+        selection.final = search.pruned(selection.final, selection, least=0)
     advance("mapping the residual")
     return _mapped(prepared, selection)
 

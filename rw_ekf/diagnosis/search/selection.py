@@ -233,9 +233,9 @@ class Search:
             return fit
         return fitted_event(fit, score, self.facts) if effect.local_in_time else fitted_at(fit, score)
 
-    def pruned(self, fit: Fit, selection: Selection) -> Fit:
-        """Leave out, one by one, what is no longer missed or no longer matters."""
-        while len(fit.model.effects.ids) > 1:
+    def pruned(self, fit: Fit, selection: Selection, least: int = 1) -> Fit:
+        """Leave out, one by one, what is no longer missed or no longer matters, down to `least` effects."""
+        while len(fit.model.effects.ids) > least:
             losses = []
             for name in fit.model.effects.ids:
                 if CATALOGUE[name].local_in_time:
@@ -250,7 +250,7 @@ class Search:
             if missed and fit.may_matter(name, self.facts):
                 break
             if name in selection.trials:  # else the model given had it
-                selection.trials[name].decision = less.model.effects.ids
+                selection.trials[name].decision = less.model.effects.ids or NOT_SIGNIFICANT
             fit = less
         return fit
 
