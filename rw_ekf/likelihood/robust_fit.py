@@ -60,7 +60,7 @@ def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, 
     fit = max(fits, key=lambda item: item.likelihood.value)
     spikes = outliers(fit)
     if spikes.any() and spikes.sum() <= OUTLIER_SHARE * n:
-        return fit_model(record, fit.model, prior, fit.trajectory, fit.noise, spikes)
+        return fit_model(record, fit.model, prior, fit.trajectory, noise, spikes)  # its own noise had the spikes in it
     return fit
 
 
