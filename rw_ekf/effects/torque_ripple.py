@@ -13,9 +13,9 @@ from rw_ekf.model.effect_kinds import Contribution
 # Orders of motors: every one up to 12, then slots, poles and their common multiples.
 _ORDERS = (*range(1, 13), 14, 15, 18, 20, 21, 24, 27, 28, 30, 36, 42, 48, 54, 60, 72, 84, 96, 108, 120, 144, 168)
 # A ripple is averaged away where it turns by pi within a sample. A record that passes through all speeds up to its
-# top is slow enough for this share of its time at the least; an angle that is integrated from noisy speeds needs more.
-_SLOW_SHARE_LOGGED = 0.002
-_SLOW_SHARE_INTEGRATED = 0.02
+# top is slow enough for this share of its time at the least.
+_SLOW_SHARE = 0.002
+_LOST = 0.5  # rad in one sample: no ripple is followed whose phase an integrated angle loses so fast
 
 
 class TorqueRipple(PeriodicEffect):
@@ -31,6 +31,7 @@ class TorqueRipple(PeriodicEffect):
     )
     excitation = "slow turning, less than half a ripple per sample, at several speeds: `rw-ekf excite identification`"
     shown_against = "angle"
+    angular = True
     confounded: ClassVar[dict[str, str]] = {
         "external_torque": "several steady speeds: a ripple's frequency follows the speed"
     }
@@ -48,9 +49,10 @@ class TorqueRipple(PeriodicEffect):
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """Every order that a sample does not average away for nearly the whole record."""
-        share = _SLOW_SHARE_LOGGED if "angle_rad" in facts.channels else _SLOW_SHARE_INTEGRATED
-        turned = top_speed(facts) * facts.period_s
-        return [Candidate(1.0, (float(order), 0.0, 0.0)) for order in _ORDERS if order * turned * share < math.pi]
+        turned = top_speed(facts) * facts.period_s * _SLOW_SHARE / math.pi
+        if "angle_rad" not in facts.channels:
+            turned = max(turned, facts.speed_noise_rad_s * facts.period_s / _LOST)
+        return [Candidate(1.0, (float(order), 0.0, 0.0)) for order in _ORDERS if order * turned < 1.0]
 
     @classmethod
     def places(cls, facts: RecordFacts) -> float:

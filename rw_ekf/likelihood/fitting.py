@@ -11,9 +11,10 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.belief import Belief
 from rw_ekf.likelihood.frozen_filter import filtered_trajectory
-from rw_ekf.likelihood.linearisation import Linearisation, Noise, linearise
+from rw_ekf.likelihood.linearisation import Linearisation, Noise, follows_angle, linearise
 from rw_ekf.likelihood.model import Model, prior_rows
 from rw_ekf.likelihood.one_step import Record, Trajectory
+from rw_ekf.likelihood.phase_particles import LostAngle
 from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood, value_of
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
@@ -70,8 +71,29 @@ class Fit:
         """Another model fitted to the same part of the record, from where this one stands; each model once."""
         if model not in self._refits:
             record = self.linearised.record
-            self._refits[model] = fit_model(record, model, self.prior, self.trajectory, self.noise, self.omit)
+            starts = [(model, self.trajectory)]
+            if follows_angle(record, model) and self.linearised.memory_jacobian.shape[0] == 0:
+                starts = self._on_likely_angles(model)
+            fits = [fit_model(record, m, self.prior, path, self.noise, self.omit) for m, path in starts]
+            self._refits[model] = max(fits, key=lambda fit: fit.likelihood.value)
         return self._refits[model]
+
+    def _on_likely_angles(self, model: Model) -> list[tuple[Model, Trajectory]]:
+        """A model with a ripple that this one has not, turned, and trajectories with angles that go with it."""
+        new = next((item for item in model.placed if item[0].effect.angular and item[0].size > 0.0), None)
+        if new is None:
+            return [(model, self.trajectory)]
+        term, at = new
+        linearised = linearise(self.linearised.record, model, self.trajectory, self.noise, self.omit)
+        regressors = np.ascontiguousarray(linearised.jacobian[:, at])
+        order, found = term.shape[0], []
+        for path in LostAngle(self.linearised, self.noise).paths(regressors, order, term.size):
+            turned = replace(term, values=(term.size * math.cos(path[0]), term.size * math.sin(path[0])))
+            terms = tuple(turned if item is term else item for item in model.effects.terms)
+            angle = self.linearised.record.course.angle_rad + (path - path[0]) / order
+            with_terms = replace(model, effects=replace(model.effects, terms=terms))
+            found.append((with_terms, self.trajectory._replace(angle=angle)))
+        return found
 
     def without(self, effect_id: str) -> Fit:
         """The same part fitted without one effect."""
@@ -136,6 +158,9 @@ class Fit:
         """Size of an effect, all its terms taken together, and the standard deviation of a coefficient."""
         terms = self.terms_of(effect_id)
         variances = [float(v) for item in terms for v in np.maximum(np.diag(item.covariance), 0.0)]
+        if terms and terms[0].term.effect.angular and self.linearised.follows_angle:
+            # Where it is lost the phase is anybody's guess, and sine and cosine with it; the amplitude is not.
+            variances = [item.term.effect.amplitude(item.term.values, item.covariance)[1] ** 2 for item in terms]
         if terms and not terms[0].term.effect.linear:
             # How far a bristle bends and how it is damped are one question: that it bends is what counts here.
             variances = [self._variance_of_given_shapes(effect_id)]
@@ -160,8 +185,10 @@ def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noi
     smooth(chain, noise.ratio * noise.variance / linearised.record.period_s, noise.variance, means, variances)
     spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), _LEAST_SPREAD * math.sqrt(noise.variance))
     speed = linearised.trajectory.speed + means[:, 0]
+    if linearised.follows_angle:
+        return Trajectory.of_speed(speed, spread)._replace(angle=linearised.record.course.angle_rad + means[:, 1])
     if not with_memory:
-        return Trajectory.of_speed(speed, spread)
+        return Trajectory.of_speed(speed, spread)._replace(angle=linearised.trajectory.angle)
     coulomb = linearised.model.parameters.coulomb
     memory_spread = np.clip(np.sqrt(np.maximum(variances[:, 1], 0.0)), 0.005 * coulomb, 0.3 * coulomb)
     return Trajectory(speed, spread, linearised.trajectory.memory + means[:, 1], memory_spread)

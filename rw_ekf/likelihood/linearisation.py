@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,12 +11,13 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Trajectory, predict
+from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
 from rw_ekf.model.state import SPEED
 from rw_ekf.wheel.table import ABSENT
 
+_ANY_PHASE = math.pi / math.sqrt(3.0)  # standard deviation of a phase of which nothing is known
 _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may still be off by
 
 
@@ -29,6 +31,11 @@ class Linearisation:
     chain: Chain
     jacobian: Float64Array  # (n, p)
     memory_jacobian: Float64Array  # (n, p), or (0, p) for a model without a memory
+
+    @property
+    def follows_angle(self) -> bool:
+        """Whether the chain's second quantity is the angle."""
+        return follows_angle(self.record, self.model)
 
     @cached_property
     def innovation_at(self) -> NDArray[np.intp]:
@@ -73,8 +80,16 @@ def linearise(
     *,
     with_jacobian: bool = True,
 ) -> Linearisation:
-    """Predict every interval and differentiate by the model's vector; `omit` (n,) readings are left out."""
-    centre = predict(record, model.coefficients, model.effects, model.stribeck, trajectory, with_rows=with_jacobian)
+    """Predict every interval and differentiate by the model's vector; `omit` (n,) readings are left out.
+
+    Where a ripple's angle is integrated, what it is wrong by is the chain's second quantity (`follow_angle`).
+    """
+    if trajectory.angle.size:
+        record = replace(record, course=record.course._replace(angle_rad=trajectory.angle))
+    followed = follows_angle(record, model)
+    centre = predict(
+        record, model.coefficients, model.effects, model.stribeck, trajectory, with_rows=with_jacobian or followed
+    )
     with_memory = model.effects.table().memory_state_at != ABSENT
     n = trajectory.speed.size
     if with_jacobian:
@@ -101,7 +116,47 @@ def linearise(
         memory_variance=(0.5 * model.parameters.coulomb) ** 2 if with_memory else 0.0,
         reading=reading,
     )
+    if followed:
+        chain, per_speed = _with_angle(record, model, trajectory, chain, centre)
+        memory_jacobian = per_speed[:, None] * jacobian
     return Linearisation(record, model, trajectory, chain, jacobian, memory_jacobian)
+
+
+def follows_angle(record: Record, model: Model) -> bool:
+    """Whether readings say something of the angle: it is integrated, and a torque depends on it.
+
+    Not beside a friction with a memory, which is the chain's second quantity then.
+    """
+    if not record.angle_is_integrated or model.effects.table().memory_state_at != ABSENT:
+        return False
+    return any(term.effect.angular for term in model.terms)
+
+
+def _with_angle(
+    record: Record, model: Model, trajectory: Trajectory, chain: Chain, centre: Prediction
+) -> tuple[Chain, Float64Array]:
+    """The chain with the angle's error as its second quantity, and what an error of the speed adds to it [s], (n,).
+
+    The angle turns by the mean of the speeds before and after, dtheta' = dtheta + dt/2 (domega + domega'); a sine and a
+    cosine S, C of order n push by n (S C' - C S') per radian, with S', C' the slopes by them. Where a record has gaps
+    the angle behind one is anybody's guess; where a part of a record begins it is known from the whole.
+    """
+    half_s = 0.5 * chain.step_s
+    push, highest = np.zeros(half_s.size), 1.0
+    for term, at in model.placed:
+        if term.effect.angular:
+            sine, cosine = (centre.rows[:, SPEED + 1 + place] for place in range(at.start, at.stop))
+            order = term.shape[0]
+            push += order * (term.values[0] * cosine - term.values[1] * sine)
+            highest = max(highest, order)
+    a = chain.slopes[:, 0]
+    slopes = np.column_stack((a, push, half_s * (1.0 + a), 1.0 + half_s * push))
+    angle = record.course.angle_rad if trajectory.angle.size == 0 else trajectory.angle
+    turned = half_s * (np.roll(trajectory.speed, 1) + centre.end)
+    defect = np.where(record.follows, np.roll(angle, 1) + turned - angle, 0.0)
+    lost = _ANY_PHASE / highest if record.has_gaps else 0.0
+    chain = chain._replace(slopes=np.ascontiguousarray(slopes), memory_defect=defect, memory_variance=lost**2)
+    return chain, half_s
 
 
 def _before(memory_end: Float64Array, record: Record, trajectory: Trajectory, model: Model) -> Float64Array:

@@ -31,6 +31,9 @@ from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 _SPREAD = math.sqrt(3.0)
 
 
+_COURSE_ANGLE = np.zeros(0)
+
+
 class Trajectory(NamedTuple):
     """The trajectory that everything is linearised along: smoothed speed and, with a memory, friction; arrays (n,)."""
 
@@ -38,6 +41,9 @@ class Trajectory(NamedTuple):
     spread: Float64Array  # standard deviation [rad/s]
     memory: Float64Array  # friction with a memory [rad/s^2]; NaN where it is not known yet
     memory_spread: Float64Array
+    angle: Float64Array = (
+        _COURSE_ANGLE  # [rad], where it is followed with the speed; else (0,), and the course's counts
+    )
 
     @classmethod
     def of_speed(cls, speed: Float64Array, spread: Float64Array) -> Trajectory:
@@ -70,7 +76,7 @@ def _one_step_pass(
     the spreads of the trajectory; `out` has no rows of slopes, or of rows, where they are not wanted.
     """
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
-    speed, spread, memory, memory_spread = trajectory
+    speed, spread, memory, memory_spread, _ = trajectory
     end, memory_end, slopes, bend, rows = out
     n = table.size
     state = x.copy()
@@ -149,6 +155,7 @@ class Record:
     log_of: Int64Array  # (n,) which of the logs in one diagnosis a sample belongs to, rising from 0
     work: Work = field(default_factory=unlimited)  # what the diagnosis has cost so far: one count for all its records
     torque_noise: TorqueNoisePrior | None = None  # None: any amount is as likely as none
+    angle_is_integrated: bool = False  # the course's angle: from speeds, so that it is lost slowly; else logged
 
     @classmethod
     def of(
@@ -159,6 +166,8 @@ class Record:
         work: Work | None = None,
         log_of: Int64Array | None = None,
         torque_noise: TorqueNoisePrior | None = None,
+        *,
+        angle_is_integrated: bool = False,
     ) -> Record:
         """Mark what belongs to `part` (n,); log_of (n,): see there; all one log by default."""
         dt = np.diff(course.time_s, prepend=np.nan)
@@ -166,7 +175,15 @@ class Record:
         follows = same & (dt > 0.0) & (dt <= constants.max_gap_s) & part & np.roll(part, 1)
         follows[:1] = False
         logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
-        return cls(course, follows, constants, logs, unlimited() if work is None else work, torque_noise)
+        counted = unlimited() if work is None else work
+        return cls(course, follows, constants, logs, counted, torque_noise, angle_is_integrated)
+
+    @cached_property
+    def has_gaps(self) -> bool:
+        """Whether some sample cannot be reached from the one before; blocks of a part are no gaps."""
+        course = self.course
+        step_s = np.diff(course.time_s)
+        return bool(np.any((np.diff(course.segment) != 0) | (step_s > self.constants.max_gap_s) | (step_s <= 0.0)))
 
     @cached_property
     def period_s(self) -> float:

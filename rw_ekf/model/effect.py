@@ -90,6 +90,7 @@ class Effect(ABC):
     excitation: ClassVar[str]  # what a log must contain for the effect to be seen, and the profile that has it
     confounded: ClassVar[dict[str, str]] = {}  # other ids it can be mistaken for -> what separates the two
     local_in_time: ClassVar[bool] = False  # sought on the whole record
+    angular: ClassVar[bool] = False  # its first shape constant counts periods per turn: it is lost with the angle
     flow_kind: ClassVar[bool] = False  # replaces the flow itself: two of the kind cannot be in one model
     clocked: ClassVar[bool] = False  # periodic in time: its many frequencies are screened before they are scored
     refined: ClassVar[tuple[int, ...]] = ()  # shape constants that are fitted on from where the search found them

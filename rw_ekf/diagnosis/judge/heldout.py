@@ -6,7 +6,7 @@ The figures are those of docs/contract.md#diagnosis.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,8 @@ def performance(prepared: Prepared, fit: Fit) -> Performance:
 def _performance(prepared: Prepared, fit: Fit) -> Performance:
     record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
     inertia_kg_m2 = prepared.setup.inertia_kg_m2
+    if fit.trajectory.angle.size:
+        record = replace(record, course=record.course._replace(angle_rad=fit.trajectory.angle))
     course = record.course.only(~prepared.base.omit)
     run = run_frozen(course, model, noise, record.constants)
     free = _free_run(record, model, run.states, split.block)

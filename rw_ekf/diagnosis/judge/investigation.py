@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
+from rw_ekf.diagnosis.search.lost_angle import with_open_order
 from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE, weigh_rivals
 from rw_ekf.diagnosis.search.selection import LOCAL_P, Search, Selection
 from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
@@ -50,18 +51,22 @@ class Found:
     told: Fit  # the final model with the standard deviations that a person and the model's file are told
     nearest: Fit | None = None  # with what was named, where a law without a name is likelier
     unnamed_odds: float | None = None  # log of those of a law without a name to what was named; None: not weighed
+    orders: dict[float, float] = field(default_factory=dict)  # how probable each is, of a ripple without a logged angle
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
     """Search the record; keep what both its parts agree on; map what is left; say how well the numbers are known."""
     found = _named(prepared, advance)
     told = found.fit
+    orders: dict[float, float] = {}
     for name in found.new_ids:
+        if CATALOGUE[name].angular:
+            told, orders = with_open_order(found.selection.without(name), told, name, prepared.facts)
         told = with_free_shapes(told, name)
         if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):
             advance(f"profiling {name}")
             told = with_profiled_widths(told, name)
-    return replace(found, told=told)
+    return replace(found, told=told, orders=orders)
 
 
 def _named(prepared: Prepared, advance: Advance) -> Found:

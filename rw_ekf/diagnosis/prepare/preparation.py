@@ -116,13 +116,14 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     base = robust_fit(record, start, setup.prior, noise, paths)
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
-        record = replace(record, course=course)
+        record = replace(record, course=course, angle_is_integrated=True)
         base = replace(base, linearised=replace(base.linearised, record=record))
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = facts_of(course, base, everything, channels, source.timing_doubt_s, starts)
     fit_part, heldout = (
-        Record.of(course, mask, setup.constants, work, log_of, torque_noise) for mask in (split.fit, split.heldout)
+        Record.of(course, mask, setup.constants, work, log_of, torque_noise, angle_is_integrated=not turned)
+        for mask in (split.fit, split.heldout)
     )
     return Prepared(
         source=source,

@@ -24,6 +24,7 @@ class Profiled:
 
     def __init__(self, fit: Fit, beside: Float64Array | None = None) -> None:
         """beside: more regressors (n, m) that are free, as the model's own are."""
+        self.fit = fit
         linearised = self.linearised = fit.linearised
         variance = self.variance = fit.noise.variance
         self.ratios = _ratios(fit.noise.ratio)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, hypotheses, screened
+from rw_ekf.diagnosis.search.lost_angle import scored_on_lost_angle
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts
 
@@ -121,6 +122,10 @@ class Scorer(Profiled):
             evidence = float(np.logaddexp.reduce(evidences)) - math.log(among.get(name, len(gains)))
             best = max(gains, key=lambda gain: gain.statistic)
             scores[name] = best.hypothesis.scored(best.statistic, evidence, best.coefficients, best.std, facts)
+            if best.hypothesis.effect.angular:
+                lost = scored_on_lost_angle(self.fit, [gain.hypothesis for gain in gains], facts)
+                if lost is not None and lost.evidence > evidence:
+                    scores[name] = lost
         return scores
 
     def _screened(self, candidates: list[Candidate]) -> list[Candidate]:
