@@ -185,6 +185,7 @@ class Followed(NamedTuple):
 
     gain: float  # of the log-likelihood, amplitudes and paths of the phase integrated out
     size: float  # the amplitude, in the regressors' unit
+    size_std: float
     ratio: float  # of noises
 
 
@@ -201,7 +202,8 @@ class LostAngle:
         for ratio in (_LESS_NOISE * self.noise.ratio, self.noise.ratio):
             logs = _spread(sizes, particles)
             value = self._run(regressors, order, logs, max(ratio, LEAST_RATIO), none)
-            found.append(Followed(value - self._nothing(), math.exp(float(logs.mean())), ratio))
+            size = math.exp(float(logs.mean()))
+            found.append(Followed(value - self._nothing(), size, size * float(logs.std()), ratio))
         return max(found)
 
     def paths(self, regressors: Float64Array, order: float, size: float) -> Float64Array:

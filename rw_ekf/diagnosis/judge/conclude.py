@@ -196,6 +196,9 @@ def candidate_entries(
             entry["threshold"] = threshold(effect, facts)
             if name in selection.final.model.effects.ids:
                 entry["parameters"] = _described(found.told, name)
+                if found.orders and effect.angular:
+                    odds = {f"{order:g}": probability for order, probability in found.orders.items()}
+                    entry["parameters"]["order"]["probability"] = odds
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)

@@ -27,6 +27,8 @@ _FIGURES = (
 _TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
 _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 _LEAST_TOLD = 0.01  # probability of another effect that is named beside one
+_SURE = 0.95  # probability of an order beside which no other is told
+_ORDERS_TOLD = 4
 _GROUP = 3  # at most so many are named together
 
 
@@ -81,7 +83,7 @@ def verdict_on(
             posterior=posterior,
             statement=f"The model explains this log: what is left is noise of {_noise_text(found)}{note}.",
         )
-    said = [_sentence(found.told, name, facts) for name in names]
+    said = [_sentence(found.told, name, facts) + _open_order(found, name) for name in names]
     if lattice is not None:
         names = [*names, GRID.id]
         said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
@@ -128,6 +130,15 @@ def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
     return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
+
+
+def _open_order(found: Found, name: str) -> str:
+    """Which orders a ripple may have instead, in brackets, where the angle is not logged and one is not sure."""
+    if not CATALOGUE[name].angular or max(found.orders.values(), default=1.0) > _SURE:
+        return ""
+    told = [f"{order:g} ({chance_text(probability)})" for order, probability in found.orders.items()]
+    more = f" and {len(told) - _ORDERS_TOLD} others" if len(told) > _ORDERS_TOLD else ""
+    return f" (without a logged angle its order may be {', '.join(told[:_ORDERS_TOLD])}{more})"
 
 
 def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float]) -> list[list[str]]:

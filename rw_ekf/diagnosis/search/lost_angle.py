@@ -27,10 +27,11 @@ _LEAST_TOLD = 0.02  # probability of an order that is told
 
 @dataclass(frozen=True)
 class FollowedOrder:
-    """One order, followed by particles: the log-likelihood it gains, and its amplitude."""
+    """One order, followed by particles: the log-likelihood it gains, and its amplitude with standard deviation."""
 
     gain: float
     size: float
+    size_std: float
     hypothesis: Hypothesis
 
     @property
@@ -51,7 +52,9 @@ def followed_orders(fit: Fit, places: list[Hypothesis], facts: RecordFacts) -> l
 
     def ranked(particles: int) -> list[FollowedOrder]:
         found = [(lost.followed(h.regressors, h.candidate.shape[0], sizes, particles), h) for h in places]
-        return sorted((FollowedOrder(item.gain, item.size, h) for item, h in found), key=lambda item: -item.gain)
+        return sorted(
+            (FollowedOrder(item.gain, item.size, item.size_std, h) for item, h in found), key=lambda item: -item.gain
+        )
 
     return ranked(MANY) if ranked(FEW)[0].gain > _WORTH_MORE else []
 
@@ -93,25 +96,22 @@ def with_open_order(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> tuple
     places = analytic(less.linearised, [(effect, candidate) for candidate in effect.candidates(facts)])
     found = followed_orders(less, places, facts)
     order = own[0].term.shape[0]
-    fits = {order: fit}
-    for item in _worth_a_fit(found):
-        if item.term.shape[0] != order:
-            fits[item.term.shape[0]] = less.refitted(less.model.with_terms(item.term))
-    behind = {item.term.shape[0]: item.gain - found[0].gain for item in found} | {order: 0.0}
-    for other, tried in fits.items():
-        behind[other] = max(behind[other], tried.likelihood.value - fit.likelihood.value)
-    odds = {other: math.exp(_EVIDENCE * min(gap, 0.0)) for other, gap in behind.items()}
+    size, std = effect.amplitude(own[0].term.values, own[0].covariance)
+    standing = {item.term.shape[0]: (item.gain - found[0].gain, item.size, item.size_std) for item in found}
+    fits = {item.term.shape[0]: less.refitted(less.model.with_terms(item.term)) for item in _worth_a_fit(found)}
+    for other, tried in (fits | {order: fit}).items():
+        term = tried.terms_of(name)[0]
+        behind = tried.likelihood.value - fit.likelihood.value
+        if other not in standing or behind >= standing[other][0]:
+            standing[other] = behind, *effect.amplitude(term.term.values, term.covariance)
+    odds = {other: math.exp(_EVIDENCE * min(behind, 0.0)) for other, (behind, _, _) in standing.items()}
     total = sum(odds.values())
     told = {other: odd / total for other, odd in sorted(odds.items(), key=lambda item: -item[1])}
-    size, std = effect.amplitude(own[0].term.values, own[0].covariance)
-    variance, weight = 0.0, 0.0
-    for other, tried in fits.items():
-        term = tried.terms_of(name)[0]
-        its, its_std = effect.amplitude(term.term.values, term.covariance)
-        variance += told[other] * (its_std**2 + (its - size) ** 2)
-        weight += told[other]
+    variance = math.fsum(
+        told[other] * (its_std**2 + (its - size) ** 2) for other, (_, its, its_std) in standing.items()
+    )
     factors = np.ones(fit.model.vector.size)
     at = next(at for term, at in fit.model.placed if term.id == name)
-    factors[at] = max(math.sqrt(variance / weight) / std, 1.0)
+    factors[at] = max(math.sqrt(variance) / std, 1.0)
     wider = replace(fit.likelihood, covariance=fit.likelihood.covariance * np.outer(factors, factors))
     return replace(fit, likelihood=wider), {other: p for other, p in told.items() if p > _LEAST_TOLD}
