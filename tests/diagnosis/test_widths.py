@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import pytest
 
-from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_profiled_widths
+from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.search.selection import Selection, Trial
@@ -18,6 +18,7 @@ from rw_ekf.model.effect import Term
 from tests.diagnosis.simulated import log_of, simulated
 
 BRISTLE, SPIKE = CATALOGUE["presliding_hysteresis"], CATALOGUE["drag_spike"]
+OFFSET = CATALOGUE["offset_torque"]
 DEFLECTION_RAD, DAMPING = 0.03, 0.45
 
 
@@ -59,6 +60,19 @@ def test_a_sigma_is_no_smaller_than_the_profile_is_wide() -> None:
     assert told.std[: at - 1] == pytest.approx(tiny.std[: at - 1])  # the parameters' are not touched
     for place in (at, at + 1):
         assert 0.5 * fit.std[place] < told.std[place] < 2.0 * fit.std[place]
+
+
+def test_a_torque_noise_that_is_hardly_seen_makes_sigmas_wider_and_one_that_is_seen_does_not() -> None:
+    """An offset's sigma grows where no torque noise was found, and stays within 15 % where there is plenty."""
+    ratios = []
+    for process_rpm in (0.0, 0.3):
+        log = log_of(simulated(["offset_torque:torque_rad_s2=0.05"], seed=13, process_rpm=process_rpm))
+        base = prepare(source_of([log]), None, None, "blocks").base
+        fit = base.refitted(base.model.with_terms(Term.of(OFFSET)))
+        place = fit.model.known - 1
+        ratios.append(float(with_open_noise(fit).std[place] / fit.std[place]))
+    assert ratios[0] > 1.15
+    assert ratios[1] == pytest.approx(1.0, abs=0.15)
 
 
 def test_a_spike_is_told_with_what_its_onset_and_decay_leave_open() -> None:

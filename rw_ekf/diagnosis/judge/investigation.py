@@ -11,7 +11,7 @@ import numpy as np
 from rw_ekf.diagnosis.judge.heldout import confirm, veto
 from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
-from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_profiled_widths
+from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.lost_angle import with_open_order
@@ -60,9 +60,11 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
     told = found.fit
     orders: dict[float, float] = {}
     for name in found.new_ids:
+        told = with_free_shapes(told, name)
+    told = with_open_noise(told) if found.new_ids else told
+    for name in found.new_ids:
         if CATALOGUE[name].angular:
             told, orders = with_open_order(found.selection.without(name), told, name, prepared.facts)
-        told = with_free_shapes(told, name)
         if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):
             advance(f"profiling {name}")
             told = with_profiled_widths(told, name)

@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.linearisation import linearise
 from rw_ekf.likelihood.model import prior_rows
+from rw_ekf.likelihood.noise_posterior import noise_posterior
 from rw_ekf.likelihood.profile import at_ratio
 from rw_ekf.model.effect import Term
 
@@ -51,6 +52,11 @@ def with_free_shapes(fit: Fit, name: str) -> Fit:
     found = at_ratio(linearised, (rows, aims), fit.noise.variance, fit.noise.ratio)
     value = replace(fit.likelihood, correction=found.correction, covariance=found.covariance)
     return replace(fit, model=model, linearised=linearised, likelihood=value)
+
+
+def with_open_noise(fit: Fit) -> Fit:
+    """The same fit, its covariance that with the ratio of noises integrated out: a torque noise is never known well."""
+    return replace(fit, likelihood=replace(fit.likelihood, covariance=noise_posterior(fit).covariance))
 
 
 def with_profiled_widths(fit: Fit, name: str) -> Fit:
