@@ -9,6 +9,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import Performance
 from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.posterior import NONE, SOMETHING_ELSE
 from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.search.selection import Selection
@@ -30,6 +31,7 @@ _LEAST_TOLD = 0.01  # probability of another effect that is named beside one
 _SURE = 0.95  # probability of an order beside which no other is told
 _ORDERS_TOLD = 4
 _GROUP = 3  # at most so many are named together
+_DOUBTFUL = 0.1  # probability of an effect that is mentioned where none was named
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,10 @@ def verdict_on(
         return Verdict(
             "adequate",
             posterior=posterior,
-            statement=f"The model explains this log: what is left is noise of {_noise_text(found)}{note}.",
+            statement=(
+                f"The model explains this log: what is left is noise of {_noise_text(found)}{note}"
+                f"{_doubt(found.selection, posterior)}."
+            ),
         )
     said = [_sentence(found.told, name, facts) + _open_order(found, name) for name in names]
     if lattice is not None:
@@ -103,6 +108,17 @@ def verdict_on(
                 text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
                 break
     return Verdict("effect", names, groups, posterior, text)
+
+
+def _doubt(selection: Selection, posterior: dict[str, float]) -> str:
+    """What speaks against a model to which nothing was added, where its own probability is below a half."""
+    effects = [name for name in posterior if name not in {NONE, SOMETHING_ELSE} and posterior[name] >= _DOUBTFUL]
+    if not effects or posterior.get(NONE, 1.0) >= 0.5:
+        return ""
+    chances = ", ".join(f"{name} {chance_text(posterior[name])}" for name in effects[:_GROUP])
+    trial = selection.trials.get(effects[0])
+    why = f"; {effects[0]} is {trial.decision}" if trial is not None and isinstance(trial.decision, str) else ""
+    return f"; but the probability that nothing is missing is {chance_text(posterior[NONE])} ({chances}{why})"
 
 
 def _goes_with_time(name: str) -> bool:
