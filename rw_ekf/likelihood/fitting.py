@@ -10,6 +10,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.belief import Belief
+from rw_ekf.likelihood.free_path import free_trajectory
 from rw_ekf.likelihood.frozen_filter import filtered_trajectory
 from rw_ekf.likelihood.linearisation import Linearisation, Noise, follows_angle, linearise
 from rw_ekf.likelihood.model import Model, prior_rows
@@ -22,6 +23,7 @@ from rw_ekf.model.effect import RecordFacts, Term, size_of
 from rw_ekf.wheel.table import ABSENT
 
 _FIT_TURNS = 8
+_FREE_RUNS, _BETTER = 2, 1.0  # of a model with a memory, and by how much log-likelihood the second has to be better
 _SETTLING_TURNS = 4
 _LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 _NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that moved meanwhile
@@ -206,16 +208,44 @@ def fit_model(
 ) -> Fit:
     """Gauss-Newton on the model's vector to the highest likelihood seen, from a trajectory that need not be its own.
 
-    A model with a memory is fitted along the trajectory given and then along the one that its own filter follows: each
-    alone may end where the other would not.
+    A model with a memory is fitted along the trajectory given and along the one on which it runs freely, and where that
+    is no better along the one that its own filter follows: each alone may end where the others would not.
     """
     if model.effects.table().memory_state_at == ABSENT or not np.isnan(trajectory.memory).any():
         return _gauss_newton(record, model, prior, trajectory, noise, omit, turns)
     first = _gauss_newton(record, model, prior, *_settle(record, model, trajectory, noise, omit), omit, turns)
+    free = fit_along_free_runs(record, model, prior, trajectory, noise, omit, turns=turns)
+    if free.likelihood.value > first.likelihood.value:
+        return free
     own = filtered_trajectory(record, first.model, first.noise, omit)
     own, level = _settle(record, first.model, own, first.noise, omit)
     second = _gauss_newton(record, first.model, prior, own, level, omit, turns)
     return max(first, second, key=lambda fit: fit.likelihood.value)
+
+
+def fit_along_free_runs(
+    record: Record,
+    model: Model,
+    prior: Belief | None,
+    trajectory: Trajectory,
+    noise: Noise,
+    omit: BoolArray,
+    *,
+    turns: int = _FIT_TURNS,
+    runs: int = _FREE_RUNS,
+) -> Fit:
+    """Gauss-Newton along the path on which a model with a memory runs freely, then along that of what it led to."""
+    best: Fit | None = None
+    for _ in range(runs):
+        path = free_trajectory(record, model, trajectory, noise)
+        fit = _gauss_newton(record, model, prior, path, noise, omit, turns)
+        if best is not None and fit.likelihood.value < best.likelihood.value + _BETTER:
+            break
+        best, model = fit, fit.model
+        if not record.work.has(FITS):
+            break
+    assert best is not None
+    return best
 
 
 def _settle(

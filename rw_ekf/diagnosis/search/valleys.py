@@ -1,8 +1,8 @@
 """A friction with a memory, once chosen, fitted again from places all over its numbers.
 
 Near rest the likelihood of a bristle has several valleys in deflection and damping, and the slope in a wrong one says
-of a size many sigmas off that it is known to a percent. So a fit is sketched from each place along the trajectory of
-the model without the effect, which knows nothing of where the first fit ended, and the deepest valley counts.
+of a size many sigmas off that it is known to a percent. So a fit is sketched from each place, along the path on which
+the model runs freely there, which knows nothing of where the first fit ended, and the deepest valley counts.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from rw_ekf.diagnosis.search.candidates import INFLATION, p_value
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
-from rw_ekf.likelihood.fitting import fit_model
+from rw_ekf.likelihood.fitting import fit_along_free_runs
 from rw_ekf.model.effect import RecordFacts, Term
 
 _SKETCH_TURNS = 3
@@ -33,9 +33,9 @@ def in_deepest_valleys(selection: Selection, facts: RecordFacts) -> None:
         less = selection.without(name)
         model = selection.final.model.without(name)
         sketches = [
-            fit_model(
+            fit_along_free_runs(
                 record, model.with_terms(Term.at(CATALOGUE[name], start)), less.prior, less.trajectory, less.noise,
-                less.omit, turns=_SKETCH_TURNS,
+                less.omit, turns=_SKETCH_TURNS, runs=1,
             )
             for start in starts
         ]  # fmt: skip
