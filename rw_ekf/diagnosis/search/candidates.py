@@ -33,6 +33,7 @@ SIGNIFICANT_P = 1.0e-4  # of one effect, wherever it was sought; both parts of t
 INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
 _USUAL_SIZE = 10.0  # of the smallest that matters: as large as effects of wheels are, to an order of magnitude
 _CHUNK = 128
+_FEW = 16  # hypotheses of a pass each that are whitened together
 _SCREENED = 24
 _NEIGHBOURS = 41
 _BLOCK = 64  # frequencies at once
@@ -120,13 +121,19 @@ def hypotheses(
 ) -> Iterator[list[Hypothesis]]:
     """Columns of every place where an effect is sought, in chunks that share a pass."""
     static: list[tuple[type[Effect], Candidate]] = []
+    secants: list[Hypothesis] = []
     for effect, candidate in places:
         if issubclass(effect, StaticEffect) and effect.linear:
             static.append((effect, candidate))
             continue
         found = _secant(linearised, effect, candidate)
         if found is not None:
-            yield [found]
+            secants.append(found)
+        if len(secants) == _FEW:
+            yield secants
+            secants = []
+    if secants:
+        yield secants
     for first in range(0, len(static), _CHUNK):
         yield analytic(linearised, static[first : first + _CHUNK])
 
