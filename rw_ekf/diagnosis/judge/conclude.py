@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.warming import ended
-from rw_ekf.diagnosis.judge.event import event_gain
+from rw_ekf.diagnosis.judge.event import percent_gained
 from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, weighed_explanations
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
@@ -236,8 +236,7 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     Of one effect that was added alone it is what the figures before and after say.
     """
     if CATALOGUE[name].local_in_time:
-        gain = event_gain(found.fit, name)
-        return None if gain is None else gain.percent
+        return percent_gained(found.fit, name)
     errors = [performed.figures.get("free_run_rms_rpm") for performed in (before, after)]
     if found.new_ids == [name] and errors[0] and errors[1] is not None:
         return float(100.0 * (1.0 - errors[1] / errors[0]))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.judge.cross_fit import cross_fitted_gain
-from rw_ekf.diagnosis.judge.event import event_gain
+from rw_ekf.diagnosis.judge.event import agrees_with_itself
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.diagnosis.search.selection import Selection
@@ -171,8 +171,6 @@ _VETOED = (
 # gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
 _WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
 _REAL_GAIN = 0.05
-_LEAST_EVENT = 4.0  # of twice the log-likelihood on the seconds left out of an event: two sigma
-_UNDOUBTED = 100.0  # on all of it: those seconds lie between others that are read, and need only not be against it
 
 
 def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
@@ -199,11 +197,8 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
         free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
         gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
         worse = worsened(before, after, *(_WORST if gained else _WORSE))
-        if worse is None and CATALOGUE[name].local_in_time:
-            gain = event_gain(selection.final, name)
-            undoubted = selection.trials[name].statistic > _UNDOUBTED
-            if gain is not None and gain.statistic < (0.0 if undoubted else _LEAST_EVENT):
-                worse = f"nothing is gained by it ({gain.percent:+.1f} % on every other 5 s inside it)"
+        if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
+            worse = "every other 5 s inside it say nothing of the rest"
         if worse is not None:
             selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"
             selection.final, after = less, before
