@@ -61,9 +61,10 @@ def test_a_frozen_speed_is_not_driven_by(bench: Bench) -> None:
     log = ran.log
     blind = np.isnan(log.speed_rad_s)
     assert 5 <= int(blind.sum()) <= 35
-    after = np.flatnonzero(blind)[-1] + 1
-    held = log.current_A[np.flatnonzero(blind)[6] : after]
-    assert np.all(held == 0.0)
+    runs = np.split(np.flatnonzero(blind), np.flatnonzero(np.diff(np.flatnonzero(blind)) > 1) + 1)
+    frozen = max(runs, key=len)  # a busy machine misses a reading now and then besides
+    after = frozen[-1] + 1
+    assert np.all(log.current_A[frozen[6:]] == 0.0)
     assert np.all(log.current_A[after : after + 5] == 0.0)
     assert np.any(log.current_A[after:] != 0.0)
     assert ran.notes.states == ["TRACKING", "DEGRADED", "SAFE", "CONNECTING", "TRACKING"]
