@@ -25,7 +25,7 @@ from rw_ekf.model.effect import RecordFacts
 Advance = Callable[[str], object]
 
 _LAWS_OF = ("speed", "current", "temperature")
-_LOG_ODDS = -1.0  # of such a law beforehand, beside that of any one of the catalogue
+_LOG_ODDS = -3.0  # of such a law beforehand, beside that of any one of the catalogue
 
 
 @dataclass(frozen=True)
