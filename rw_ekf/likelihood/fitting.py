@@ -14,7 +14,7 @@ from rw_ekf.likelihood.free_path import free_trajectory
 from rw_ekf.likelihood.frozen_filter import filtered_trajectory
 from rw_ekf.likelihood.linearisation import Linearisation, Noise, follows_angle, linearise
 from rw_ekf.likelihood.model import Model, prior_rows
-from rw_ekf.likelihood.one_step import Record, Trajectory
+from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
 from rw_ekf.likelihood.phase_particles import LostAngle
 from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood, value_of
 from rw_ekf.likelihood.whitening import smooth
@@ -25,7 +25,6 @@ from rw_ekf.wheel.table import ABSENT
 _FIT_TURNS = 8
 _FREE_RUNS, _BETTER = 2, 1.0  # of a model with a memory, and by how much log-likelihood the second has to be better
 _SETTLING_TURNS = 4
-_LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 _NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that moved meanwhile
 _LEAST_DAMPING = 0.02
 _STANDSTILL_TURNS = 10
@@ -97,6 +96,11 @@ class Fit:
             found.append((with_terms, self.trajectory._replace(angle=angle)))
         return found
 
+    def widened(self, factors: Float64Array) -> Fit:
+        """The same fit, the standard deviations of its vector times factors (p,)."""
+        covariance = self.likelihood.covariance * np.outer(factors, factors)
+        return replace(self, likelihood=replace(self.likelihood, covariance=covariance))
+
     def without(self, effect_id: str) -> Fit:
         """The same part fitted without one effect."""
         return self.refitted(self.model.without(effect_id))
@@ -111,21 +115,19 @@ class Fit:
         model, prior = self.model, self.prior
         given = () if prior is None else prior.effect_ids
         for name in model.effects.ids:
-            terms = self.terms_of(name)
-            local = terms[0].term.effect.local_in_time
+            local = model.of(name)[0].effect.local_in_time
             if local:
                 model = model.settled(name)
             if prior is None or (name in given and not local):
                 continue
-            for item in terms:
-                if not local:
-                    width = item.term.size / math.sqrt(len(item.term.values))
-                    for _ in item.term.values if width > 0.0 else ():
-                        prior = prior.with_coefficient(name, 0.0, width)
-                    continue
-                std = _LOOSER * math.sqrt(max(float(item.covariance[0, 0]), 0.0))
-                if std > 0.0:
-                    prior = prior.with_coefficient(name, item.term.values[0], std)
+            for item in self.terms_of(name):
+                values = item.term.values
+                if local:  # one coefficient
+                    mean, std = values[0], _LOOSER * math.sqrt(max(float(item.covariance[0, 0]), 0.0))
+                else:
+                    mean, std = 0.0, item.term.size / math.sqrt(len(values))
+                for _ in values if std > 0.0 else ():
+                    prior = prior.with_coefficient(name, mean, std)
         return fit_model(record, model, prior, self.trajectory, self.noise, self.omit)
 
     def terms_of(self, effect_id: str) -> list[FittedTerm]:
@@ -185,7 +187,7 @@ def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noi
     if with_memory:
         chain = chain._replace(memory_defect=chain.memory_defect + linearised.memory_jacobian @ correction)
     smooth(chain, noise.ratio * noise.variance / linearised.record.period_s, noise.variance, means, variances)
-    spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), _LEAST_SPREAD * math.sqrt(noise.variance))
+    spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), LEAST_SPREAD * math.sqrt(noise.variance))
     speed = linearised.trajectory.speed + means[:, 0]
     if linearised.follows_angle:
         return Trajectory.of_speed(speed, spread)._replace(angle=linearised.record.course.angle_rad + means[:, 1])

@@ -12,21 +12,13 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector
 from rw_ekf.model.state import SPEED
 
-_SPREAD = 0.02  # of the speed noise: no trajectory is known better
-
 
 def free_trajectory(record: Record, model: Model, trajectory: Trajectory, noise: Noise) -> Trajectory:
-    """Each stretch run freely from the first speed that a trajectory has there, which stands where none is run.
-
-    Where readings are as noisy as a wheel is fast near rest, what they say of a friction with a memory is in when it
-    breaks away, and that follows from all that the wheel does elsewhere.
-    """
+    """Each stretch run freely from the first speed that a trajectory has there, which stands where none is run."""
     n = record.follows.size
     first = np.flatnonzero(~record.follows)
     last = np.append(first[1:], n) - 1
     states = np.tile(state_vector(model.coefficients, model.effects), (first.size, 1))
     states[:, SPEED] = trajectory.speed[first]
     path = free_run(record.course, model.effects, model.stribeck, states, first, last, keep_path=True).path_rad_s
-    ran = np.isfinite(path)
-    spread = np.where(ran, _SPREAD * math.sqrt(noise.variance), trajectory.spread)
-    return Trajectory.of_speed(np.where(ran, path, trajectory.speed), spread)
+    return trajectory.along(path, math.sqrt(noise.variance))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -82,10 +82,9 @@ def linearise(
 ) -> Linearisation:
     """Predict every interval and differentiate by the model's vector; `omit` (n,) readings are left out.
 
-    Where a ripple's angle is integrated, what it is wrong by is the chain's second quantity (`follow_angle`).
+    Where a ripple's angle is integrated, what it is wrong by is the chain's second quantity (`_with_angle`).
     """
-    if trajectory.angle.size:
-        record = replace(record, course=record.course._replace(angle_rad=trajectory.angle))
+    record = record.along(trajectory)
     followed = follows_angle(record, model)
     centre = predict(
         record, model.coefficients, model.effects, model.stribeck, trajectory, with_rows=with_jacobian or followed
@@ -151,7 +150,7 @@ def _with_angle(
             highest = max(highest, order)
     a = chain.slopes[:, 0]
     slopes = np.column_stack((a, push, half_s * (1.0 + a), 1.0 + half_s * push))
-    angle = record.course.angle_rad if trajectory.angle.size == 0 else trajectory.angle
+    angle = record.course.angle_rad
     turned = half_s * (np.roll(trajectory.speed, 1) + centre.end)
     defect = np.where(record.follows, np.roll(angle, 1) + turned - angle, 0.0)
     lost = _ANY_PHASE / highest if record.has_gaps else 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -28,9 +28,8 @@ from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
+LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 _SPREAD = math.sqrt(3.0)
-
-
 _COURSE_ANGLE = np.zeros(0)
 
 
@@ -41,14 +40,23 @@ class Trajectory(NamedTuple):
     spread: Float64Array  # standard deviation [rad/s]
     memory: Float64Array  # friction with a memory [rad/s^2]; NaN where it is not known yet
     memory_spread: Float64Array
-    angle: Float64Array = (
-        _COURSE_ANGLE  # [rad], where it is followed with the speed; else (0,), and the course's counts
-    )
+    angle: Float64Array = _COURSE_ANGLE  # [rad], where it is followed too; else (0,), and the course's counts
 
     @classmethod
     def of_speed(cls, speed: Float64Array, spread: Float64Array) -> Trajectory:
         """Of a speed alone."""
         return cls(speed, spread, np.full(speed.size, np.nan), np.full(speed.size, np.nan))
+
+    def along(self, free_run_rad_s: Float64Array, noise_rad_s: float) -> Trajectory:
+        """A free run (m,) of a record's head, NaN where there is none, and this one after it and in its gaps.
+
+        Readings as noisy as a wheel is fast near rest do not show when it breaks away. A free run does, from all that
+        the wheel does elsewhere; a trajectory that was smoothed without it may rest where the wheel does not.
+        """
+        speed, spread = self.speed.copy(), self.spread.copy()
+        ran = np.flatnonzero(np.isfinite(free_run_rad_s))
+        speed[ran], spread[ran] = free_run_rad_s[ran], LEAST_SPREAD * noise_rad_s
+        return Trajectory.of_speed(speed, spread)
 
 
 class Prediction(NamedTuple):
@@ -177,6 +185,12 @@ class Record:
         logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
         counted = unlimited() if work is None else work
         return cls(course, follows, constants, logs, counted, torque_noise, angle_is_integrated)
+
+    def along(self, trajectory: Trajectory) -> Record:
+        """The same, its angle that of a trajectory that follows it."""
+        if not trajectory.angle.size:
+            return self
+        return replace(self, course=self.course._replace(angle_rad=trajectory.angle))
 
     @cached_property
     def has_gaps(self) -> bool:

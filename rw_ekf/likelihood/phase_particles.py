@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -203,7 +203,7 @@ class LostAngle:
             logs = _spread(sizes, particles)
             value = self._run(regressors, order, logs, max(ratio, LEAST_RATIO), none)
             size = math.exp(float(logs.mean()))
-            found.append(Followed(value - self._nothing(), size, size * float(logs.std()), ratio))
+            found.append(Followed(value - self._nothing, size, size * float(logs.std()), ratio))
         return max(found)
 
     def paths(self, regressors: Float64Array, order: float, size: float) -> Float64Array:
@@ -214,6 +214,7 @@ class LostAngle:
         self._run(regressors, order, _spread(sizes, MANY), max(ratio, LEAST_RATIO), paths)
         return paths
 
+    @cached_property
     def _nothing(self) -> float:
         """Log-likelihood without a ripple."""
         n = self.linearised.chain.reading.size

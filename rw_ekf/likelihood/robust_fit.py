@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray
 from rw_ekf.course.conditions import bridged
 from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import Belief
@@ -15,11 +15,10 @@ from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record, Trajectory
+from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
 from rw_ekf.model.state import SPEED
 
 _FILTER_RATIO = 1.0e-3  # q dt / R
-_LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 
 
 def read_trajectory(course: Course, noise_rad_s: float) -> Trajectory:
@@ -36,19 +35,7 @@ def smoothed_by_filter(
     """
     run = run_frozen(course.only(part), model, Noise(noise_rad_s**2, _FILTER_RATIO), constants, keep_history=True)
     means, stds = smooth_log(run)
-    return Trajectory.of_speed(means[:, SPEED], np.maximum(stds[:, SPEED], _LEAST_SPREAD * noise_rad_s))
-
-
-def run_freely(trajectory: Trajectory, free_run_rad_s: Float64Array, noise_rad_s: float) -> Trajectory:
-    """A free run (m,) of a record's head, NaN where there is none, and a trajectory (n,) after it and in its gaps.
-
-    Readings as noisy as a wheel is fast near rest do not show when it breaks away. A free run does, from all that the
-    wheel does elsewhere; a trajectory that was smoothed without it may rest where the wheel does not.
-    """
-    speed, spread = trajectory.speed.copy(), trajectory.spread.copy()
-    there = np.flatnonzero(np.isfinite(free_run_rad_s))
-    speed[there], spread[there] = free_run_rad_s[there], _LEAST_SPREAD * noise_rad_s
-    return Trajectory.of_speed(speed, spread)
+    return Trajectory.of_speed(means[:, SPEED], np.maximum(stds[:, SPEED], LEAST_SPREAD * noise_rad_s))
 
 
 def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, starts: list[Trajectory]) -> Fit:

@@ -40,13 +40,12 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, PARAMETERS, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from tools.measure.runs import PUBLISHED, constants_for
+from tools.measure.runs import INSIDE, PUBLISHED, constants_for
 
 RATE_HZ = 10.0
 NOISE_RPM = 1.0
 TORQUE_NOISES = (0.0, 0.03, 0.1)  # rpm per sqrt(s)
 SPREAD = 0.15  # of a wheel's parameters around [CK13]'s
-_INSIDE = 1.959964  # sigmas of a 95 % interval
 _SEEN = 0.5  # of the prior's sigma: a bound below says that the profile shows the parameter
 
 
@@ -220,7 +219,7 @@ def table_of(found: list[dict[str, Any]]) -> list[str]:
                 nees = np.einsum("ij,ij->i", error, np.linalg.solve(covariance, error[:, :, None])[:, :, 0])
                 wide = np.median(std / bound, axis=0)
                 shown = np.median(bound, axis=0) < _SEEN * prior
-                inside = (np.abs(z) < _INSIDE).mean(axis=0)
+                inside = (np.abs(z) < INSIDE).mean(axis=0)
                 text = [
                     " ".join(f"{v:5.2f}" + ("" if s else "*") for v, s in zip(inside, shown, strict=True)),
                     " ".join(f"{v:5.2f}" for v in np.sqrt((z**2).mean(axis=0))),

@@ -30,6 +30,7 @@ from tqdm import tqdm
 from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from tools.measure.runs import INSIDE
 from tools.proof.cases import TEMPERATURE_IDS, Angle, Case, draw_wheel
 from tools.proof.plants import log_of
 from tools.proof.sizes import Reach, Size, effect_text, reach_of
@@ -42,7 +43,6 @@ _SHARES = (0.05, 0.20)  # of Coulomb friction
 _RUNG, _RUNG_SHARE = 1, 0.10  # the larger size of the proof
 _ORDERS = 12
 _WINDOWS_S = (0.2, 0.6)  # at 10 Hz shorter ones are delays
-_INSIDE = 1.959964  # sigmas of a 95 % interval
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def table_of(found: Sequence[dict[str, Any]]) -> list[str]:
             value, std, truth = np.array([told(item)[name] for item in named if name in told(item)]).T
             z = (value - truth) / std
             lines.append(
-                f"{kind:22} {name:18}{count:>9}{z.size:9d}{np.mean(np.abs(z) < _INSIDE):9.2f}"
+                f"{kind:22} {name:18}{count:>9}{z.size:9d}{np.mean(np.abs(z) < INSIDE):9.2f}"
                 f"{np.sqrt(np.mean(z**2)):9.2f}{z.mean():9.2f}{z[np.argmax(np.abs(z))]:9.1f}"
                 f"{np.median(std / np.abs(truth)):9.3f}"
             )

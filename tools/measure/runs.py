@@ -17,6 +17,7 @@ from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.table import NO_EFFECTS
 
 OMEGA_S = 4.0 * RAD_S_PER_RPM
+INSIDE = 1.959964  # sigmas of a 95 % interval
 PUBLISHED = ("P1", "P2", "S1", "S2", "S3", "S4", "S5")
 
 

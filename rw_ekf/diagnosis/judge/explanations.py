@@ -62,10 +62,9 @@ def weighed_explanations(found: Found) -> list[Explanation]:
         fits = [found.fit, found.nearest]
     else:
         fits = [found.fit, *(_in_place(found) if found.new_ids else _beside(found, found.fit))]
-    before = set(found.selection.base.model.effects.ids)
     weighed: dict[tuple[str, ...], Explanation] = {}
     for fit in fits:
-        effects = tuple(name for name in fit.model.effects.ids if name not in before)
+        effects = tuple(found.selection.new_in(fit))
         item = Explanation(effects, fit, log_evidence(fit, effects, found.prepared.facts))
         key = tuple(sorted(effects))
         if key not in weighed or weighed[key].log_evidence < item.log_evidence:

@@ -6,7 +6,7 @@ The figures are those of docs/contract.md#diagnosis.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -53,8 +53,7 @@ def performance(prepared: Prepared, fit: Fit) -> Performance:
 def _performance(prepared: Prepared, fit: Fit) -> Performance:
     record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
     inertia_kg_m2 = prepared.setup.inertia_kg_m2
-    if fit.trajectory.angle.size:
-        record = replace(record, course=record.course._replace(angle_rad=fit.trajectory.angle))
+    record = record.along(fit.trajectory)
     course = record.course.only(~prepared.base.omit)
     run = run_frozen(course, model, noise, record.constants)
     free = _free_run(record, model, run.states, split.block)
@@ -130,9 +129,9 @@ def _observed_acceleration(record: Record, model: Model, noise: Noise, base: Fit
         smoothed = smoothed_trajectory(linearised, np.zeros(0), observer)
         delta = smoothed.speed - trajectory.speed
         kept = linearised.chain.slopes[:, 0] * np.concatenate(([0.0], delta[:-1]))
-        if linearised.chain.memory_variance > 0.0:  # a bristle that is bent otherwise has its own word in the speed
-            bent = smoothed.memory - linearised.trajectory.memory
-            kept += linearised.chain.slopes[:, 1] * np.concatenate(([0.0], bent[:-1]))
+        # A bristle that is bent otherwise has its own word in the speed.
+        bent = np.nan_to_num(smoothed.memory - linearised.trajectory.memory)  # NaN of models without a memory
+        kept += linearised.chain.slopes[:, 1] * np.concatenate(([0.0], bent[:-1]))
         asked = delta - kept - linearised.chain.defect
         trajectory = smoothed
     step = np.where(record.follows, linearised.chain.step_s, np.nan)
@@ -193,11 +192,12 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
     What the record leaves no doubt of goes only where that is so whichever part is held out. One that hardly shows the
     motor gain, say, may have it several sigma off, and figures in which torque noise hides nothing are worse for it.
     """
+    other_way = prepared.exchanged()
     for name in reversed(names):
         less = selection.final.without(name)
         worse = _worse(prepared, less, selection.final)
         if worse is not None and selection.trials[name].p_value < _UNDOUBTED:
-            worse = _worse(prepared.exchanged(), less, selection.final)
+            worse = _worse(other_way, less, selection.final)
         if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
             worse = "every other 5 s inside it say nothing of the rest"
         if worse is not None:

@@ -60,10 +60,7 @@ def verdict_on(
     facts, names, left = found.prepared.facts, found.new_ids, found.left
     if found.is_unexplained:
         along = ", ".join(item.name for item in left[:2])
-        nearest = names
-        if found.nearest is not None:
-            given = found.selection.base.model.effects.ids
-            nearest = [name for name in found.nearest.model.effects.ids if name not in given]
+        nearest = names if found.nearest is None else found.selection.new_in(found.nearest)
         partly = f"; {', '.join(nearest)} would explain {100.0 * found.share:.0f} % of it" if nearest else ""
         if found.nearest is not None:
             partly += ", less likely than one smooth law without a name"

@@ -74,8 +74,7 @@ def with_profiled_widths(fit: Fit, name: str) -> Fit:
     for place, (i, constant) in enumerate(fit.model.refined, start=fit.model.known):
         if i == number:
             factors[place] = _factor(fit, place, partial(_with_constant, fit, item.term, constant))
-    covariance = fit.likelihood.covariance * np.outer(factors, factors)
-    return replace(fit, likelihood=replace(fit.likelihood, covariance=covariance))
+    return fit.widened(factors)
 
 
 def _factor(fit: Fit, place: int, held: Callable[[float], Fit]) -> float:

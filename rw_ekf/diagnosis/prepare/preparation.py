@@ -19,7 +19,7 @@ from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
-from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, run_freely, smoothed_by_filter
+from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
@@ -109,7 +109,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     by_filter = smoothed_by_filter(course, everything, start.base, setup.constants, noise)
     paths = [read_trajectory(course, noise), by_filter]
     if free_run.size:
-        paths.append(run_freely(by_filter, free_run, noise))
+        paths.append(by_filter.along(free_run, noise))
     work = Work()
     torque_noise = _torque_noise(setup, configuration, model)
     record = Record.of(course, everything, setup.constants, work, log_of, torque_noise)

@@ -113,5 +113,4 @@ def with_open_order(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> tuple
     factors = np.ones(fit.model.vector.size)
     at = next(at for term, at in fit.model.placed if term.id == name)
     factors[at] = max(math.sqrt(variance) / std, 1.0)
-    wider = replace(fit.likelihood, covariance=fit.likelihood.covariance * np.outer(factors, factors))
-    return replace(fit, likelihood=wider), {other: p for other, p in told.items() if p > _LEAST_TOLD}
+    return fit.widened(factors), {other: p for other, p in told.items() if p > _LEAST_TOLD}

@@ -87,8 +87,12 @@ class Selection:
     @property
     def new_ids(self) -> list[str]:
         """Effects of the final model that the base did not have."""
+        return self.new_in(self.final)
+
+    def new_in(self, fit: Fit) -> list[str]:
+        """Effects of another fit's model that the base did not have."""
         before = set(self.base.model.effects.ids)
-        return [name for name in self.final.model.effects.ids if name not in before]
+        return [name for name in fit.model.effects.ids if name not in before]
 
 
 class Search:
