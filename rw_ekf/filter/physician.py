@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.filter import health
 from rw_ekf.filter.covariance import cap_variance
-from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN
 from rw_ekf.records import FilterHealth, FilterReset, FilterTrouble, Innovation
+
+if TYPE_CHECKING:
+    from rw_ekf.filter.ekf import WheelEkf  # with filterpy, which takes a second to import
 
 TROUBLES = {
     health.NOT_FINITE: FilterTrouble.NOT_FINITE,

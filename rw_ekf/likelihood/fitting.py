@@ -25,6 +25,7 @@ from rw_ekf.wheel.table import ABSENT
 _FIT_TURNS = 8
 _FREE_RUNS, _BETTER = 2, 1.0  # of a model with a memory, and by how much log-likelihood the second has to be better
 _SETTLING_TURNS = 4
+_SKETCH_TURNS = 3
 _NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that moved meanwhile
 _LEAST_DAMPING = 0.02
 _STANDSTILL_TURNS = 10
@@ -52,6 +53,7 @@ class Fit:
     linearised: Linearisation
     omit: BoolArray  # (n,) readings left out
     _refits: dict[Model, Fit] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _sketches: dict[Model, Fit] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def noise(self) -> Noise:
@@ -100,6 +102,27 @@ class Fit:
         """The same fit, the standard deviations of its vector times factors (p,)."""
         covariance = self.likelihood.covariance * np.outer(factors, factors)
         return replace(self, likelihood=replace(self.likelihood, covariance=covariance))
+
+    def worth_a_fit(self, models: list[Model], least_gain: float = -math.inf) -> list[Model]:
+        """Of models that bring a memory the likeliest by sketches, if it gains so much log-likelihood; of others all.
+
+        Starts of one effect: what a full fit of each would cost is better spent on the valley that is deepest.
+        """
+        brings = [model.effects.table().memory_state_at != ABSENT for model in models]
+        if not any(brings) or self.model.effects.table().memory_state_at != ABSENT:
+            return models
+        best = max((self.sketched(model) for model in models), key=lambda fit: fit.likelihood.value)
+        gain = best.likelihood.value - self.likelihood.value
+        return [model for model in models if self.sketched(model) is best and gain >= least_gain]
+
+    def sketched(self, model: Model) -> Fit:
+        """A model with a memory fitted in few turns, along the path on which it runs freely; each model once."""
+        if model not in self._sketches:
+            self._sketches[model] = fit_along_free_runs(
+                self.linearised.record, model, self.prior, self.trajectory, self.noise, self.omit,
+                turns=_SKETCH_TURNS, runs=1,
+            )  # fmt: skip
+        return self._sketches[model]
 
     def without(self, effect_id: str) -> Fit:
         """The same part fitted without one effect."""

@@ -11,7 +11,7 @@ push = sigma drive, both models are two smooth equations,
 kappa f is the momentum that the bristle's damping holds: so written, damping is never stiff. What is stiff, the memory
 of a fast wheel, an L-stable Rosenbrock step of order four bears (two unknowns: its linear system is written out). The
 step follows the embedded error. Where v comes to zero the instant is located and the direction changes there, or, with
-the lag, the wheel holds. Far from zero, with T constant, lag and settled bristle have a closed form.
+the lag, the wheel holds. Far from zero, with T constant, there mostly is a closed form (`memory_coast`).
 
 Scalar functions that import only `math`: numba compiles them as they stand.
 """
@@ -20,20 +20,13 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.model.flow import _phi_1, _time_to_stop, flow
+from rw_ekf.model.flow import _time_to_stop, flow
 from rw_ekf.model.friction import FrictionCurve, far_limit, stribeck, stribeck_slope
+from rw_ekf.model.memory_coast import BRISTLE, LAG, TOLERANCE, Wheel, coast, plain_beyond
 
-LAG = 0
-BRISTLE = 1
-
-# b [1/s], c, s [rad/s^2], omega_s [rad/s], Stribeck law, LAG or BRISTLE, 1/tau [1/s] or sigma0 [1/s^2], kappa [s]
-Wheel = tuple[float, float, float, float, int, int, float, float]
-
-_TOLERANCE = 1.0e-6  # error of one step, in Stribeck speeds; smaller than what the filter's differences could see
 _REACH = 0.5  # a step changes the speed by no more than this share of max(omega_s, v), so that no stage overlooks zero
 _FIRST_BEND = 2.5e-3  # in Stribeck speeds
 _AT_ZERO = 1.0e-9  # in Stribeck speeds: a crossing this shallow need not be located
-_SETTLED = 1.0e-9  # relative distance of the memory from its static value that no longer counts
 _MAX_STEPS = 500  # a wheel needs fewer than 200; parameters gone wild go on without a memory
 _MAX_TRIES = 20  # of one step
 _SHORTEST = 1.0e-15  # a step shorter than this share of what is left leads nowhere
@@ -130,22 +123,6 @@ def _step(
     return w_end + w6 - kappa * f_end, f_end, w6 - kappa * f6, f6
 
 
-def _coast(v: float, f: float, push: float, far: float, h: float, wheel: Wheel) -> tuple[bool, float, float]:
-    """(whether the wheel stays beyond `far` for h seconds with a memory that has a closed form, v and f then).
-
-    The excess f - c of a lag fades exponentially; that of a bristle must be gone.
-    """
-    b, c, _, _, _, kind, rate, _ = wheel
-    excess = f - c
-    end = v + (push - c - b * v) * h * _phi_1(b * h)
-    if kind == BRISTLE:
-        return abs(excess) <= _SETTLED * abs(c) and end >= far, end, c
-    f_end = c + excess * math.exp(-rate * h)
-    end -= excess * math.exp(-min(b, rate) * h) * h * _phi_1(abs(rate - b) * h)
-    dips = push - b * v - f < 0.0 < push - b * end - f_end
-    return end >= far and not dips, end, f_end
-
-
 def _acceleration(v: float, f: float, m: float, push: float, wheel: Wheel) -> float:
     """dv/dt [rad/s^2], the bristle's damping included; m = df/dt."""
     return push - wheel[0] * v - f - wheel[7] * m
@@ -173,7 +150,7 @@ def _controlled_step(
     largest = max(abs(c), abs(s))
     lasts = 1.0 / ((math.sqrt(rate) if kind == BRISTLE else 0.0) - m_f)
     lasts = min(lasts, duration) + (0.01 * omega_s / largest if largest > 0.0 else 0.0)
-    allowed = _TOLERANCE * max(omega_s, 0.01 * v)
+    allowed = TOLERANCE * max(omega_s, 0.01 * v)
     for _ in range(_MAX_TRIES):
         if not h > _SHORTEST * duration:
             break
@@ -215,13 +192,13 @@ def _follow(omega: float, memory: float, drive: float, duration: float, wheel: W
         return 0.0, drive
     sigma = math.copysign(1.0, omega if omega != 0.0 else drive)
     v, f, push = sigma * omega, sigma * memory, sigma * drive
-    far = far_limit(law) * omega_s
+    far = plain_beyond(c, s, omega_s, law, duration) if v > 2.0 * omega_s else far_limit(law) * omega_s
     left, h = duration, 0.0
     for _ in range(_MAX_STEPS):
         if left <= 1.0e-12 * duration:
             return sigma * v, sigma * f
         if v > far:
-            coasts, end, f_end = _coast(v, f, push, far, left, wheel)
+            coasts, end, f_end = coast(v, f, push, far, left, wheel)
             if coasts:
                 return sigma * end, sigma * f_end
         if v == 0.0 and push <= f:

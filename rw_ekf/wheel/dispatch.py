@@ -14,10 +14,11 @@ from typing import Any
 
 import rw_ekf.effects
 from rw_ekf.effects.catalogue import MACHINERY, of_kind
+from rw_ekf.model import memory_coast as memory_coast_home
 from rw_ekf.model import memory_flow as memory_flow_home
 from rw_ekf.model.effect_kinds import CurrentEffect, FrictionMemoryEffect, StaticEffect
 
-_HOMES = ("rw_ekf.effects.", memory_flow_home.__name__)
+_HOMES = ("rw_ekf.effects.", "rw_ekf.model.memory_")
 _STATIC_ARGUMENTS = "a, q1, q2, q3, omega, current, temperature, angle, time, duration"
 _LAG_ARGUMENTS = "a, q1, q2, q3, state, current, duration"
 _FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q1, q2, q3, duration"
@@ -46,6 +47,8 @@ def _called_by(effect: type[Any]) -> list[Callable[..., Any]]:
     module = inspect.getmodule(effect)
     functions = [value for value in vars(module).values() if inspect.isfunction(value)]
     homes = {function.__module__ for function in functions if function.__module__.startswith(_HOMES)}
+    if memory_flow_home.__name__ in homes:
+        homes.add(memory_coast_home.__name__)
     return [
         value
         for home in sorted(homes)
@@ -73,7 +76,7 @@ MODULES: list[ModuleType] = [
     importlib.import_module(f"{rw_ekf.effects.__name__}.{found.name}")
     for found in pkgutil.iter_modules(rw_ekf.effects.__path__)
     if found.name not in MACHINERY
-] + [memory_flow_home]
+] + [memory_coast_home, memory_flow_home]
 JITABLE: list[Callable[..., Any]] = [
     *(function for effect in MEMORY_EFFECTS for function in _called_by(effect)),
     *(effect.contribution for effect in STATIC_EFFECTS),

@@ -20,10 +20,11 @@ from rw_ekf.effects.friction_lag import FrictionLag
 from rw_ekf.effects.presliding_hysteresis import PreslidingHysteresis
 from rw_ekf.model import flow as propagation
 from rw_ekf.model import friction as model_friction
-from rw_ekf.model import memory_flow
+from rw_ekf.model import memory_coast, memory_flow
 from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import GAUSS, LAW_CODES, FrictionCurve
-from rw_ekf.model.memory_flow import BRISTLE, LAG, Wheel, bristle_flow, lag_flow
+from rw_ekf.model.memory_coast import BRISTLE, LAG, Wheel
+from rw_ekf.model.memory_flow import bristle_flow, lag_flow
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.compiled import make_jitable
@@ -197,6 +198,33 @@ def test_far_from_zero_a_settled_memory_changes_nothing(effect: str) -> None:
         assert run(KINDS[effect], case, 0.5) == pytest.approx((plain, case.memory), rel=1e-14)
 
 
+def test_a_fast_wheel_whose_bristle_is_not_bent_yet_is_exact_without_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Driven hard and braked, with any excess of friction: most cases need no step, and all are those of scipy."""
+    steps, step = 0, memory_flow._step
+
+    def counted(*arguments: Any) -> tuple[float, float, float, float]:
+        nonlocal steps
+        steps += 1
+        return step(*arguments)
+
+    monkeypatch.setattr(memory_flow, "_step", counted)
+    rng = np.random.default_rng(73)
+    without = 0
+    for _ in range(200):
+        c = C * math.exp(0.3 * rng.standard_normal())
+        omega = float(rng.choice([2.6, 5.0, 30.0]) * rng.uniform(0.8, 1.3))
+        memory = float(c * (1.0 - rng.choice([2.0, 1.0, -0.3, 0.1, 0.01, 1e-4]) * rng.uniform(0.5, 1.0)))
+        drive, b = float(0.4 * K * rng.standard_normal()), float(rng.choice([B, 0.05, 1.0]))
+        case = Case(omega, memory, drive, b, c, 1.2 * c, OMEGA_S, GAUSS, float(rng.choice([0.002, 0.01, 0.05, 0.2])))
+        duration_s = float(rng.choice([0.005, 0.02, 0.1, 0.3]))
+        steps = 0
+        found, true = run(BRISTLE, case, duration_s), exact(BRISTLE, case, duration_s)
+        without += steps == 0
+        assert found[0] == pytest.approx(true[0], rel=1e-8, abs=2e-6), case
+        assert found[1] == pytest.approx(true[1], abs=1e-4 * c), case
+    assert without > 120
+
+
 def test_a_friction_that_brakes_through_zero_and_fades_is_not_missed() -> None:
     """Fast at both ends of the interval, through zero in between: no closed form may jump over that."""
     case = Case(2.6, 300.0, 60.0, B, C, S, OMEGA_S, GAUSS, 0.02)
@@ -355,7 +383,7 @@ def test_parameters_gone_wild_end_soon_in_finite_numbers() -> None:
 @pytest.mark.parametrize(("plain", "kind"), [(lag_flow, LAG), (bristle_flow, BRISTLE)])
 def test_compiled_and_plain_agree(plain: Callable[..., Any], kind: int) -> None:
     """Numba takes the functions as they are and gives the same numbers to rounding."""
-    for module in (model_friction, propagation, memory_flow):
+    for module in (model_friction, propagation, memory_coast, memory_flow):
         make_jitable([f for f in vars(module).values() if inspect.isfunction(f) and f.__module__ == module.__name__])
     compiled = njit(error_model="numpy")(plain)
     rng = np.random.default_rng([41, kind])

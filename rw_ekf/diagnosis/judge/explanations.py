@@ -129,7 +129,8 @@ def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
     worth = [score for score in scores.values() if score.evidence > even + math.log(_worth_a_fit(score.effect))]
     fits = []
     for score in sorted(worth, key=lambda score: -score.evidence)[:_MOST_WEIGHED]:
-        tried = [whole.refitted(whole.model.with_terms(term)) for term in score.starts]
+        starts = [whole.model.with_terms(term) for term in score.starts]
+        tried = [whole.refitted(model) for model in whole.worth_a_fit(starts)]
         fit = max(tried, key=lambda item: item.likelihood.value)
         if fit.model.possible(score.effect.id, facts):
             fits.append(fit)

@@ -127,8 +127,6 @@ def find_lattice(
     None where there is no grid, one finer than 1.5 sigma of the noise or than least_grid_rad_s: that is a register's
     resolution and does no harm.
     """
-    from scipy.optimize import minimize_scalar
-
     grid = grid_of(speed_rad_s)
     if grid is None:
         return None
@@ -145,6 +143,8 @@ def find_lattice(
 
     def gains(log_sigma: float) -> Float64Array:
         return _log_cell(speed - predicted, np.hypot(std, math.exp(log_sigma)), grid) - noisy
+
+    from scipy.optimize import minimize_scalar  # takes long to import, and few records get here
 
     best = minimize_scalar(
         lambda v: -float(np.sum(gains(v)[~held])),

@@ -59,7 +59,8 @@ def fitted_event(fit: Fit, score: Score, facts: RecordFacts) -> Fit:
 
 def fitted_at(fit: Fit, score: Score) -> Fit:
     """A fit with an effect beside what it has, from its place; again along the filter's path where it went astray."""
-    fits = [fit.refitted(fit.model.with_terms(term)) for term in score.starts]
+    models = [fit.model.with_terms(term) for term in score.starts]
+    fits = [fit.refitted(model) for model in fit.worth_a_fit(models)]
     best = max(fits, key=lambda item: item.likelihood.value)
     gained = 2.0 * (best.likelihood.value - fit.likelihood.value)
     if score.effect.linear and gained <= _KEPT_SHARE * score.statistic:

@@ -16,6 +16,7 @@ from rw_ekf.model.effect import Candidate, Effect, Term
 INDISTINGUISHABLE = 4.5  # two explanations whose evidences differ by less: three sigma
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
 _ROOM = 1.5  # by which the evidence of a linear effect that was only scored may be wrong
+_HOPELESS = 0.4  # of the log-likelihood gained: a sketch of a rival with less is not completed
 _TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
@@ -42,6 +43,7 @@ def _find_rivals(search: Search, selection: Selection) -> None:
         scores = selection.scores_beside(less, [CATALOGUE[name], *near], search.facts)
         mine = _evidence(scores.get(name), less, final)
         value = final.model.of(name)[0].values[0]
+        gained = final.likelihood.value - less.likelihood.value
         law = quantity_of(CATALOGUE[name])
         timed = law != "time" and may_confound(less, law, "time")  # evidence does not decide between the two
         for effect in _worth_a_fit(near, scores, mine, timed=timed):
@@ -52,7 +54,8 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             starts = [] if score is None else list(score.starts)
             if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
                 starts.append(Term.at(effect, Candidate(value)))
-            fits = [less.refitted(less.model.with_terms(term)) for term in starts]
+            models = [less.model.with_terms(term) for term in starts]
+            fits = [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
             fits = [fit for fit in fits if fit.model.possible(effect.id, search.facts)]
             if not fits:
                 continue

@@ -13,10 +13,8 @@ from rw_ekf.diagnosis.search.candidates import INFLATION, p_value
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
-from rw_ekf.likelihood.fitting import fit_along_free_runs
 from rw_ekf.model.effect import RecordFacts, Term
 
-_SKETCH_TURNS = 3
 _DEEPER = 0.5  # log-likelihood by which another valley must be deeper
 
 
@@ -32,13 +30,7 @@ def in_deepest_valleys(selection: Selection, facts: RecordFacts) -> None:
             continue
         less = selection.without(name)
         model = selection.final.model.without(name)
-        sketches = [
-            fit_along_free_runs(
-                record, model.with_terms(Term.at(CATALOGUE[name], start)), less.prior, less.trajectory, less.noise,
-                less.omit, turns=_SKETCH_TURNS, runs=1,
-            )
-            for start in starts
-        ]  # fmt: skip
+        sketches = [less.sketched(model.with_terms(Term.at(CATALOGUE[name], start))) for start in starts]
         best = max(sketches, key=lambda fit: fit.likelihood.value)
         if best.likelihood.value < selection.final.likelihood.value + _DEEPER:
             continue
