@@ -55,8 +55,8 @@ class ExternalTorque(PeriodicEffect):
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """From one and a half periods in the record to two samples a period, 1500 at most.
 
-        Not the first harmonics of a current that repeats itself: there anything that depends on speed or current is
-        periodic in time.
+        Not the first harmonics of a current that repeats itself, to half a line's width: there anything that depends on
+        speed or current is periodic in time.
         """
         if facts.duration_s < _LEAST_SAMPLES * facts.period_s:
             return []
@@ -70,7 +70,7 @@ class ExternalTorque(PeriodicEffect):
             frequencies += [last * ratio ** ((i + 1) / steps) for i in range(steps)]
         if facts.command_Hz > 0.0:
             apart = [f / facts.command_Hz for f in frequencies]
-            width = 1.0 / (facts.duration_s * facts.command_Hz)
+            width = 0.5 / (facts.duration_s * facts.command_Hz)
             frequencies = [
                 f for f, x in zip(frequencies, apart, strict=True) if round(x) > _HARMONICS or abs(x - round(x)) > width
             ]

@@ -188,8 +188,9 @@ class Fit:
         if terms and terms[0].term.effect.angular and self.linearised.follows_angle:
             # Where it is lost the phase is anybody's guess, and sine and cosine with it; the amplitude is not.
             variances = [item.term.effect.amplitude(item.term.values, item.covariance)[1] ** 2 for item in terms]
-        if terms and not terms[0].term.effect.linear:
-            # How far a bristle bends and how it is damped are one question: that it bends is what counts here.
+        if terms and terms[0].term.effect.refined:
+            # How far a bristle bends and how it is damped, how high a bump is and how wide, are one question: that it
+            # bends, or is there, is what counts here.
             variances = [self._variance_of_given_shapes(effect_id)]
         return size_of([item.term for item in terms]), math.sqrt(math.fsum(variances) / max(len(variances), 1))
 

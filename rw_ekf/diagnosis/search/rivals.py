@@ -21,9 +21,41 @@ _TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, 
 
 
 def weigh_rivals(search: Search, selection: Selection) -> None:
-    """Find explanations that fit as well as those chosen, or nearly; the likelier ones stand."""
+    """Find explanations that fit as well as those chosen, or nearly; the likelier ones stand, and one before two."""
     _find_rivals(search, selection)
+    if _one_for_two(selection):
+        _find_rivals(search, selection)
     _settle_rivals(search, selection)
+
+
+def _one_for_two(selection: Selection) -> bool:
+    """Let a rival stand that does alone what takes two of the effects chosen; whether there is one.
+
+    What holds at any time goes before what this record's clock tells only while both are one law; and where the record
+    has them as one by construction, the one alone must do it clearly better.
+    """
+    found = []
+    for name, rivals in selection.rivals.items():
+        for rival in rivals:
+            constructed = rival.name in selection.constructed.get(name, ())
+            for other in selection.new_ids:
+                if other in (name, rival.name) or other not in rival.fit.model.effects.ids:
+                    continue
+                if CATALOGUE[other].local_in_time:
+                    continue
+                alone = rival.fit.without(other)
+                gain = alone.likelihood.value - selection.final.likelihood.value
+                if gain > (INDISTINGUISHABLE if constructed else -INDISTINGUISHABLE):
+                    found.append((gain, alone, rival.name, {name, other}))
+    if not found:
+        return False
+    _, alone, stands, two = max(found, key=lambda item: item[0])
+    selection.final = alone
+    for name in two - {stands}:
+        selection.trials[name].decision = (stands,)
+    selection.rivals.clear()
+    selection.constructed.clear()
+    return True
 
 
 def _find_rivals(search: Search, selection: Selection) -> None:

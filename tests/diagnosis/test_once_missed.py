@@ -1,0 +1,26 @@
+"""Wheels of the proof whose effect was once missed or named beside another: what they have is what is named, alone."""
+
+from __future__ import annotations
+
+import pytest
+
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from tools.proof.marks import case_called
+from tools.proof.plants import log_of
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("case", "seed", "effect"),
+    [
+        ("id-1rpm-061-drag_bump", 6, "drag_bump"),  # its height and its width are one question: so no size was known
+        ("id-1rpm-057-coulomb_drift", 6, "coulomb_drift"),  # was a law of temperature, and another that mended it
+        ("p12-1rpm-038-external_torque", 6, "external_torque"),  # near a harmonic of the current; was torque noise
+    ],
+)
+def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
+    """One effect, and no other, of a wheel with one; and its posterior says so."""
+    document = diagnose_log(log_of(case_called(case, seed))).document
+    assert document["verdict"]["effects"] == [effect]
+    assert document["verdict"]["posterior"][effect] > 0.9
