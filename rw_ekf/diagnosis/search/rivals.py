@@ -17,6 +17,7 @@ INDISTINGUISHABLE = 4.5  # two explanations whose evidences differ by less: thre
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
 _ROOM = 1.5  # by which the evidence of a linear effect that was only scored may be wrong
 _HOPELESS = 0.4  # of the log-likelihood gained: a sketch of a rival with less is not completed
+_SECANT_SHARE = 0.05  # of what was gained: a secant falls short of a curve, but not by as much as this
 _TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
@@ -78,7 +79,7 @@ def _find_rivals(search: Search, selection: Selection) -> None:
         gained = final.likelihood.value - less.likelihood.value
         law = quantity_of(CATALOGUE[name])
         timed = law != "time" and may_confound(less, law, "time")  # evidence does not decide between the two
-        for effect in _worth_a_fit(near, scores, mine, timed=timed):
+        for effect in _worth_a_fit(near, scores, mine, gained, timed=timed):
             if not search.work.has(work.RIVALS):
                 search.work.leave_out(f"rivals of {name} ({effect.id})")
                 continue
@@ -100,7 +101,9 @@ def _find_rivals(search: Search, selection: Selection) -> None:
                 selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
 
 
-def _worth_a_fit(near: list[type[Effect]], scores: dict[str, Score], mine: float, *, timed: bool) -> list[type[Effect]]:
+def _worth_a_fit(
+    near: list[type[Effect]], scores: dict[str, Score], mine: float, gained: float, *, timed: bool
+) -> list[type[Effect]]:
     """Those whose score may reach what was chosen, the most evident first; what is not linear scores by a secant.
 
     timed: effects of time are worth one whatever they score: the record has what was chosen and time as one.
@@ -112,7 +115,8 @@ def _worth_a_fit(near: list[type[Effect]], scores: dict[str, Score], mine: float
         if e.linear and e.id in scores and (scores[e.id].evidence > least or (timed and quantity_of(e) == "time"))
     ]
     linear.sort(key=lambda effect: -scores[effect.id].evidence)
-    bent = [effect for effect in near if not effect.linear]
+    enough = _SECANT_SHARE * 2.0 * gained
+    bent = [e for e in near if not e.linear and (e.id not in scores or scores[e.id].statistic > enough)]
     bent.sort(key=lambda effect: -scores[effect.id].evidence if effect.id in scores else math.inf)
     return [*linear[:MOST_TRIED], *bent]
 
