@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import pytest
 
+from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
@@ -16,6 +17,8 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.model.effect import Term
 from tests.diagnosis.simulated import log_of, simulated
+from tools.measure.effect_coverage import drawn, told
+from tools.proof.plants import log_of as log_of_case
 
 BRISTLE, SPIKE = CATALOGUE["presliding_hysteresis"], CATALOGUE["drag_spike"]
 OFFSET = CATALOGUE["offset_torque"]
@@ -55,11 +58,11 @@ def test_a_sigma_is_no_smaller_than_the_profile_is_wide() -> None:
     """A covariance a thousand times too small gives way to the profile, whose width is that of the curvature here."""
     fit = fit_from(prepared_with_bristle(), DEFLECTION_RAD, DAMPING, turns=8)
     tiny = replace(fit, likelihood=replace(fit.likelihood, covariance=1.0e-3 * fit.likelihood.covariance))
-    told = with_profiled_widths(tiny, BRISTLE.id)
+    widened = with_profiled_widths(tiny, BRISTLE.id)
     at = fit.model.known - 1
-    assert told.std[: at - 1] == pytest.approx(tiny.std[: at - 1])  # the parameters' are not touched
+    assert widened.std[: at - 1] == pytest.approx(tiny.std[: at - 1])  # the parameters' are not touched
     for place in (at, at + 1):
-        assert 0.5 * fit.std[place] < told.std[place] < 2.0 * fit.std[place]
+        assert 0.5 * fit.std[place] < widened.std[place] < 2.0 * fit.std[place]
 
 
 def test_a_torque_noise_that_is_hardly_seen_makes_sigmas_wider_and_one_that_is_seen_does_not() -> None:
@@ -81,8 +84,36 @@ def test_a_spike_is_told_with_what_its_onset_and_decay_leave_open() -> None:
     prepared = prepare(source_of([log_of(run)]), None, None, "blocks")
     free = prepared.base.refitted(prepared.base.model.with_terms(Term.of(SPIKE, (150.0, 60.0, 0.0), 0.1)))
     settled = free.refitted(free.model.settled(SPIKE.id))
-    told = with_free_shapes(settled, SPIKE.id)
+    widened = with_free_shapes(settled, SPIKE.id)
     at = free.model.known - 1
-    assert told.std[at] > 1.3 * settled.std[at]
-    assert told.std[at:] == pytest.approx(free.std[at:], rel=0.1)
-    assert told.model.vector[at] == settled.model.vector[at]
+    assert widened.std[at] > 1.3 * settled.std[at]
+    assert widened.std[at:] == pytest.approx(free.std[at:], rel=0.1)
+    assert widened.model.vector[at] == settled.model.vector[at]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [200, 206])
+def test_an_onset_within_a_rest_is_as_open_as_the_rest_is_long(seed: int) -> None:
+    """Spikes that begin while the wheel rests: onset and amplitude hold the truth, and the onset is open by seconds."""
+    what = drawn("drag_spike", seed)
+    document = diagnose_log(log_of_case(what.case)).document
+    entry = next(item for item in document["candidates"] if item["effect"] == "drag_spike")
+    found = told({"found": entry["parameters"], "truth": what.truth})
+    assert 2.0 < found["onset_s"][1] < 15.0
+    for number in ("onset_s", "amplitude_rad_s2"):
+        value, std, truth = found[number]
+        assert abs(value - truth) < 2.5 * std
+
+
+@pytest.mark.slow
+def test_a_law_that_is_hardly_told_from_another_leaves_the_speed_open() -> None:
+    """Gauss's law at 5 % of Coulomb friction looks like Lorentz's: both are told, and the sigma spans both speeds."""
+    what = drawn("stribeck_shape", 210)
+    document = diagnose_log(log_of_case(what.case)).document
+    entry = next(item for item in document["candidates"] if item["effect"] == "stribeck_shape")
+    chances = entry["parameters"]["law"]["probability"]
+    assert chances["gauss"] > 0.02
+    assert sum(chances.values()) == pytest.approx(1.0, abs=0.05)
+    speed = entry["parameters"]["speed_rad_s"]
+    assert speed["std"] > 0.12  # 0.07 by the likeliest law alone
+    assert "its law may be" in document["verdict"]["statement"]

@@ -199,6 +199,8 @@ def candidate_entries(
                 if found.orders and effect.angular:
                     odds = {f"{order:g}": probability for order, probability in found.orders.items()}
                     entry["parameters"]["order"]["probability"] = odds
+                if found.laws and "law" in entry["parameters"]:
+                    entry["parameters"]["law"]["probability"] = found.laws
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)

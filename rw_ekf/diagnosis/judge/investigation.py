@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import confirm, veto
+from rw_ekf.diagnosis.judge.open_law import with_open_law
 from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
-from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_widths
+from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_onset, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.lost_angle import with_open_order
@@ -52,6 +53,7 @@ class Found:
     nearest: Fit | None = None  # with what was named, where a law without a name is likelier
     unnamed_odds: float | None = None  # log of those of a law without a name to what was named; None: not weighed
     orders: dict[float, float] = field(default_factory=dict)  # how probable each is, of a ripple without a logged angle
+    laws: dict[str, float] = field(default_factory=dict)  # the same of an effect that may follow several
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
@@ -59,16 +61,21 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
     found = _named(prepared, advance)
     told = found.fit
     orders: dict[float, float] = {}
+    laws: dict[str, float] = {}
     for name in found.new_ids:
         told = with_free_shapes(told, name)
     told = with_open_noise(told) if found.new_ids else told
     for name in found.new_ids:
+        if CATALOGUE[name].local_in_time:
+            told = with_profiled_onset(told, name)
         if CATALOGUE[name].angular:
             told, orders = with_open_order(found.selection.without(name), told, name, prepared.facts)
         if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):
             advance(f"profiling {name}")
             told = with_profiled_widths(told, name)
-    return replace(found, told=told, orders=orders)
+        told, its_laws = with_open_law(found.selection.without(name), told, name)
+        laws = laws or its_laws
+    return replace(found, told=told, orders=orders, laws=laws)
 
 
 def _named(prepared: Prepared, advance: Advance) -> Found:

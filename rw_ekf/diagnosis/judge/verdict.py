@@ -85,7 +85,7 @@ def verdict_on(
                 f"{_doubt(found.selection, posterior)}."
             ),
         )
-    said = [_sentence(found.told, name, facts) + _open_order(found, name) for name in names]
+    said = [_sentence(found.told, name, facts) + _open_order(found, name) + _open_law(found, name) for name in names]
     if lattice is not None:
         names = [*names, GRID.id]
         said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
@@ -143,6 +143,13 @@ def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
     return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
+
+
+def _open_law(found: Found, name: str) -> str:
+    """Which laws an effect may follow instead, in brackets, where it has several and one is not sure."""
+    if all(item.name != "law" for item in CATALOGUE[name].constants) or max(found.laws.values(), default=1.0) > _SURE:
+        return ""
+    return f" (its law may be {', '.join(f'{law} ({chance_text(chance)})' for law, chance in found.laws.items())})"
 
 
 def _open_order(found: Found, name: str) -> str:
