@@ -17,6 +17,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
+from rw_ekf.course.grid import grid_of
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
@@ -31,6 +32,7 @@ from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 _SPREAD = math.sqrt(3.0)
 _COURSE_ANGLE = np.zeros(0)
+_ROUNDED = 0.5 / 12.0  # of the square of a grid, half of what an even error within a cell has
 
 
 class Trajectory(NamedTuple):
@@ -164,6 +166,7 @@ class Record:
     work: Work = field(default_factory=unlimited)  # what the diagnosis has cost so far: one count for all its records
     torque_noise: TorqueNoisePrior | None = None  # None: any amount is as likely as none
     angle_is_integrated: bool = False  # the course's angle: from speeds, so that it is lost slowly; else logged
+    least_variance: float = 0.0  # [rad^2/s^2] of the readings: half of what rounding leaves of them
 
     @classmethod
     def of(
@@ -184,7 +187,8 @@ class Record:
         follows[:1] = False
         logs = np.zeros(dt.size, dtype=np.int64) if log_of is None else log_of
         counted = unlimited() if work is None else work
-        return cls(course, follows, constants, logs, counted, torque_noise, angle_is_integrated)
+        least_variance = _ROUNDED * (grid_of(course.speed_rad_s) or 0.0) ** 2
+        return cls(course, follows, constants, logs, counted, torque_noise, angle_is_integrated, least_variance)
 
     def along(self, trajectory: Trajectory) -> Record:
         """The same, its angle that of a trajectory that follows it."""

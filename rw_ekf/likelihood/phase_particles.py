@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.likelihood.profile import LEAST_RATIO, torque_noise_term
+from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
 from rw_ekf.likelihood.whitening import Chain
 from rw_ekf.wheel.compiled import compile_cached
 
@@ -227,7 +227,7 @@ class LostAngle:
         record.work.charge(_UNITS * regressors.shape[0] * logs.size)
         walk, q = math.sqrt(R * record.period_s), ratio * R / record.period_s
         value = follow(self.linearised.chain, regressors, order, logs, _normals(), walk, q, R, paths)
-        return float(value) + float(torque_noise_term(self.linearised, R, ratio))
+        return float(value) + float(noise_term(self.linearised, R, ratio))
 
 
 def _spread(sizes: tuple[float, float], count: int) -> Float64Array:

@@ -103,7 +103,7 @@ def at_ratio(
     if size == 0:
         variance = max(float(r @ r), 1.0e-12) / max(r.size, 1)
         value = -0.5 * (r.size * math.log(variance) + logs + r.size) + float(
-            torque_noise_term(linearised, scale * variance, ratio)
+            noise_term(linearised, scale * variance, ratio)
         )
         return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
     normal = (A / weights).T @ (A / weights)
@@ -118,17 +118,25 @@ def at_ratio(
     rss = float(r @ r - 2.0 * step @ target + step @ normal @ step)
     rss = max(rss, 1.0e-12)
     variance = rss / max(n, 1)  # in units of scale
-    value = -0.5 * (n * math.log(variance) + logs + n) + float(torque_noise_term(linearised, scale * variance, ratio))
+    value = -0.5 * (n * math.log(variance) + logs + n) + float(noise_term(linearised, scale * variance, ratio))
     covariance = variance * np.linalg.inv(total) / np.outer(weights, weights)
     information = 0.5 * float(np.linalg.slogdet(total)[1]) + float(np.sum(np.log(weights)))  # half its log-determinant
     restricted = value - information + 0.5 * size * math.log(variance)
     return Likelihood(value, restricted, Noise(variance * scale, ratio), step / weights, covariance, n)
 
 
-def torque_noise_term(linearised: Linearisation, variance: float | Float64Array, ratio: float) -> Float64Array:
-    """What is known beforehand of torque noise, at R = variance (any shape) and this ratio: its log-density, or 0."""
-    known, period = linearised.record.torque_noise, linearised.record.period_s
-    return np.zeros(np.shape(variance)) if known is None else known.log_density(ratio * variance / period)
+def noise_term(linearised: Linearisation, variance: float | Float64Array, ratio: float) -> Float64Array:
+    """What is known beforehand of the noises, at R = variance (any shape) and this ratio: a log-density, or 0.
+
+    Of the torque's, if anything. And that readings on a grid are no better than the grid: to a Gaussian density a
+    reading that stands still is as good as certain, so that it would rather have a wheel that jumps from cell to cell.
+    """
+    record = linearised.record
+    known, least = record.torque_noise, record.least_variance
+    term = np.zeros(np.shape(variance)) if known is None else known.log_density(ratio * variance / record.period_s)
+    if least > 0.0:
+        term = term - linearised.innovation_at.size * np.log(np.maximum(least / variance, 1.0))
+    return term
 
 
 def value_of(linearised: Linearisation, noise: Noise) -> Likelihood:

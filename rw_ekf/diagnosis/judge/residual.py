@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.course.grid import grid_of
 from rw_ekf.filter.consistency import chi_square_tail, consistency_of
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
@@ -24,9 +25,6 @@ from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 FALSE_ALARM = 1.0e-3  # of each test
 _MOST_TESTED = 200_000
 _SAMPLES = 20_000
-_ON_LATTICE = 0.999  # share of readings that a grid must hold
-_TOLERANCE = 0.01  # of the grid: text with few digits is not exact
-_LEAST_VALUES = 5
 _LEAST_PROBABILITY = 1.0e-9  # of a cell: beyond it a reading is an outlier of any noise
 _COARSER = 1.5  # standard deviations of the noise that a grid must exceed
 
@@ -86,32 +84,6 @@ class Lattice:
     noise_rad_s: float  # of the reading before it is rounded
     statistic: float  # 2 x gain in log-likelihood of less noise, then rounded, over all the noise found; fit part
     heldout_statistic: float
-
-
-def grid_of(speed_rad_s: Float64Array) -> float | None:
-    """The coarsest grid [rad/s] that holds the readings: the common divisor of their differences; None if none does."""
-    values = np.unique(np.round(speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES], 9))
-    if values.size < _LEAST_VALUES:
-        return None
-    steps = np.diff(values)
-    steps = steps[steps > 1.0e-9 * np.max(np.abs(values))]
-    if steps.size == 0:
-        return None
-    grid = float(np.median(steps[steps < 1.5 * np.min(steps)]))
-    for divisor in (1.0, 2.0, 3.0, 4.0, 5.0):
-        tried = grid / divisor
-        turns = np.round(speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES] / tried)
-        refined = _refined(speed_rad_s, tried, turns)
-        off = np.abs(speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES] / refined - turns)
-        if np.mean(off < _TOLERANCE) >= _ON_LATTICE:
-            return refined
-    return None
-
-
-def _refined(speed_rad_s: Float64Array, grid: float, turns: Float64Array) -> float:
-    values = speed_rad_s[np.isfinite(speed_rad_s)][:_SAMPLES]
-    power = float(turns @ turns)
-    return float(values @ turns) / power if power > 0.0 else grid
 
 
 def find_lattice(

@@ -9,7 +9,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
-from rw_ekf.likelihood.profile import LEAST_RATIO, torque_noise_term
+from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
 
 _RATIOS_BELOW = 6
 
@@ -56,7 +56,7 @@ class Profiled:
     def value(self, i: int, gain: float | Float64Array) -> Float64Array:
         """Log-likelihoods at the i-th ratio after gains in the sum of squares, of their shape."""
         left = self.left(i, gain)
-        known = torque_noise_term(self.linearised, left * self.variance, self.ratios[i])
+        known = noise_term(self.linearised, left * self.variance, self.ratios[i])
         return np.asarray(known - 0.5 * (self.count * np.log(left) + self.logs[i]))
 
     def restricted(

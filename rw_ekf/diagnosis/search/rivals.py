@@ -18,6 +18,7 @@ EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the 
 _ROOM = 1.5  # by which the evidence of a linear effect that was only scored may be wrong
 _HOPELESS = 0.4  # of the log-likelihood gained: a sketch of a rival with less is not completed
 _SECANT_SHARE = 0.05  # of what was gained: a secant falls short of a curve, but not by as much as this
+_AS_WELL = 2.0  # log-likelihood by which one effect may be behind two
 _TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
@@ -33,7 +34,7 @@ def _one_for_two(selection: Selection) -> bool:
     """Let a rival stand that does alone what takes two of the effects chosen; whether there is one.
 
     What holds at any time goes before what this record's clock tells only while both are one law; and where the record
-    has them as one by construction, the one alone must do it clearly better.
+    has them as one by construction, the one alone must do it nearly as well.
     """
     found = []
     for name, rivals in selection.rivals.items():
@@ -46,7 +47,7 @@ def _one_for_two(selection: Selection) -> bool:
                     continue
                 alone = rival.fit.without(other)
                 gain = alone.likelihood.value - selection.final.likelihood.value
-                if gain > (INDISTINGUISHABLE if constructed else -INDISTINGUISHABLE):
+                if gain > -(_AS_WELL if constructed else INDISTINGUISHABLE):
                     found.append((gain, alone, rival.name, {name, other}))
     if not found:
         return False
