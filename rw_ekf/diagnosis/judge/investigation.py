@@ -67,7 +67,7 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
     told = with_open_noise(told) if found.new_ids else told
     for name in found.new_ids:
         if CATALOGUE[name].local_in_time:
-            told = with_profiled_onset(told, name)
+            told = with_profiled_onset(told, name, prepared.facts)
         if CATALOGUE[name].angular:
             told, orders = with_open_order(found.selection.without(name), told, name, prepared.facts)
         if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):

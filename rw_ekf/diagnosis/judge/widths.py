@@ -13,14 +13,14 @@ from functools import partial
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.candidates import INFLATION
+from rw_ekf.diagnosis.search.onset import ONSET, held, moved
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.linearisation import linearise
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.noise_posterior import noise_posterior
 from rw_ekf.likelihood.profile import at_ratio
-from rw_ekf.model.effect import Term
+from rw_ekf.model.effect import RecordFacts, Term
 
 _HELD_TURNS = 4
 _NORMAL_95 = 1.96
@@ -28,8 +28,7 @@ _FALL = INFLATION * _NORMAL_95**2  # of twice the log-likelihood at either end o
 _LEAST_STEP, _MOST_STEP = 0.02, 2.5  # of the logarithm of a number, away from where it is best
 _TRIES = 3  # of one end
 _NEAR = 0.3  # of a step: from there the fall goes with the square of it
-_HELD_STD = 1.0e-3  # of a coefficient that a fit has to keep; seconds of an onset
-_ONSET, _HALVINGS = 0, 4  # the place of an event's onset in its shape; of the step in which 95 % are left
+_HELD_STD = 1.0e-3  # of a coefficient that a fit has to keep
 
 
 def with_free_shapes(fit: Fit, name: str) -> Fit:
@@ -61,60 +60,26 @@ def with_open_noise(fit: Fit) -> Fit:
     return replace(fit, likelihood=replace(fit.likelihood, covariance=noise_posterior(fit).covariance))
 
 
-def with_profiled_onset(fit: Fit, name: str) -> Fit:
+def with_profiled_onset(fit: Fit, name: str, facts: RecordFacts) -> Fit:
     """The same fit, its covariance that of an event's onset as far off as the record lets it be, to either side.
 
-    While a wheel rests an onset may be anywhere, and its slope at one end of the rest says nothing of that. What goes
-    with the onset, its amplitude above all, is known the less by as much. Of an event whose shape is free.
+    While a wheel rests an onset may be anywhere, and its slope at one end of the rest says nothing of that; nor does it
+    of a place behind a reversal. What goes with the onset, its amplitude above all, is known the less by as much. Of an
+    event whose shape is free.
     """
     number = next(i for i, (term, _) in enumerate(fit.model.placed) if term.id == name)
-    if (number, _ONSET) not in fit.model.refined:
+    if (number, ONSET) not in fit.model.refined:
         return fit
-    place = fit.model.known + fit.model.refined.index((number, _ONSET))
-    std, here = float(fit.std[place]), fit.model.terms[number].shape[_ONSET]
-    ends = [_furthest_onset(fit, number, way, std) for way in (-1.0, 1.0)]
-    end = max(ends, key=lambda onset: abs(onset - here))
-    wider = abs(end - here) / _NORMAL_95
+    place = fit.model.known + fit.model.refined.index((number, ONSET))
+    std, here = float(fit.std[place]), held(fit, number, fit.model.terms[number].shape[ONSET])
+    left = [item for item in moved(fit, number, facts) if 2.0 * (here.value - item.value) < _FALL]
+    end = max(left, key=lambda item: abs(item.onset_s - here.onset_s), default=here)
+    wider = abs(end.onset_s - here.onset_s) / _NORMAL_95
     if not wider > std > 0.0:
         return fit
-    (_, first), (_, last) = (_with_onset(fit, number, onset) for onset in (here, end))
-    along = (last - first) / (last[place] - first[place])
+    along = (end.vector - here.vector) / (end.onset_s - here.onset_s)
     covariance = fit.likelihood.covariance + (wider**2 - std**2) * np.outer(along, along)
     return replace(fit, likelihood=replace(fit.likelihood, covariance=covariance))
-
-
-def _furthest_onset(fit: Fit, number: int, way: float, step: float) -> float:
-    """The onset furthest to one side at which 95 % are not left: by doubled steps, then between the last two."""
-    here, decay, _ = fit.model.terms[number].shape
-    best, _ = _with_onset(fit, number, here)
-
-    def is_left(distance: float) -> bool:
-        return 2.0 * (best - _with_onset(fit, number, here + way * distance)[0]) > _FALL
-
-    inside, outside = 0.0, step
-    while outside < decay and not is_left(outside):
-        inside, outside = outside, 2.0 * outside
-    for _ in range(_HALVINGS if inside > 0.0 else 0):
-        middle = 0.5 * (inside + outside)
-        inside, outside = (inside, middle) if is_left(middle) else (middle, outside)
-    return here + way * inside
-
-
-def _with_onset(fit: Fit, number: int, onset: float) -> tuple[float, Float64Array]:
-    """(log-likelihood, vector) with an event's shape held at this onset, along the trajectory as it stands."""
-    term = fit.model.terms[number]
-    changed = replace(term, shape=(onset, *term.shape[1:]))
-    terms = tuple(changed if other is term else other for other in fit.model.effects.terms)
-    model = replace(fit.model, effects=replace(fit.model.effects, terms=terms))
-    rows, aims = np.zeros((0, model.vector.size)), np.zeros(0)
-    if fit.prior is not None:
-        rows, aims = prior_rows(fit.prior, model)
-    held = [place for place, (i, _) in enumerate(model.refined, start=model.known) if i == number]
-    rows = np.vstack((rows, np.eye(model.vector.size)[held] / _HELD_STD))
-    aims = np.append(aims, model.vector[held] / _HELD_STD)
-    linearised = linearise(fit.linearised.record, model, fit.trajectory, fit.noise, fit.omit)
-    found = at_ratio(linearised, (rows, aims), fit.noise.variance, fit.noise.ratio)
-    return found.value, model.vector + found.correction
 
 
 def with_profiled_widths(fit: Fit, name: str) -> Fit:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.confounding import event_scores, may_confound
+from rw_ekf.diagnosis.search.onset import with_better_onset
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
@@ -54,7 +55,8 @@ def _followed(scorer: Scorer, start: Score, facts: RecordFacts) -> Score:
 def fitted_event(fit: Fit, score: Score, facts: RecordFacts) -> Fit:
     """A fit with an event beside what it has, the likeliest of those from the event's best places."""
     found = [fitted_at(fit, place) for place in zoomed(fit, score, facts)]
-    return max(found, key=lambda item: item.likelihood.value)
+    best = max(found, key=lambda item: item.likelihood.value)
+    return with_better_onset(best, score.effect.id, facts)
 
 
 def fitted_at(fit: Fit, score: Score) -> Fit:
