@@ -65,7 +65,7 @@ def fitted_at(fit: Fit, score: Score) -> Fit:
     fits = [fit.refitted(model) for model in fit.worth_a_fit(models)]
     best = max(fits, key=lambda item: item.likelihood.value)
     gained = 2.0 * (best.likelihood.value - fit.likelihood.value)
-    if score.effect.linear and gained <= _KEPT_SHARE * score.statistic:
+    if gained <= _KEPT_SHARE * score.statistic:
         return likelier_along_filter(best, fit, fit.model.with_terms(score.starts[0]))
     return best
 
