@@ -19,11 +19,10 @@ from rw_ekf.likelihood.profile import at_ratio
 from rw_ekf.model.effect import RecordFacts
 
 ONSET = 0  # its place in an event's shape
-_STEPS, _BEND = 24, 1.5  # to either side; the first of them small, the last a tenth of the way
+_STEPS, _BEND = 16, 1.5  # to either side; the first of them small, the last a tenth of the way
 _REACH = 0.04  # of the record, and a decay at most
 _BETTER = 1.0  # log-likelihood by which another place must be better
 _MOST_HOPS = 3
-_HELD_STD = 1.0e-3  # of onset and decay
 
 
 class Moved(NamedTuple):
@@ -61,16 +60,16 @@ def moved(fit: Fit, number: int, facts: RecordFacts) -> list[Moved]:
 
 def held(fit: Fit, number: int, onset_s: float) -> Moved:
     """An event with its shape held at this onset; all else corrected once, along the trajectory as it stands."""
-    model = _at(fit.model, number, onset_s)
-    rows, aims = np.zeros((0, model.vector.size)), np.zeros(0)
-    if fit.prior is not None:
-        rows, aims = prior_rows(fit.prior, model)
-    shapes = [place for place, (i, _) in enumerate(model.refined, start=model.known) if i == number]
-    rows = np.vstack((rows, np.eye(model.vector.size)[shapes] / _HELD_STD))
-    aims = np.append(aims, model.vector[shapes] / _HELD_STD)
+    free = _at(fit.model, number, onset_s)
+    model = free.settled(free.terms[number].id)
+    rows = None if fit.prior is None else prior_rows(fit.prior, model)
     linearised = linearise(fit.linearised.record, model, fit.trajectory, fit.noise, fit.omit)
-    found = at_ratio(linearised, (rows, aims), fit.noise.variance, fit.noise.ratio)
-    return Moved(onset_s, found.value, model.vector + found.correction)
+    found = at_ratio(linearised, rows, fit.noise.variance, fit.noise.ratio)
+    vector = free.vector
+    kept = [*range(free.known)]
+    kept += [free.known + j for j, (i, _) in enumerate(free.refined) if i != number]
+    vector[kept] += found.correction
+    return Moved(onset_s, found.value, vector)
 
 
 def _at(model: Model, number: int, onset_s: float) -> Model:
