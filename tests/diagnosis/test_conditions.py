@@ -31,6 +31,6 @@ def test_harmonics_of_the_command_are_no_place_for_an_external_torque() -> None:
     effect = CATALOGUE["external_torque"]
     periodic = effect.candidates(replace(WHEEL, command_Hz=0.01))
     everywhere = effect.candidates(WHEEL)
-    width = 1.0 / WHEEL.duration_s
+    width = 0.5 / WHEEL.duration_s  # half a line
     assert 0 < len(everywhere) - len(periodic) <= 8 * 5
     assert all(abs(c.shape[0] - 0.01 * m) > 0.99 * width for c in periodic for m in range(1, 9))
