@@ -118,4 +118,4 @@ def test_a_law_that_is_hardly_told_from_another_leaves_the_speed_open() -> None:
     assert sum(chances.values()) == pytest.approx(1.0, abs=0.05)
     speed = entry["parameters"]["speed_rad_s"]
     assert speed["std"] > 0.12  # 0.07 by the likeliest law alone
-    assert "its law may be" in document["verdict"]["statement"]
+    assert "its law may also be" in document["verdict"]["statement"]

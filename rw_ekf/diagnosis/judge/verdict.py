@@ -149,7 +149,8 @@ def _open_law(found: Found, name: str) -> str:
     """Which laws an effect may follow instead, in brackets, where it has several and one is not sure."""
     if all(item.name != "law" for item in CATALOGUE[name].constants) or max(found.laws.values(), default=1.0) > _SURE:
         return ""
-    return f" (its law may be {', '.join(f'{law} ({chance_text(chance)})' for law, chance in found.laws.items())})"
+    others = [f"{law} ({chance_text(chance)})" for law, chance in [*found.laws.items()][1:]]
+    return f" (its law may also be {', '.join(others)})" if others else ""
 
 
 def _open_order(found: Found, name: str) -> str:
