@@ -16,6 +16,7 @@ pytestmark = pytest.mark.slow
     [
         ("id-1rpm-061-drag_bump", 6, "drag_bump"),  # its height and its width are one question: so no size was known
         ("id-1rpm-057-coulomb_drift", 6, "coulomb_drift"),  # was a law of temperature, and another that mended it
+        ("id-1rpm-014-drag_spike", 9, "drag_spike"),  # 12 s long: half of its seconds said nothing of the rest
         ("p12-1rpm-038-external_torque", 6, "external_torque"),  # near a harmonic of the current; was torque noise
     ],
 )

@@ -191,6 +191,7 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
 
     What the record leaves no doubt of goes only where that is so whichever part is held out. One that hardly shows the
     motor gain, say, may have it several sigma off, and figures in which torque noise hides nothing are worse for it.
+    Nor is an event beyond doubt asked whether its seconds agree: half of a short one knows next to nothing of it.
     """
     other_way = prepared.exchanged()
     for name in reversed(names):
@@ -198,7 +199,8 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
         worse = _worse(prepared, less, selection.final)
         if worse is not None and selection.trials[name].p_value < _UNDOUBTED:
             worse = _worse(other_way, less, selection.final)
-        if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
+        doubted = CATALOGUE[name].local_in_time and selection.trials[name].p_value >= _UNDOUBTED
+        if worse is None and doubted and not agrees_with_itself(selection.final, name):
             worse = "every other 5 s inside it say nothing of the rest"
         if worse is not None:
             selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"
