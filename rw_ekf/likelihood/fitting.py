@@ -92,10 +92,8 @@ class Fit:
         order, found = term.shape[0], []
         for path in LostAngle(self.linearised, self.noise).paths(regressors, order, term.size):
             turned = replace(term, values=(term.size * math.cos(path[0]), term.size * math.sin(path[0])))
-            terms = tuple(turned if item is term else item for item in model.effects.terms)
             angle = self.linearised.record.course.angle_rad + (path - path[0]) / order
-            with_terms = replace(model, effects=replace(model.effects, terms=terms))
-            found.append((with_terms, self.trajectory._replace(angle=angle)))
+            found.append((model.changed(term, turned), self.trajectory._replace(angle=angle)))
         return found
 
     def widened(self, factors: Float64Array) -> Fit:
@@ -191,15 +189,18 @@ class Fit:
         if terms and terms[0].term.effect.refined:
             # How far a bristle bends and how it is damped, how high a bump is and how wide, are one question: that it
             # bends, or is there, is what counts here.
-            variances = [self._variance_of_given_shapes(effect_id)]
+            variances = self._variances_of_given_shapes(effect_id)
         return size_of([item.term for item in terms]), math.sqrt(math.fsum(variances) / max(len(variances), 1))
 
-    def _variance_of_given_shapes(self, effect_id: str) -> float:
-        """Variance of the coefficient of an effect with one, were its refined shape constants known."""
-        number, at = next((i, at.start) for i, (t, at) in enumerate(self.model.placed) if t.id == effect_id)
+    def _variances_of_given_shapes(self, effect_id: str) -> list[float]:
+        """Variances of the coefficients of an effect with one term, were its refined shape constants known."""
+        number, at = next((i, at) for i, (t, at) in enumerate(self.model.placed) if t.id == effect_id)
+        own = [*range(at.start, at.stop)]
         shapes = [p for p, (i, _) in enumerate(self.model.refined, start=self.model.known) if i == number]
-        block = self.likelihood.covariance[np.ix_([at, *shapes], [at, *shapes])]
-        return 1.0 / float(np.linalg.inv(block)[0, 0]) if shapes else float(block[0, 0])
+        block = self.likelihood.covariance[np.ix_([*own, *shapes], [*own, *shapes])]
+        if shapes:
+            block = np.linalg.inv(np.linalg.inv(block)[: len(own), : len(own)])
+        return [float(v) for v in np.diag(block)]
 
 
 def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noise: Noise) -> Trajectory:

@@ -110,6 +110,11 @@ class Model:
         """The same model without an effect."""
         return replace(self, effects=EffectSet(tuple(t for t in self.effects.terms if t.id != effect_id)))
 
+    def changed(self, term: Term, other: Term) -> Model:
+        """The same model with another term in the place of one that it has."""
+        terms = tuple(other if item is term else item for item in self.effects.terms)
+        return replace(self, effects=replace(self.effects, terms=terms))
+
     def settled(self, effect_id: str) -> Model:
         """The same model, the shapes of one effect no longer refined."""
         terms = tuple(replace(t, settled=True) if t.id == effect_id else t for t in self.effects.terms)

@@ -43,12 +43,15 @@ def _choice(
 
 
 def _called_by(effect: type[Any]) -> list[Callable[..., Any]]:
-    """Plain functions of the effect's own module and of the modules that it imports them from."""
-    module = inspect.getmodule(effect)
-    functions = [value for value in vars(module).values() if inspect.isfunction(value)]
-    homes = {function.__module__ for function in functions if function.__module__.startswith(_HOMES)}
-    if memory_flow_home.__name__ in homes:
-        homes.add(memory_coast_home.__name__)
+    """Plain functions of the effect's own module and of the modules that it, and they, import them from."""
+    homes: set[str] = set()
+    ahead = {effect.__module__}
+    while ahead:
+        module = importlib.import_module(ahead.pop())
+        functions = [value for value in vars(module).values() if inspect.isfunction(value)]
+        used = {function.__module__ for function in functions if function.__module__.startswith(_HOMES)}
+        ahead |= used - homes
+        homes |= used
     return [
         value
         for home in sorted(homes)

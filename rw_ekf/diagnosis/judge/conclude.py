@@ -14,6 +14,7 @@ from rw_ekf.diagnosis.judge.event import percent_gained
 from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, weighed_explanations
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
+from rw_ekf.diagnosis.judge.open_law import LAW, has_laws
 from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
@@ -199,8 +200,8 @@ def candidate_entries(
                 if found.orders and effect.angular:
                     odds = {f"{order:g}": probability for order, probability in found.orders.items()}
                     entry["parameters"]["order"]["probability"] = odds
-                if found.laws and "law" in entry["parameters"]:
-                    entry["parameters"]["law"]["probability"] = found.laws
+                if found.laws and has_laws(name):
+                    entry["parameters"][LAW]["probability"] = found.laws
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)

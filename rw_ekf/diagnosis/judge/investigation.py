@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import confirm, veto
-from rw_ekf.diagnosis.judge.open_law import with_open_law
+from rw_ekf.diagnosis.judge.open_law import has_laws, with_open_law
 from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_onset, with_profiled_widths
@@ -73,8 +73,8 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
         if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):
             advance(f"profiling {name}")
             told = with_profiled_widths(told, name)
-        told, its_laws = with_open_law(found.selection.without(name), told, name)
-        laws = laws or its_laws
+        if has_laws(name):
+            told, laws = with_open_law(found.selection.without(name), told, name)
     return replace(found, told=told, orders=orders, laws=laws)
 
 

@@ -11,20 +11,23 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Candidate, Term
 
-_LAW = "law"  # the constant's name
+LAW = "law"  # the constant's name
 _LEAST_TOLD = 0.02
 
 
+def has_laws(name: str) -> bool:
+    """Whether an effect may follow several laws."""
+    return any(item.name == LAW for item in CATALOGUE[name].constants)
+
+
 def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]]:
-    """A fit with an effect of several laws, and how probable each is by its name: {} of an effect that has none.
+    """A fit with an effect of several laws, and how probable each is by its name.
 
     less: without it. All laws are as likely beforehand. The coefficient's variance becomes that about the value told,
     over all of them: another law asks for another number.
     """
     effect = CATALOGUE[name]
-    constant = next((i for i, item in enumerate(effect.constants) if item.name == _LAW), None)
-    if constant is None:
-        return fit, {}
+    constant = next(i for i, item in enumerate(effect.constants) if item.name == LAW)
     own, at = next((term, at.start) for term, at in fit.model.placed if term.id == name)
     fits = {own.shape[constant]: fit}
     for start in effect.starts(Candidate(own.values[0], own.shape), own.values[0]):
@@ -37,7 +40,7 @@ def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]
         found = item.terms_of(name)[0]
         apart = found.term.values[0] - own.values[0]
         variance += odds[law] / total * (float(found.covariance[0, 0]) + apart**2)
-        told[str(effect.described(1.0, 1.0, found.term.shape)[_LAW]["value"])] = odds[law] / total
+        told[str(effect.described(1.0, 1.0, found.term.shape)[LAW]["value"])] = odds[law] / total
     factors = np.ones(fit.model.vector.size)
     factors[at] = max(math.sqrt(variance) / float(fit.std[at]), 1.0)
     return fit.widened(factors), {law: p for law, p in told.items() if p > _LEAST_TOLD}

@@ -9,6 +9,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import Performance
 from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.open_law import has_laws
 from rw_ekf.diagnosis.judge.posterior import NONE, SOMETHING_ELSE
 from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
@@ -147,7 +148,7 @@ def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
 
 def _open_law(found: Found, name: str) -> str:
     """Which laws an effect may follow instead, in brackets, where it has several and one is not sure."""
-    if all(item.name != "law" for item in CATALOGUE[name].constants) or max(found.laws.values(), default=1.0) > _SURE:
+    if not has_laws(name) or max(found.laws.values(), default=1.0) > _SURE:
         return ""
     others = [f"{law} ({chance_text(chance)})" for law, chance in [*found.laws.items()][1:]]
     return f" (its law may also be {', '.join(others)})" if others else ""

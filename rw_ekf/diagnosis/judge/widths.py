@@ -133,6 +133,5 @@ def _with_constant(fit: Fit, term: Term, constant: int, value: float) -> Fit:
 
 
 def _held(fit: Fit, term: Term, changed: Term) -> Fit:
-    terms = tuple(changed if other is term else other for other in fit.model.effects.terms)
-    model = replace(fit.model, effects=replace(fit.model.effects, terms=terms))
+    model = fit.model.changed(term, changed)
     return fit_model(fit.linearised.record, model, fit.prior, fit.trajectory, fit.noise, fit.omit, turns=_HELD_TURNS)

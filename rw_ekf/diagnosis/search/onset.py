@@ -74,6 +74,4 @@ def held(fit: Fit, number: int, onset_s: float) -> Moved:
 
 def _at(model: Model, number: int, onset_s: float) -> Model:
     term = model.terms[number]
-    changed = replace(term, shape=(onset_s, *term.shape[1:]))
-    terms = tuple(changed if other is term else other for other in model.effects.terms)
-    return replace(model, effects=replace(model.effects, terms=terms))
+    return model.changed(term, replace(term, shape=(onset_s, *term.shape[1:])))
