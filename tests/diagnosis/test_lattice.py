@@ -9,7 +9,7 @@ import pytest
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.grid import grid_of
-from rw_ekf.diagnosis.judge.residual import Lattice, _log_cell, find_lattice
+from rw_ekf.diagnosis.judge.lattice import Lattice, _log_cell, find_lattice
 from rw_ekf.units import RAD_S_PER_RPM
 
 NOISE = RAD_S_PER_RPM

@@ -12,11 +12,12 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.judge.event import percent_gained
 from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, weighed_explanations
-from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, performance
+from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, percent_better, performance, performance_read
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
+from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.open_law import LAW, has_laws
 from rw_ekf.diagnosis.judge.posterior import posterior_of
-from rw_ekf.diagnosis.judge.residual import Lattice, find_lattice, left_over, residual_tests
+from rw_ekf.diagnosis.judge.residual import left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
 from rw_ekf.diagnosis.judge.torque_noise import noise_finding
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
@@ -39,69 +40,49 @@ from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import size_of
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
-from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
 
 Advance = Callable[[str], object]
 
 SCHEMA = "rw_ekf.diagnosis/1"
 MODEL_FILE = "augmented-model.yaml"
-_REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which is no effect
-
-
-def _lattice(found: Found) -> Lattice | None:
-    """The grid of the readings, if it is coarser than their noise."""
-    prepared, fit = found.prepared, found.fit
-    if GRID.id in prepared.base.model.effects.ids:
-        return None
-    performed = performance(prepared, fit)
-    innovation = performed.trace.one_step_error_rad_s
-    speed = prepared.course.speed_rad_s
-    lattice = find_lattice(
-        speed, speed - innovation, performed.predicted_std_rad_s, fit.noise.variance, prepared.split.heldout,
-        0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM,
-    )  # fmt: skip
-    if lattice is None or lattice.statistic + lattice.heldout_statistic < 0.0:
-        return None
-    return lattice
 
 
 def conclude(found: Found, advance: Advance) -> Diagnosis:
     """Judge, decide, and write the document and the model."""
-    lattice = _lattice(found)
     prepared, selection = found.prepared, found.selection
     work, kept, course = prepared.record.work, prepared.kept, prepared.record.course
     before = performance(prepared, selection.base)
     names, unexplained = found.new_ids, found.is_unexplained
+    lattice = None if unexplained else found.lattice
     after = performance(prepared, selection.final) if names else before
-    quantised = lattice is not None and not unexplained
+    if lattice is not None:
+        after = performance_read(prepared, selection.final, lattice)
     split = prepared.split.document()
     heldout_s = sum(end - begin for begin, end in split["heldout_s"])
     advance("weighing explanations")
     weighed = weighed_explanations(found)
     noise = noise_finding(found.fit, prepared.facts)
     noisy = None if noise is None else noise.sentence(in_rpm=prepared.in_rpm)
-    posterior = posterior_of(found, weighed, lattice if quantised else None, noise)
-    verdict = verdict_on(found, lattice if quantised else None, posterior, before, after, heldout_s)
+    posterior = posterior_of(found, weighed, lattice, noise)
+    verdict = verdict_on(found, lattice, posterior, before, after, heldout_s)
     if noisy is not None and verdict.kind == "adequate":
         verdict = replace(verdict, statement=f"{verdict.statement[:-1]}; but {noisy}.")
-    chosen = [] if unexplained else [*names, *([GRID.id] if quantised else [])]
+    chosen = [] if unexplained else [*names, *([] if lattice is None else [GRID.id])]
     for name in names:
         trial = selection.trials[name]
         trial.decision = ADDED if not unexplained else PARTIAL
     advance("writing the model")
-    model = augmented_model(found, lattice if quantised else None) if chosen else None
+    model = augmented_model(found, lattice) if chosen else None
     refusal = None if model is None else refusal_of(model)
     if refusal is not None:
         model = None
-    if chosen and quantised and not names:
-        after = before
     document = {
         "schema": SCHEMA,
         **prepared.source.document(),
         "split": split,
         "verdict": asdict(replace(verdict, statement=prepared.source.said_first + verdict.statement)),
-        "candidates": candidate_entries(found, lattice, verdict, before, after),
+        "candidates": candidate_entries(found, verdict, before, after),
         "before": before.figures,
         "after": after.figures if chosen else before.figures,
         "parameters": {
@@ -171,9 +152,7 @@ def _trace_over_log(trace: ModelTrace, kept: BoolArray) -> ModelTrace:
     return ModelTrace(**{name: _over_log(values, kept) for name, values in vars(trace).items()})
 
 
-def candidate_entries(
-    found: Found, lattice: Lattice | None, verdict: Verdict, before: Performance, after: Performance
-) -> list[dict[str, Any]]:
+def candidate_entries(found: Found, verdict: Verdict, before: Performance, after: Performance) -> list[dict[str, Any]]:
     """One entry for every effect of the catalogue, strongest first."""
     facts, selection = found.prepared.facts, found.selection
     entries = []
@@ -187,9 +166,11 @@ def candidate_entries(
             entry["decision"] = GIVEN
             entry["parameters"] = _described(found.told, name)
         elif name == GRID.id:
-            entry |= {"decision": NO_GRID} if lattice is None else _lattice_entry(lattice)
+            entry |= {"decision": NO_GRID} if found.lattice is None else _lattice_entry(found.lattice)
             if name in verdict.effects:
                 entry["decision"] = ADDED
+                less = performance(found.prepared, selection.final)
+                entry["heldout_gain_percent"] = percent_better(less.figures, after.figures)
         elif (why := effect.untestable(facts)) is not None:
             entry["decision"] = f"{UNTESTABLE}: {why}"
         elif trial is not None:
@@ -240,10 +221,9 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
     """
     if CATALOGUE[name].local_in_time:
         return percent_gained(found.fit, name)
-    errors = [performed.figures.get("free_run_rms_rpm") for performed in (before, after)]
-    if found.new_ids == [name] and errors[0] and errors[1] is not None:
-        return float(100.0 * (1.0 - errors[1] / errors[0]))
     final = found.selection.final
+    if found.new_ids == [name] and found.lattice is None:
+        return percent_better(before.figures, after.figures)
     return gain_over(found.prepared, final.without(name), final)
 
 

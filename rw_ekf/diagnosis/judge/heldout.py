@@ -16,6 +16,7 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.judge.cross_fit import cross_fitted_gain
 from rw_ekf.diagnosis.judge.event import agrees_with_itself
+from rw_ekf.diagnosis.judge.lattice import Lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.diagnosis.search.selection import Selection
@@ -47,10 +48,15 @@ def performance(prepared: Prepared, fit: Fit) -> Performance:
 
     The model is fitted to the other part anew and run, frozen, over the record.
     """
-    return prepared.remembered(fit, lambda: _performance(prepared, fit.on_part(prepared.fit_part)))
+    return prepared.remembered(fit, lambda: _performance(prepared, fit.on_part(prepared.fit_part), None))
 
 
-def _performance(prepared: Prepared, fit: Fit) -> Performance:
+def performance_read(prepared: Prepared, fit: Fit, lattice: Lattice) -> Performance:
+    """The same, the readings predicted being those that a grid makes of the speed."""
+    return _performance(prepared, fit.on_part(prepared.fit_part), lattice)
+
+
+def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Performance:
     record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
     inertia_kg_m2 = prepared.setup.inertia_kg_m2
     record = record.along(fit.trajectory)
@@ -58,19 +64,28 @@ def _performance(prepared: Prepared, fit: Fit) -> Performance:
     run = run_frozen(course, model, noise, record.constants)
     free = _free_run(record, model, run.states, split.block)
     observed = _observed_acceleration(record, model, noise, prepared.base)
-    errors = {seconds: _horizon(record, model, run.states, split.heldout, seconds) for seconds in (1.0, 20.0)}
     heldout = split.heldout
+    variance = np.maximum(run.innovation_variance - noise.variance, 0.0)
+    innovation = run.innovation_rad_s
+    innovation = _missed(course.speed_rad_s, course.speed_rad_s - innovation, np.sqrt(variance), lattice)
+    errors = {seconds: _horizon(record, model, run.states, heldout, seconds, lattice) for seconds in (1.0, 20.0)}
+    ran = _missed(course.speed_rad_s, free, np.zeros(free.size), lattice)
     figures = {
-        "one_step_rms_rpm": _rms_rpm(run.innovation_rad_s[heldout]),
+        "one_step_rms_rpm": _rms_rpm(innovation[heldout]),
         "horizon_1s_rms_rpm": _rms_rpm(errors[1.0]),
         "horizon_20s_rms_rpm": _rms_rpm(errors[20.0]),
-        "free_run_rms_rpm": _rms_rpm((course.speed_rad_s - free)[heldout]),
+        "free_run_rms_rpm": _rms_rpm(ran[heldout]),
         "nis_mean": _mean(run.nis[heldout]),
         "torque_rms_mNm": None if inertia_kg_m2 is None else _scaled(_rms(observed[heldout]), 1e3 * inertia_kg_m2),
     }
     trace = ModelTrace(run.innovation_rad_s, free, observed, run.innovation_rad_s / np.sqrt(run.innovation_variance))
-    predicted = np.sqrt(np.maximum(run.innovation_variance - noise.variance, 0.0))
-    return Performance(figures, trace, predicted)
+    return Performance(figures, trace, np.sqrt(variance))
+
+
+def _missed(read: Float64Array, predicted: Float64Array, spread: Float64Array, lattice: Lattice | None) -> Float64Array:
+    """Readings (n,) less those that predicted speeds, known to standard deviations, let expect [rad/s]."""
+    error = read - predicted
+    return error if lattice is None else error - rounding_error(predicted, spread, lattice)
 
 
 def _free_run(record: Record, model: Model, states: Float64Array, block: Int64Array) -> Float64Array:
@@ -97,7 +112,9 @@ def _settling(states: Float64Array, record: Record, first: NDArray[np.intp]) -> 
 _SETTLE_SAMPLES = 20
 
 
-def _horizon(record: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float) -> Float64Array:
+def _horizon(
+    record: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float, lattice: Lattice | None
+) -> Float64Array:
     """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
     period = record.period_s
     steps = max(1, round(seconds / period))
@@ -114,7 +131,7 @@ def _horizon(record: Record, model: Model, states: Float64Array, heldout: BoolAr
         return np.zeros(0)
     first = ends - steps
     predicted = free_run(record.course, model.effects, model.stribeck, states[first], first, ends).ends_rad_s
-    return record.course.speed_rad_s[ends] - predicted
+    return _missed(record.course.speed_rad_s[ends], predicted, np.zeros(ends.size), lattice)
 
 
 def _observed_acceleration(record: Record, model: Model, noise: Noise, base: Fit) -> Float64Array:
@@ -232,7 +249,11 @@ def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
 
     Of models fitted to the whole record, their numbers to the other part.
     """
-    before, after = performance(prepared, less).figures, performance(prepared, more).figures
+    return percent_better(performance(prepared, less).figures, performance(prepared, more).figures)
+
+
+def percent_better(before: Figures, after: Figures) -> float | None:
+    """Percent by which the free-run error, or that 20 s ahead where there is none, is smaller."""
     key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
     if not before[key] or after[key] is None:
         return None

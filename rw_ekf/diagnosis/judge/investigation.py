@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import confirm, veto
+from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.open_law import has_laws, with_open_law
-from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_onset, with_profiled_widths
 from rw_ekf.diagnosis.prepare.preparation import Prepared
@@ -54,6 +54,7 @@ class Found:
     unnamed_odds: float | None = None  # log of those of a law without a name to what was named; None: not weighed
     orders: dict[float, float] = field(default_factory=dict)  # how probable each is, of a ripple without a logged angle
     laws: dict[str, float] = field(default_factory=dict)  # the same of an effect that may follow several
+    lattice: Lattice | None = None  # the readings' grid, where it is coarser than their noise
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
@@ -194,11 +195,10 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
     model = model_of_fit(found.told, found.prepared)
     if lattice is None:
         return model
-    variance = found.fit.noise.variance - GRID.variance(lattice.grid_rad_s)
     return replace(
         model,
         effects=EffectSet((*model.effects.terms, Term.of(GRID, value=lattice.grid_rad_s))),
-        speed_noise_rad_s=float(np.sqrt(max(variance, (0.02 * lattice.grid_rad_s) ** 2))),
+        speed_noise_rad_s=lattice.noise_rad_s,
     )
 
 

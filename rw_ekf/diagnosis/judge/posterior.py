@@ -11,7 +11,7 @@ import math
 
 from rw_ekf.diagnosis.judge.explanations import TEMPERATURE, Explanation
 from rw_ekf.diagnosis.judge.investigation import Found
-from rw_ekf.diagnosis.judge.residual import Lattice
+from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.torque_noise import NoiseFinding
 from rw_ekf.effects.catalogue import GRID
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import Performance
 from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.open_law import has_laws
 from rw_ekf.diagnosis.judge.posterior import NONE, SOMETHING_ELSE
-from rw_ekf.diagnosis.judge.residual import Lattice
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
