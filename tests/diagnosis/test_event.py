@@ -2,34 +2,81 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.diagnosis.judge.cross_fit import _asked, _said, parts_agree
 from rw_ekf.diagnosis.judge.event import agrees_with_itself, percent_gained
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term
 from tests.diagnosis.simulated import log_of, simulated
 
-SPIKE = CATALOGUE["drag_spike"]
+SPIKE, OFFSET = CATALOGUE["drag_spike"], CATALOGUE["offset_torque"]
 
 
-@pytest.mark.parametrize(
-    ("effect", "agrees"),
-    [
-        ("drag_spike:amplitude_rad_s2=0.03,onset_s=150,decay_s=60", True),
-        ("external_torque:amplitude_rad_s2=0.05,frequency_Hz=0.1,phase_rad=1.57", False),
-    ],
-)
-def test_seconds_of_an_event_agree_where_there_is_one_and_not_where_a_torque_swings(effect: str, agrees: bool) -> None:
-    """A weak spike is confirmed by its own seconds; a torque that changes its sign every five is none."""
+def believed(effect: str, decay_s: float) -> tuple[Fit, Fit]:
+    """Base fit of a record with an effect at 150 s, and a fit with a spike there that decays as is believed."""
     run = simulated([effect], seed=5, samples=3000)
-    prepared = prepare(source_of([log_of(run)]), None, None, "blocks")
-    fit = prepared.base.refitted(prepared.base.model.with_terms(Term.of(SPIKE, (150.0, 60.0, 0.0), 0.02)))
-    settled = fit.refitted(fit.model.settled(SPIKE.id))
-    assert settled.likelihood.value > prepared.base.likelihood.value + 2.0  # the record as a whole has some use for it
-    assert agrees_with_itself(settled, SPIKE.id) is agrees
-    if agrees:
-        gained = percent_gained(settled, SPIKE.id)
-        assert gained is not None
-        assert -5.0 < gained < 50.0
+    base = prepare(source_of([log_of(run)]), None, None, "blocks").base
+    return base, base.refitted(
+        base.model.with_terms(replace(Term.of(SPIKE, (150.0, decay_s, 0.0), 0.02), settled=True))
+    )
+
+
+@pytest.mark.parametrize(("amplitude_rad_s2", "decay_s"), [(0.03, 60.0), (0.3, 4.0)])
+def test_seconds_of_an_event_agree(amplitude_rad_s2: float, decay_s: float) -> None:
+    """Those of a weak spike, and of a short one, half of whose seconds know next to nothing of it."""
+    base, fit = believed(f"drag_spike:amplitude_rad_s2={amplitude_rad_s2},onset_s=150,decay_s={decay_s}", decay_s)
+    assert fit.likelihood.value > base.likelihood.value + 20.0  # the record as a whole has use for it
+    assert agrees_with_itself(fit, SPIKE.id)
+
+
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_parts_agree_on_a_torque_that_acts_all_the_time_alone(everywhere: bool) -> None:
+    """A current offset that the log does not have, in all of the record or in its first half."""
+    times, currents = sample_profile(make_profile("P2", seed=4), 10.0)
+    times, logged = times[:3000], np.array(currents[:3000])
+    first = np.arange(3000) < 1500
+    sent = np.where(first | everywhere, logged + 0.004, logged)
+    run = simulate_run(PlantParameters(), sent, times, PlantNoise(0.1), seed=6)
+    base = prepare(source_of([log_of(replace(run, current_command_A=logged))]), None, None, "blocks").base
+    fit = base.refitted(base.model.with_terms(Term.of(OFFSET, value=0.02)))
+    assert fit.likelihood.value > base.likelihood.value + 20.0
+    assert parts_agree(fit, OFFSET.id, first) is everywhere
+
+
+def test_what_an_event_gains_is_told_on_seconds_that_were_left_out() -> None:
+    """Five seconds between readings are bridged nearly as well without a weak spike."""
+    _, fit = believed("drag_spike:amplitude_rad_s2=0.03,onset_s=150,decay_s=60", 60.0)
+    gained = percent_gained(fit, SPIKE.id)
+    assert gained is not None
+    assert -5.0 < gained < 50.0
+
+
+def test_parts_dispute_what_a_test_of_two_fits_would_dispute() -> None:
+    """The chi-square of the difference of two coefficients with their sigmas; one that knows nothing has none."""
+    rng = np.random.default_rng(3)
+    column, other = rng.standard_normal((2, 400))
+    half = np.arange(400) < 150
+    seen = 0.2 * column + np.where(half, 0.3 * column, 0.0) + 0.5 * other + 0.1 * rng.standard_normal(400)
+    found = 0.31
+    sizes, sigmas, said = [], [], []
+    for rows in (half, ~half):
+        both = np.column_stack((column, other))[rows]
+        covariance = np.linalg.inv(both.T @ both)
+        sizes.append(float((covariance @ both.T @ seen[rows])[0]))
+        sigmas.append(float(covariance[0, 0]))
+        left = (seen - found * column)[rows]
+        said.append(_said(left, column[rows, None], other[rows, None], np.zeros((0, 1)), np.array([found])))
+    (u, J), (v, K) = said
+    disputed = _asked(u, J) + _asked(v, K) - _asked(u + v, J + K)
+    assert disputed == pytest.approx((sizes[0] - sizes[1]) ** 2 / sum(sigmas), rel=1.0e-9)
+    assert _asked(np.zeros(1), np.zeros((1, 1))) == 0.0

@@ -9,8 +9,10 @@ import pytest
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.grid import grid_of
-from rw_ekf.diagnosis.judge.lattice import Lattice, _log_cell, find_lattice
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.judge.lattice import Lattice, _log_cell, find_lattice, rounding_error
 from rw_ekf.units import RAD_S_PER_RPM
+from tests.diagnosis.simulated import log_of, simulated
 
 NOISE = RAD_S_PER_RPM
 TRACKED = 0.3 * NOISE  # of the predictions
@@ -105,3 +107,24 @@ def test_the_cells_of_a_grid_share_all_probability() -> None:
     drawn = np.random.default_rng(8).normal(centre, spread, 200_000)
     counted = np.array([np.mean(np.round(drawn / grid) == k) for k in (-1, 0, 1)])
     assert np.allclose(share[19:22], counted, atol=0.005)
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.2, 0.6])
+def test_the_error_of_a_rounded_reading_is_the_mean_over_many(noise: float) -> None:
+    """At any place in a cell, whatever the noise before the rounding, the reading's or the speed's."""
+    grid, rng = 0.7, np.random.default_rng(9)
+    speed = np.linspace(-1.1, 1.1, 23) * grid
+    drawn = speed + noise * grid * rng.standard_normal((40_000, speed.size))
+    counted = (np.round(drawn / grid) * grid).mean(axis=0) - speed
+    alike = noise * grid * math.sqrt(0.5)  # half of the variance is the reading's, half the speed's
+    expected = rounding_error(speed, np.full(speed.size, alike), Lattice(grid, alike, 0.0, 0.0))
+    assert np.allclose(counted, expected, atol=0.012 * grid)
+
+
+@pytest.mark.parametrize("effect", ["none", "offset_torque:torque_rad_s2=0.06"])
+def test_a_grid_of_ten_rpm_hides_nothing_and_makes_nothing_up(effect: str) -> None:
+    """Under 1 rpm of noise the grid is named with what the wheel has, and the readings predicted are rounded."""
+    effects = [f"speed_quantisation:grid_rad_s={10.0 * RAD_S_PER_RPM}", *([] if effect == "none" else [effect])]
+    document = diagnose_log(log_of(simulated(effects, seed=21, samples=4000))).document
+    assert sorted(document["verdict"]["effects"]) == sorted(text.split(":")[0] for text in effects)
+    assert document["after"]["free_run_rms_rpm"] < 0.9 * document["before"]["free_run_rms_rpm"]

@@ -1,9 +1,9 @@
-"""Whether two halves of a record agree on an effect: each is predicted with the coefficient that the other gives.
+"""Whether two parts of a record agree on an effect: what each makes of its size, everything else fitted there too.
 
 An effect of the wheel acts whenever its cause does; what one stretch of a record alone asks for is no effect. Along the
-whole record's trajectory everything is linear (docs/diagnosis.md eq. 3-5), and its whitened rows are independent. So
-the rows of each half give a coefficient and the other half judges it, nothing being refitted and the speed being
-continuous from block to block (Stone, 1974; Chernozhukov et al., 2018, for the name).
+whole record's trajectory everything is linear (docs/diagnosis.md eq. 3-5), and its whitened rows are independent, the
+speed being continuous from block to block. So the rows of each part give a score and an information, and what they
+dispute is a chi-square (Cochran, 1954, "The combination of estimates from different experiments").
 """
 
 from __future__ import annotations
@@ -14,11 +14,15 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 
+# Where both parts know equally much, each predicts the other better than nothing does, the two gains added, as long as
+# they dispute less than this share of what they ask for together.
+_DISPUTED = 1.0 / 3.0
 
-def cross_fitted_gain(fit: Fit, name: str, part: BoolArray) -> float:
-    """Twice the log-likelihood that an effect gains where it is predicted: on `part` (n,) and on the rest, summed.
 
-    An effect that is known badly by one half is drawn towards zero there, by a prior as wide as the effect is large.
+def parts_agree(fit: Fit, name: str, part: BoolArray) -> bool:
+    """Whether `part` (n,) and the rest hardly dispute an effect's coefficients (eq. 10b).
+
+    One that knows next to nothing of them disputes nothing.
     """
     linearised, model = fit.linearised, fit.model
     own = [place for term, at in model.placed if term.id == name for place in range(at.start, at.stop)]
@@ -26,18 +30,15 @@ def cross_fitted_gain(fit: Fit, name: str, part: BoolArray) -> float:
     others = [place for place in range(model.vector.size) if place not in {*own, *shapes}]
     r, A, _ = linearised.whitened(fit.noise.ratio, fit.noise.variance, linearised.jacobian, linearised.memory_jacobian)
     pull = np.zeros((0, len(others))) if fit.prior is None else prior_rows(fit.prior, model)[0][:, others]
-    found = model.vector[own]
-    width = np.full(found.size, max(float(found @ found) / found.size, 1.0e-300))
     chosen = part[linearised.innovation_at]
-    halves = [_half(r[rows], A[rows][:, own], A[rows][:, others], pull, found) for rows in (chosen, ~chosen)]
-    gain = 0.0
-    for (score, information), (other_score, other_information) in (halves, halves[::-1]):
-        estimate = np.linalg.solve(information + np.diag(1.0 / width), score)
-        gain += float(2.0 * estimate @ other_score - estimate @ other_information @ estimate)
-    return gain
+    (u, J), (v, K) = (
+        _said(r[rows], A[rows][:, own], A[rows][:, others], pull, model.vector[own]) for rows in (chosen, ~chosen)
+    )
+    together = _asked(u + v, J + K)
+    return _asked(u, J) + _asked(v, K) - together < _DISPUTED * together
 
 
-def _half(
+def _said(
     r: Float64Array, own: Float64Array, others: Float64Array, pull: Float64Array, found: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
     """Score (m,) and information (m, m) of an effect's coefficients in some rows, all else fitted there too.
@@ -52,3 +53,12 @@ def _half(
     beside = own - basis @ (basis.T @ own)
     information = beside.T @ own
     return information @ found + beside.T @ r, information
+
+
+def _asked(score: Float64Array, information: Float64Array) -> float:
+    """Chi-square of the coefficients that some rows ask for, where they say anything of them."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1.0e-300))
+    sizes, axes = np.linalg.eigh(information / np.outer(scale, scale))
+    known = sizes > 1.0e-9
+    along = (axes.T @ (score / scale))[known]
+    return float(along**2 @ (1.0 / sizes[known]))

@@ -1,9 +1,9 @@
 """What an event in time is worth on data that did not shape it: every other five seconds inside it.
 
 An event lives in one stretch of the record, so that blocks can neither find nor judge it. Whether it is there is asked
-of every other five seconds of it: what those make of its size has to predict the rest, and the other way round. How
-much is gained is told on those seconds too, its coefficients fitted without them, and those readings predicted from
-what surrounds them. That is no test: five seconds between readings are bridged without the event nearly as well.
+of every other five seconds of it: they and all else have to agree on its size. How much is gained is told on those
+seconds too, its coefficients fitted without them, and those readings predicted from what surrounds them. That is no
+test: five seconds between readings are bridged without the event nearly as well.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rw_ekf.arrays import BoolArray
-from rw_ekf.diagnosis.judge.cross_fit import cross_fitted_gain
+from rw_ekf.diagnosis.judge.cross_fit import parts_agree
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.model import Model
 
@@ -20,9 +20,9 @@ _DECAYS = 3.0  # how long an event is, in its own time constants
 
 
 def agrees_with_itself(whole: Fit, name: str) -> bool:
-    """Whether every other five seconds of an event predict all else with what they make of its size, and are so."""
+    """Whether every other five seconds of an event and all else agree on its size."""
     seconds = _every_other(whole, name)
-    return not seconds.any() or cross_fitted_gain(whole, name, seconds) > 0.0
+    return not seconds.any() or parts_agree(whole, name, seconds)
 
 
 def percent_gained(whole: Fit, name: str) -> float | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
-from rw_ekf.diagnosis.judge.cross_fit import cross_fitted_gain
+from rw_ekf.diagnosis.judge.cross_fit import parts_agree
 from rw_ekf.diagnosis.judge.event import agrees_with_itself
 from rw_ekf.diagnosis.judge.lattice import Lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
@@ -191,14 +191,14 @@ _UNDOUBTED = 1.0e-8  # p-value on the whole record
 
 
 def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
-    """Drop effects on which the two parts do not agree: neither is predicted better by what the other says.
+    """Drop effects on whose size the two parts do not agree.
 
     An event in time is in one of them only, and is not asked for there.
     """
     for name in names:
         if CATALOGUE[name].local_in_time:
             continue
-        if cross_fitted_gain(selection.final, name, prepared.split.fit) <= 0.0:
+        if not parts_agree(selection.final, name, prepared.split.fit):
             selection.trials[name].decision = f"{NOT_CONFIRMED}: the two parts of the record do not agree on it"
             selection.final = selection.final.without(name)
 
@@ -208,7 +208,6 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
 
     What the record leaves no doubt of goes only where that is so whichever part is held out. One that hardly shows the
     motor gain, say, may have it several sigma off, and figures in which torque noise hides nothing are worse for it.
-    Nor is an event beyond doubt asked whether its seconds agree: half of a short one knows next to nothing of it.
     """
     other_way = prepared.exchanged()
     for name in reversed(names):
@@ -216,9 +215,8 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
         worse = _worse(prepared, less, selection.final)
         if worse is not None and selection.trials[name].p_value < _UNDOUBTED:
             worse = _worse(other_way, less, selection.final)
-        doubted = CATALOGUE[name].local_in_time and selection.trials[name].p_value >= _UNDOUBTED
-        if worse is None and doubted and not agrees_with_itself(selection.final, name):
-            worse = "every other 5 s inside it say nothing of the rest"
+        if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
+            worse = "every other 5 s inside it and the rest do not agree on its size"
         if worse is not None:
             selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"
             selection.final = less
