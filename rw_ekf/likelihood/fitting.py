@@ -1,4 +1,4 @@
-"""A model fitted to a part of a record: Gauss-Newton on its vector to the highest likelihood (docs/diagnosis.md)."""
+"""A model fitted to a part of a record: what it says of each effect, and what else is fitted from where it stands."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.filter.belief import Belief
-from rw_ekf.likelihood.free_path import free_trajectory
-from rw_ekf.likelihood.frozen_filter import filtered_trajectory
+from rw_ekf.likelihood.gauss_newton import (
+    SMALL_STEP,
+    TURNS,
+    Optimum,
+    Problem,
+    Start,
+    along_free_runs,
+    optimum_of,
+    smoothed_trajectory,
+)
 from rw_ekf.likelihood.linearisation import Linearisation, Noise, follows_angle, linearise
-from rw_ekf.likelihood.model import Model, prior_rows
-from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.phase_particles import LostAngle
-from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood, value_of
-from rw_ekf.likelihood.whitening import smooth
-from rw_ekf.likelihood.work import FITS
+from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of
 from rw_ekf.model.effect import RecordFacts, Term, size_of
 from rw_ekf.wheel.table import ABSENT
 
-_FIT_TURNS = 8
-_FREE_RUNS, _BETTER = 2, 1.0  # of a model with a memory, and by how much log-likelihood the second has to be better
-_SETTLING_TURNS = 4
 _SKETCH_TURNS = 3
-_NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that moved meanwhile
-_LEAST_DAMPING = 0.02
 _STANDSTILL_TURNS = 10
 _COMPARABLE = 6.0  # log-likelihood: along different trajectories values differ by that for no reason
 ROOM_SIGMAS = 2.0  # by which an effect may be larger than it was found
 _LOOSER = 3.0  # than the whole record knows it, a part takes the size of an event over
-_SMALL_STEP = 0.05  # standard deviations
 
 
 class FittedTerm(NamedTuple):
@@ -56,6 +56,11 @@ class Fit:
     _sketches: dict[Model, Fit] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
+    def problem(self) -> Problem:
+        """What it was fitted to."""
+        return Problem(self.linearised.record, self.prior, self.omit)
+
+    @property
     def noise(self) -> Noise:
         """Its own best noises."""
         return self.likelihood.noise
@@ -77,7 +82,7 @@ class Fit:
             starts = [(model, self.trajectory)]
             if follows_angle(record, model) and self.linearised.memory_jacobian.shape[0] == 0:
                 starts = self._on_likely_angles(model)
-            fits = [fit_model(record, m, self.prior, path, self.noise, self.omit) for m, path in starts]
+            fits = [fit_model(self.problem, Start(m, path, self.noise)) for m, path in starts]
             self._refits[model] = max(fits, key=lambda fit: fit.likelihood.value)
         return self._refits[model]
 
@@ -116,10 +121,8 @@ class Fit:
     def sketched(self, model: Model) -> Fit:
         """A model with a memory fitted in few turns, along the path on which it runs freely; each model once."""
         if model not in self._sketches:
-            self._sketches[model] = fit_along_free_runs(
-                self.linearised.record, model, self.prior, self.trajectory, self.noise, self.omit,
-                turns=_SKETCH_TURNS, runs=1,
-            )  # fmt: skip
+            start = Start(model, self.trajectory, self.noise)
+            self._sketches[model] = _fit_of(self.problem, along_free_runs(self.problem, start, _SKETCH_TURNS, runs=1))
         return self._sketches[model]
 
     def without(self, effect_id: str) -> Fit:
@@ -130,7 +133,7 @@ class Fit:
         """The same model fitted to a part of the record alone; the places of events stay, and their sizes nearly.
 
         An event lives in one stretch of the record: a part without it would deny it where it is. Any other effect is
-        drawn towards zero by a prior as wide as it is large, as far as the part does not know it (eq. 10b): a part that
+        drawn towards zero by a prior as wide as it is large, as far as the part does not know it: a part that
         has nothing of it may call it anything.
         """
         model, prior = self.model, self.prior
@@ -149,7 +152,7 @@ class Fit:
                     mean, std = 0.0, item.term.size / math.sqrt(len(values))
                 for _ in values if std > 0.0 else ():
                     prior = prior.with_coefficient(name, mean, std)
-        return fit_model(record, model, prior, self.trajectory, self.noise, self.omit)
+        return fit_model(Problem(record, prior, self.omit), Start(model, self.trajectory, self.noise))
 
     def terms_of(self, effect_id: str) -> list[FittedTerm]:
         """The terms of one effect, in the order of use."""
@@ -203,149 +206,13 @@ class Fit:
         return [float(v) for v in np.diag(block)]
 
 
-def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noise: Noise) -> Trajectory:
-    """The trajectory smoothed under the corrected model."""
-    n = linearised.chain.reading.size
-    means, variances = np.zeros((n, 2)), np.zeros((n, 2))
-    chain = linearised.chain._replace(defect=linearised.chain.defect + linearised.jacobian @ correction)
-    with_memory = linearised.memory_jacobian.shape[0] > 0
-    if with_memory:
-        chain = chain._replace(memory_defect=chain.memory_defect + linearised.memory_jacobian @ correction)
-    smooth(chain, noise.ratio * noise.variance / linearised.record.period_s, noise.variance, means, variances)
-    spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), LEAST_SPREAD * math.sqrt(noise.variance))
-    speed = linearised.trajectory.speed + means[:, 0]
-    if linearised.follows_angle:
-        return Trajectory.of_speed(speed, spread)._replace(angle=linearised.record.course.angle_rad + means[:, 1])
-    if not with_memory:
-        return Trajectory.of_speed(speed, spread)._replace(angle=linearised.trajectory.angle)
-    coulomb = linearised.model.parameters.coulomb
-    memory_spread = np.clip(np.sqrt(np.maximum(variances[:, 1], 0.0)), 0.005 * coulomb, 0.3 * coulomb)
-    return Trajectory(speed, spread, linearised.trajectory.memory + means[:, 1], memory_spread)
+def fit_model(problem: Problem, start: Start, turns: int = TURNS) -> Fit:
+    """A model fitted to the highest likelihood, from a start that need not be near."""
+    return _fit_of(problem, optimum_of(problem, start, turns))
 
 
-def fit_model(
-    record: Record,
-    model: Model,
-    prior: Belief | None,
-    trajectory: Trajectory,
-    noise: Noise,
-    omit: BoolArray,
-    *,
-    turns: int = _FIT_TURNS,
-) -> Fit:
-    """Gauss-Newton on the model's vector to the highest likelihood seen, from a trajectory that need not be its own.
-
-    A model with a memory is fitted along the trajectory given and along the one on which it runs freely, and where that
-    is no better along the one that its own filter follows: each alone may end where the others would not.
-    """
-    if model.effects.table().memory_state_at == ABSENT or not np.isnan(trajectory.memory).any():
-        return _gauss_newton(record, model, prior, trajectory, noise, omit, turns)
-    first = _gauss_newton(record, model, prior, *_settle(record, model, trajectory, noise, omit), omit, turns)
-    free = fit_along_free_runs(record, model, prior, trajectory, noise, omit, turns=turns)
-    if free.likelihood.value > first.likelihood.value:
-        return free
-    own = filtered_trajectory(record, first.model, first.noise, omit)
-    own, level = _settle(record, first.model, own, first.noise, omit)
-    second = _gauss_newton(record, first.model, prior, own, level, omit, turns)
-    return max(first, second, key=lambda fit: fit.likelihood.value)
-
-
-def fit_along_free_runs(
-    record: Record,
-    model: Model,
-    prior: Belief | None,
-    trajectory: Trajectory,
-    noise: Noise,
-    omit: BoolArray,
-    *,
-    turns: int = _FIT_TURNS,
-    runs: int = _FREE_RUNS,
-) -> Fit:
-    """Gauss-Newton along the path on which a model with a memory runs freely, then along that of what it led to."""
-    best: Fit | None = None
-    for _ in range(runs):
-        path = free_trajectory(record, model, trajectory, noise)
-        fit = _gauss_newton(record, model, prior, path, noise, omit, turns)
-        if best is not None and fit.likelihood.value < best.likelihood.value + _BETTER:
-            break
-        best, model = fit, fit.model
-        if not record.work.has(FITS):
-            break
-    assert best is not None
-    return best
-
-
-def _settle(
-    record: Record, model: Model, trajectory: Trajectory, noise: Noise, omit: BoolArray
-) -> tuple[Trajectory, Noise]:
-    """A trajectory smoothed a few times under a model with a memory, as it stands."""
-    for _ in range(_SETTLING_TURNS):
-        linearised = linearise(record, model, trajectory, noise, omit, with_jacobian=False)
-        noise = likelihood(linearised, None, noise).noise
-        trajectory = smoothed_trajectory(linearised, np.zeros(0), noise)
-    return trajectory, noise
-
-
-def _gauss_newton(
-    record: Record,
-    model: Model,
-    prior: Belief | None,
-    trajectory: Trajectory,
-    noise: Noise,
-    omit: BoolArray,
-    turns: int,
-) -> Fit:
-    """The trajectory is smoothed anew in every turn; a step that loses likelihood or prior is shortened."""
-    best: Fit | None = None
-    damping, highest = 1.0, 0.0
-    start = model
-    step = np.zeros(0)
-    for turn in range(turns):
-        if turn > 1 and not record.work.has(FITS):
-            record.work.leave_out("the last turns of fits")
-            break
-        linearised = linearise(record, model, trajectory, noise, omit)
-        found = likelihood(linearised, prior, noise)
-        here = as_it_stands(linearised, prior, found)
-        value = here.value + _log_prior(prior, model)
-        if best is not None and value < highest - _NOT_WORSE:
-            damping *= 0.3
-            if damping < _LEAST_DAMPING:
-                break
-        else:
-            best, highest = Fit(model, prior, here, linearised, omit), value
-            std = np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300))
-            if turn > 0 and bool(np.all(np.abs(found.correction) < _SMALL_STEP * std)):
-                break
-            start, step, noise = model, _within_reach(model, found), found.noise
-            trajectory = smoothed_trajectory(linearised, found.correction, noise)
-            damping = min(1.0, 2.0 * damping)
-        model = start.with_vector(start.vector + damping * step)
-    assert best is not None
-    return best
-
-
-def _log_prior(prior: Belief | None, model: Model) -> float:
-    """Log of what is known beforehand of a model's vector, but for a constant."""
-    if prior is None:
-        return 0.0
-    W, aim = prior_rows(prior, model)
-    off = W @ model.vector - aim
-    return -0.5 * float(off @ off)
-
-
-def _within_reach(model: Model, found: Likelihood) -> Float64Array:
-    """The correction no longer than the linearisation carries, (p,): where some are cut short, the best of the rest.
-
-    An amplitude that goes with a wider bump is wrong for one that may not yet be as wide.
-    """
-    step = model.limited(found.correction)
-    cut = step != found.correction
-    if not cut.any():
-        return step
-    C = found.covariance
-    along = C[:, cut] @ np.linalg.solve(C[np.ix_(cut, cut)], (step - found.correction)[cut])
-    return model.limited(found.correction + along)
+def _fit_of(problem: Problem, found: Optimum) -> Fit:
+    return Fit(found.model, problem.prior, found.likelihood, found.linearised, problem.omit)
 
 
 def at_standstill(fit: Fit) -> Fit:
@@ -361,7 +228,7 @@ def at_standstill(fit: Fit) -> Fit:
         linearised = linearise(linearised.record, model, trajectory, noise, fit.omit)
         found = likelihood(linearised, fit.prior, noise)
         noise, correction = found.noise, found.correction
-        if bool(np.all(np.abs(correction) < _SMALL_STEP * np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300)))):
+        if bool(np.all(np.abs(correction) < SMALL_STEP * np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300)))):
             here = value_of(linearised, noise)
             if here.value < fit.likelihood.value - _COMPARABLE:
                 return fit

@@ -13,6 +13,7 @@ from rw_ekf.filter.smoother import smooth_log
 from rw_ekf.identify.least_squares import OUTLIER_SHARE, OUTLIER_STDS
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.frozen_filter import run_frozen
+from rw_ekf.likelihood.gauss_newton import Problem, Start
 from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
@@ -43,11 +44,12 @@ def robust_fit(record: Record, model: Model, prior: Belief, noise_rad_s: float, 
     n = record.course.time_s.size
     noise = Noise(noise_rad_s**2, 1.0e-2)
     none = np.zeros(n, dtype=bool)
-    fits = [fit_model(record, model, prior, trajectory, noise, none) for trajectory in starts]
+    fits = [fit_model(Problem(record, prior, none), Start(model, trajectory, noise)) for trajectory in starts]
     fit = max(fits, key=lambda item: item.likelihood.value)
     spikes = outliers(fit)
     if spikes.any() and spikes.sum() <= OUTLIER_SHARE * n:
-        return fit_model(record, fit.model, prior, fit.trajectory, noise, spikes)  # its own noise had the spikes in it
+        start = Start(fit.model, fit.trajectory, noise)  # not its own noise, which had the spikes in it
+        return fit_model(Problem(record, prior, spikes), start)
     return fit
 
 
@@ -62,7 +64,7 @@ def likelier_along_filter(fit: Fit, start: Fit, model: Model) -> Fit:
     part = record.follows | np.append(record.follows[1:], False)
     noise = float(np.sqrt(start.noise.variance))
     path = smoothed_by_filter(record.course, part & ~start.omit, model, record.constants, noise)
-    other = fit_model(record, model, start.prior, path, start.noise, start.omit)
+    other = fit_model(start.problem, Start(model, path, start.noise))
     return max(fit, other, key=lambda item: item.likelihood.value)
 
 

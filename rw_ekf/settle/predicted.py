@@ -12,7 +12,7 @@ from rw_ekf.course.conditions import integrated_angle
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
 from rw_ekf.filter.constants import filter_constants
-from rw_ekf.likelihood.fitting import smoothed_trajectory
+from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector

@@ -16,7 +16,8 @@ from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import filter_constants
-from rw_ekf.likelihood.fitting import Fit, fit_model, smoothed_trajectory
+from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.gauss_newton import Problem, Start, smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory
@@ -72,10 +73,10 @@ def fitted(record: Record, model: Model = TRUTH, start: Fit | None = None) -> Fi
     """A model fitted to a record, from its readings or from where another fit ended."""
     omit = np.zeros(record.follows.size, dtype=bool)
     if start is None:
-        return fit_model(
-            record, model, DEFAULT_PRIOR, first_trajectory(record, model), Noise(RAD_S_PER_RPM**2, 1.0e-2), omit
-        )
-    return fit_model(record, model, DEFAULT_PRIOR, start.trajectory, start.noise, omit)
+        begin = Start(model, first_trajectory(record, model), Noise(RAD_S_PER_RPM**2, 1.0e-2))
+    else:
+        begin = Start(model, start.trajectory, start.noise)
+    return fit_model(Problem(record, DEFAULT_PRIOR, omit), begin)
 
 
 def log_of(run: PlantRun, *, angle: bool = False) -> WheelLog:

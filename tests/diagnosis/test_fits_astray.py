@@ -11,6 +11,7 @@ from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import fit_model
+from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Trajectory
 from rw_ekf.model.effect import Term
@@ -41,7 +42,7 @@ def test_a_noisy_base_is_fitted_in_its_deepest_valley() -> None:
     wheel = case.wheel
     truth = Model(FrictionParameters(wheel.motor_gain, wheel.viscous, wheel.coulomb, wheel.static), base.model.stribeck)
     path = Trajectory.of_speed(run.speed_rad_s, np.full(run.speed_rad_s.size, 0.02))
-    best = fit_model(base.linearised.record, truth, base.prior, path, base.noise, base.omit)
+    best = fit_model(base.problem, Start(truth, path, base.noise))
     assert base.likelihood.value > best.likelihood.value - 1.0
     assert abs(base.model.parameters.static - wheel.static) < 3.0 * base.std[3]
 

@@ -13,7 +13,8 @@ from rw_ekf.diagnosis.prepare.preparation import facts_of
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR
-from rw_ekf.likelihood.fitting import fit_model, smoothed_trajectory
+from rw_ekf.likelihood.fitting import fit_model
+from rw_ekf.likelihood.gauss_newton import Problem, Start, smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, predict
@@ -176,7 +177,7 @@ def test_readings_left_out_do_not_count() -> None:
     record = record_of(run)
     clean = fitted(record)
     speed[spikes] += 100.0 * RAD_S_PER_RPM
-    left_out = fit_model(record, TRUTH, DEFAULT_PRIOR, clean.trajectory, clean.noise, spikes)
+    left_out = fit_model(Problem(record, DEFAULT_PRIOR, spikes), Start(TRUTH, clean.trajectory, clean.noise))
     assert left_out.likelihood.count == clean.likelihood.count - 3
     assert math.sqrt(left_out.noise.variance / clean.noise.variance) == pytest.approx(1.0, abs=0.01)
     assert np.all(np.abs(left_out.model.vector - clean.model.vector) < clean.std)

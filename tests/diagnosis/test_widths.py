@@ -15,6 +15,7 @@ from rw_ekf.diagnosis.search.selection import Selection, Trial
 from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.model.effect import Term
 from tests.diagnosis.simulated import log_of, simulated
 from tools.measure.effect_coverage import drawn, told
@@ -36,7 +37,7 @@ def fit_from(prepared: Prepared, deflection_rad: float, damping: float, turns: i
     """The record fitted with a bristle from one place."""
     base = prepared.base
     model = base.model.with_terms(Term.of(BRISTLE, (damping, 0.0, 0.0), deflection_rad))
-    return fit_model(prepared.record, model, base.prior, base.trajectory, base.noise, base.omit, turns=turns)
+    return fit_model(base.problem._replace(record=prepared.record), Start(model, base.trajectory, base.noise), turns)
 
 
 def test_a_bristle_leaves_a_wrong_valley_for_the_deepest() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray
 from rw_ekf.diagnosis.judge.cross_fit import parts_agree
 from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.likelihood.model import Model
 
 _STRIDE_S = 5.0
@@ -46,8 +47,7 @@ def _every_other(whole: Fit, name: str) -> BoolArray:
 
 def _error(whole: Fit, model: Model, left_out: BoolArray) -> float:
     """Root mean square of readings less the speed smoothed without them [rad/s]."""
-    fit = fit_model(
-        whole.linearised.record, model, whole.prior, whole.trajectory, whole.noise, whole.omit | left_out, turns=4
-    )
+    problem = whole.problem._replace(omit=whole.omit | left_out)
+    fit = fit_model(problem, Start(model, whole.trajectory, whole.noise), turns=4)
     error = (whole.linearised.record.course.speed_rad_s - fit.trajectory.speed)[left_out & ~whole.omit]
     return float(np.sqrt(np.mean(error**2))) if error.size else 0.0

@@ -22,8 +22,9 @@ from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood.fitting import Fit, smoothed_trajectory
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frozen_filter import run_frozen
+from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record

@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.judge.lattice import Lattice, find_lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import fit_model
+from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -72,6 +73,6 @@ def _prepared_without(prepared: Prepared, error_rad_s: Float64Array, lattice: La
         record=record,
         fit_part=corrected(prepared.fit_part),
         heldout=corrected(prepared.heldout),
-        base=fit_model(record, base.model, base.prior, base.trajectory, base.noise, base.omit),
+        base=fit_model(base.problem._replace(record=record), Start(base.model, base.trajectory, base.noise)),
         _of_fit={},
     )

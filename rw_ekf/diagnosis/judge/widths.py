@@ -16,6 +16,7 @@ import numpy as np
 from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.onset import ONSET, held, moved
 from rw_ekf.likelihood.fitting import Fit, fit_model
+from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.likelihood.linearisation import linearise
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.noise_posterior import noise_posterior
@@ -134,4 +135,4 @@ def _with_constant(fit: Fit, term: Term, constant: int, value: float) -> Fit:
 
 def _held(fit: Fit, term: Term, changed: Term) -> Fit:
     model = fit.model.changed(term, changed)
-    return fit_model(fit.linearised.record, model, fit.prior, fit.trajectory, fit.noise, fit.omit, turns=_HELD_TURNS)
+    return fit_model(fit.problem, Start(model, fit.trajectory, fit.noise), _HELD_TURNS)

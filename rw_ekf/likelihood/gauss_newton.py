@@ -1,0 +1,174 @@
+"""Gauss-Newton on a model's vector to the highest likelihood, the trajectory smoothed anew in every turn.
+
+A model with a memory has several trajectories to go along, and each alone may end where the others would not
+(docs/diagnosis.md).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.filter.belief import Belief
+from rw_ekf.likelihood.free_path import free_trajectory
+from rw_ekf.likelihood.frozen_filter import filtered_trajectory
+from rw_ekf.likelihood.linearisation import Linearisation, Noise, linearise
+from rw_ekf.likelihood.model import Model, prior_rows
+from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
+from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood
+from rw_ekf.likelihood.whitening import smooth
+from rw_ekf.likelihood.work import FITS
+from rw_ekf.wheel.table import ABSENT
+
+TURNS = 8
+SMALL_STEP = 0.05  # standard deviations
+_FREE_RUNS, _BETTER = 2, 1.0  # of a model with a memory, and by how much log-likelihood the second has to be better
+_SETTLING_TURNS = 4
+_NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that moved meanwhile
+_LEAST_DAMPING = 0.02
+
+
+class Problem(NamedTuple):
+    """What a model is fitted to."""
+
+    record: Record
+    prior: Belief | None
+    omit: BoolArray  # (n,) readings left out
+
+
+class Start(NamedTuple):
+    """Where a fit begins."""
+
+    model: Model
+    trajectory: Trajectory
+    noise: Noise
+
+
+class Optimum(NamedTuple):
+    """Where a fit ended: the likeliest model seen, and its linearisation."""
+
+    model: Model
+    likelihood: Likelihood
+    linearised: Linearisation
+
+
+def optimum_of(problem: Problem, start: Start, turns: int = TURNS) -> Optimum:
+    """The highest likelihood seen on the way from a start, whose trajectory need not be the model's own.
+
+    A model with a memory is fitted along the trajectory given and along the one on which it runs freely, and where that
+    is no better along the one that its own filter follows.
+    """
+    if start.model.effects.table().memory_state_at == ABSENT or not np.isnan(start.trajectory.memory).any():
+        return _climbed(problem, start, turns)
+    first = _climbed(problem, _settled(problem, start), turns)
+    free = along_free_runs(problem, start, turns)
+    if free.likelihood.value > first.likelihood.value:
+        return free
+    noise = first.likelihood.noise
+    own = filtered_trajectory(problem.record, first.model, noise, problem.omit)
+    second = _climbed(problem, _settled(problem, Start(first.model, own, noise)), turns)
+    return max(first, second, key=lambda found: found.likelihood.value)
+
+
+def along_free_runs(problem: Problem, start: Start, turns: int = TURNS, runs: int = _FREE_RUNS) -> Optimum:
+    """Along the path on which a model with a memory runs freely, then along that of what it led to."""
+    best: Optimum | None = None
+    model = start.model
+    for _ in range(runs):
+        path = free_trajectory(problem.record, model, start.trajectory, start.noise)
+        found = _climbed(problem, start._replace(model=model, trajectory=path), turns)
+        if best is not None and found.likelihood.value < best.likelihood.value + _BETTER:
+            break
+        best, model = found, found.model
+        if not problem.record.work.has(FITS):
+            break
+    assert best is not None
+    return best
+
+
+def _climbed(problem: Problem, start: Start, turns: int) -> Optimum:
+    """The trajectory is smoothed anew in every turn; a step that loses likelihood or prior is shortened."""
+    record, prior, omit = problem
+    model, trajectory, noise = start
+    best: Optimum | None = None
+    damping, highest = 1.0, 0.0
+    before, step = model, np.zeros(0)
+    for turn in range(turns):
+        if turn > 1 and not record.work.has(FITS):
+            record.work.leave_out("the last turns of fits")
+            break
+        linearised = linearise(record, model, trajectory, noise, omit)
+        found = likelihood(linearised, prior, noise)
+        here = as_it_stands(linearised, prior, found)
+        value = here.value + _log_prior(prior, model)
+        if best is not None and value < highest - _NOT_WORSE:
+            damping *= 0.3
+            if damping < _LEAST_DAMPING:
+                break
+        else:
+            best, highest = Optimum(model, here, linearised), value
+            std = np.sqrt(np.maximum(np.diag(found.covariance), 1.0e-300))
+            if turn > 0 and bool(np.all(np.abs(found.correction) < SMALL_STEP * std)):
+                break
+            before, step, noise = model, _within_reach(model, found), found.noise
+            trajectory = smoothed_trajectory(linearised, found.correction, noise)
+            damping = min(1.0, 2.0 * damping)
+        model = before.with_vector(before.vector + damping * step)
+    assert best is not None
+    return best
+
+
+def _settled(problem: Problem, start: Start) -> Start:
+    """A trajectory smoothed a few times under a model with a memory, as it stands."""
+    model, trajectory, noise = start
+    for _ in range(_SETTLING_TURNS):
+        linearised = linearise(problem.record, model, trajectory, noise, problem.omit, with_jacobian=False)
+        noise = likelihood(linearised, None, noise).noise
+        trajectory = smoothed_trajectory(linearised, np.zeros(0), noise)
+    return Start(model, trajectory, noise)
+
+
+def _log_prior(prior: Belief | None, model: Model) -> float:
+    """Log of what is known beforehand of a model's vector, but for a constant."""
+    if prior is None:
+        return 0.0
+    W, aim = prior_rows(prior, model)
+    off = W @ model.vector - aim
+    return -0.5 * float(off @ off)
+
+
+def _within_reach(model: Model, found: Likelihood) -> Float64Array:
+    """The correction no longer than the linearisation carries, (p,): where some are cut short, the best of the rest.
+
+    An amplitude that goes with a wider bump is wrong for one that may not yet be as wide.
+    """
+    step = model.limited(found.correction)
+    cut = step != found.correction
+    if not cut.any():
+        return step
+    C = found.covariance
+    along = C[:, cut] @ np.linalg.solve(C[np.ix_(cut, cut)], (step - found.correction)[cut])
+    return model.limited(found.correction + along)
+
+
+def smoothed_trajectory(linearised: Linearisation, correction: Float64Array, noise: Noise) -> Trajectory:
+    """The trajectory smoothed under the corrected model."""
+    n = linearised.chain.reading.size
+    means, variances = np.zeros((n, 2)), np.zeros((n, 2))
+    chain = linearised.chain._replace(defect=linearised.chain.defect + linearised.jacobian @ correction)
+    with_memory = linearised.memory_jacobian.shape[0] > 0
+    if with_memory:
+        chain = chain._replace(memory_defect=chain.memory_defect + linearised.memory_jacobian @ correction)
+    smooth(chain, noise.ratio * noise.variance / linearised.record.period_s, noise.variance, means, variances)
+    spread = np.maximum(np.sqrt(np.maximum(variances[:, 0], 0.0)), LEAST_SPREAD * math.sqrt(noise.variance))
+    speed = linearised.trajectory.speed + means[:, 0]
+    if linearised.follows_angle:
+        return Trajectory.of_speed(speed, spread)._replace(angle=linearised.record.course.angle_rad + means[:, 1])
+    if not with_memory:
+        return Trajectory.of_speed(speed, spread)._replace(angle=linearised.trajectory.angle)
+    coulomb = linearised.model.parameters.coulomb
+    memory_spread = np.clip(np.sqrt(np.maximum(variances[:, 1], 0.0)), 0.005 * coulomb, 0.3 * coulomb)
+    return Trajectory(speed, spread, linearised.trajectory.memory + means[:, 1], memory_spread)
