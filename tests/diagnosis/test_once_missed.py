@@ -17,6 +17,8 @@ pytestmark = pytest.mark.slow
         ("id-1rpm-061-drag_bump", 6, "drag_bump"),  # its height and its width are one question: so no size was known
         ("id-1rpm-057-coulomb_drift", 6, "coulomb_drift"),  # was a law of temperature, and another that mended it
         ("id-1rpm-014-drag_spike", 9, "drag_spike"),  # 12 s long: half of its seconds said nothing of the rest
+        ("id-1rpm-039-speed_quantisation", 9, "speed_quantisation"),  # 10 rpm; "depends on low speed, angle"
+        ("p12-1rpm-056-drag_spike", 9, "drag_spike"),  # was a friction that drifts, by a tenth of evidence
         ("p12-1rpm-038-external_torque", 6, "external_torque"),  # near a harmonic of the current; was torque noise
     ],
 )
@@ -25,3 +27,12 @@ def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
     document = diagnose_log(log_of(case_called(case, seed))).document
     assert document["verdict"]["effects"] == [effect]
     assert document["verdict"]["posterior"][effect] > 0.9
+
+
+def test_an_event_and_a_law_that_are_nearly_as_likely_are_both_told() -> None:
+    """A motor gain that rises was a spike because that explained 5 more of 35; a spike has onset and decay to choose."""
+    document = diagnose_log(log_of(case_called("id-5rpm-006-motor_gain_temperature", 10))).document
+    verdict = document["verdict"]
+    assert verdict["effects"] == ["motor_gain_temperature"]
+    assert verdict["indistinguishable"] == [["motor_gain_temperature", "drag_spike"]]
+    assert verdict["posterior"]["motor_gain_temperature"] > verdict["posterior"]["drag_spike"] > 0.02

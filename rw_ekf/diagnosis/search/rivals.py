@@ -7,11 +7,12 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
+from rw_ekf.diagnosis.search.event import fitted_event
 from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Rival, Search, Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.model.effect import Candidate, Effect, Term
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 
 INDISTINGUISHABLE = 4.5  # two explanations whose evidences differ by less: three sigma
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
@@ -64,16 +65,20 @@ def _find_rivals(search: Search, selection: Selection) -> None:
     """For each effect chosen, those that fit nearly as well in its place; all fitted in full."""
     final = selection.final
     for name in final.model.effects.ids:
-        if name in selection.base.model.effects.ids or CATALOGUE[name].local_in_time:
+        if name in selection.base.model.effects.ids:
+            continue
+        less = selection.without(name)
+        timeless = may_confound(less, "time", "speed")  # an event in such a record is whatever law is missing
+        if timeless and CATALOGUE[name].local_in_time:
             continue
         near = _near(search, selection, name)
+        near += [] if timeless else _events_near(search, selection, name)
         if not near:
             continue
         if not search.work.has(work.RIVALS):
             search.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
             continue
         search.advance(f"comparing rivals of {name}")
-        less = selection.without(name)
         scores = selection.scores_beside(less, [CATALOGUE[name], *near], search.facts)
         mine = _evidence(scores.get(name), less, final)
         value = final.model.of(name)[0].values[0]
@@ -85,11 +90,14 @@ def _find_rivals(search: Search, selection: Selection) -> None:
                 search.work.leave_out(f"rivals of {name} ({effect.id})")
                 continue
             score = scores.get(effect.id)
-            starts = [] if score is None else list(score.starts)
-            if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
-                starts.append(Term.at(effect, Candidate(value)))
-            models = [less.model.with_terms(term) for term in starts]
-            fits = [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
+            if effect.local_in_time:
+                fits = [] if score is None else [_with_event(less, score, search.facts)]
+            else:
+                starts = [] if score is None else list(score.starts)
+                if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
+                    starts.append(Term.at(effect, Candidate(value)))
+                models = [less.model.with_terms(term) for term in starts]
+                fits = [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
             fits = [fit for fit in fits if fit.model.possible(effect.id, search.facts)]
             if not fits:
                 continue
@@ -100,6 +108,11 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             evidence = _evidence(score if score is not None else scores.get(name), less, rival)
             if constructed or mine - evidence < INDISTINGUISHABLE:
                 selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
+
+
+def _with_event(less: Fit, score: Score, facts: RecordFacts) -> Fit:
+    fit = fitted_event(less, score, facts)
+    return fit.refitted(fit.model.settled(score.effect.id))
 
 
 def _worth_a_fit(
@@ -156,6 +169,16 @@ def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]
         and not effect.local_in_time
         and not (effect.flow_kind and memory)
     ]
+
+
+def _events_near(search: Search, selection: Selection, name: str) -> list[type[Effect]]:
+    """Events that scored nearly as much evidence as a law that was chosen."""
+    if CATALOGUE[name].local_in_time:
+        return []
+    least = selection.trials[name].evidence - INDISTINGUISHABLE - _ROOM
+    present = set(selection.final.model.effects.ids)
+    tried = [selection.trials.get(effect.id) for effect in search.effects if effect.local_in_time]
+    return [t.effect for t in tried if t is not None and t.evidence > least and t.effect.id not in present]
 
 
 def _settle_rivals(search: Search, selection: Selection) -> None:

@@ -159,15 +159,16 @@ class Search:
         laws = any(self._significant(s) and quantity_of(s.effect) != "time" for s in scores.values())
         if local and not (laws and may_confound(current, "time", "speed")):
             here = event_scores(current, local, self.facts)
+            everything |= here
             if any(self._significant(score) for score in here.values()):
-                # Whatever else would explain the record better than an event in it goes first.
-                best = max((s.statistic for s in scores.values()), default=0.0)
-                here = {name: s for name, s in here.items() if s.statistic > best}
+                # Whatever else is likelier than an event goes first: by evidence, since an event has many places to be.
+                best = max((s.evidence for s in scores.values()), default=0.0)
+                here = {name: s for name, s in here.items() if s.evidence > best}
                 if here:
                     scores = {name: s for name, s in scores.items() if not self._significant(s)}
             scores |= here
         selection.searched.append((current, everything))
-        for name, score in scores.items():
+        for name, score in everything.items():
             if name not in selection.trials or selection.trials[name].statistic < score.statistic:
                 selection.trials[name] = Trial.of(score)
         strong = [score for score in scores.values() if self._significant(score)]
