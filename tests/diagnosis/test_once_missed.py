@@ -30,7 +30,7 @@ def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
 
 
 def test_an_event_and_a_law_that_are_nearly_as_likely_are_both_told() -> None:
-    """A motor gain that rises was a spike because that explained 5 more of 35; a spike has onset and decay to choose."""
+    """A motor gain that rises was a spike because that explained 5 more of 35; but a spike has more to choose from."""
     document = diagnose_log(log_of(case_called("id-5rpm-006-motor_gain_temperature", 10))).document
     verdict = document["verdict"]
     assert verdict["effects"] == ["motor_gain_temperature"]
