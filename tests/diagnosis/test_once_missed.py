@@ -36,3 +36,19 @@ def test_an_event_and_a_law_that_are_nearly_as_likely_are_both_told() -> None:
     assert verdict["effects"] == ["motor_gain_temperature"]
     assert verdict["indistinguishable"] == [["motor_gain_temperature", "drag_spike"]]
     assert verdict["posterior"]["motor_gain_temperature"] > verdict["posterior"]["drag_spike"] > 0.02
+
+
+@pytest.mark.parametrize(
+    ("case", "seed"), [("pairs-003-drag_spike+quadratic_drag", 11), ("id-1rpm-036-coulomb_drift", 9)]
+)
+def test_a_friction_that_wanders_is_one_effect_however_many_its_pieces(case: str, seed: int) -> None:
+    """Named for a weak spike, or because it wanders: its probability is not that of thirty effects at once."""
+    verdict = diagnose_log(log_of(case_called(case, seed))).document["verdict"]
+    assert verdict["effects"] == ["coulomb_drift"]
+    assert verdict["posterior"]["coulomb_drift"] > 0.9
+
+
+def test_what_one_effect_does_as_well_as_two_is_a_law_before_it_is_an_event() -> None:
+    """A friction that runs in from the log's start is no spike in its first second, though one fits by 1 better."""
+    verdict = diagnose_log(log_of(case_called("id-1rpm-036-coulomb_drift", 11))).document["verdict"]
+    assert verdict["effects"] == ["coulomb_drift"]

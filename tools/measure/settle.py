@@ -25,7 +25,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.warming import Warming, ended
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.judge.explanations import LEAST_POSTERIOR, log_evidence, with_posteriors
+from rw_ekf.diagnosis.judge.evidence import log_evidence
+from rw_ekf.diagnosis.judge.explanations import LEAST_POSTERIOR, with_posteriors
 from rw_ekf.diagnosis.judge.explanations import Explanation as Weighed
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of

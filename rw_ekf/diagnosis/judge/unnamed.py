@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from rw_ekf.diagnosis.judge.explanations import log_evidence
+from rw_ekf.diagnosis.judge.evidence import log_evidence
 from rw_ekf.diagnosis.judge.investigation import MAP_P, Found
 from rw_ekf.diagnosis.judge.residual_map import covers_of, residual_map
 from rw_ekf.diagnosis.search.group import evidence_of_random

@@ -48,6 +48,10 @@ def _one_for_two(selection: Selection) -> bool:
                     continue
                 alone = rival.fit.without(other)
                 gain = alone.likelihood.value - selection.final.likelihood.value
+                if CATALOGUE[rival.name].local_in_time:
+                    gain -= (
+                        INDISTINGUISHABLE  # for its many places; one at the record's head is a drift by another name
+                    )
                 if gain > -(_AS_WELL if constructed else INDISTINGUISHABLE):
                     found.append((gain, alone, rival.name, {name, other}))
     if not found:

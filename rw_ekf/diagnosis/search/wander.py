@@ -15,7 +15,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.candidates import INFLATION, analytic
-from rw_ekf.diagnosis.search.group import score_random
+from rw_ekf.diagnosis.search.group import evidence_of_random, score_random
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
@@ -70,16 +70,14 @@ def wandering(prepared: Prepared, final: Fit, enough: float) -> Wander | None:
         if CATALOGUE[name].of_one_record and name not in prepared.base.model.effects.ids:
             less = less.without(name)
     terms = pieces(prepared)
-    lengths = np.array([term.shape[2] for term in terms])
-    columns = analytic(less.linearised, [(WANDERING, Candidate(1.0, term.shape)) for term in terms])
-    regressors = np.concatenate([column.regressors for column in columns], axis=1) / np.sqrt(lengths)
-    statistic, density = score_random(Profiled(less), regressors)
+    statistic, density = score_random(Profiled(less), _regressors(less, terms))
     p = 0.5 * chi_square_tail(statistic / INFLATION, 1)
     if p >= enough:
         return None
     prior = less.prior
-    for length in lengths:
-        prior = None if prior is None else prior.with_coefficient(WANDERING.id, 0.0, density / math.sqrt(length))
+    for term in terms:
+        std = density / math.sqrt(term.shape[2])
+        prior = None if prior is None else prior.with_coefficient(WANDERING.id, 0.0, std)
     fit = replace(less, prior=prior).refitted(less.model.with_terms(*terms))
     most, at = max(
         ((term, at) for term, at in fit.model.placed if term.id == WANDERING.id), key=lambda item: item[0].size
@@ -94,3 +92,18 @@ def wandering(prepared: Prepared, final: Fit, enough: float) -> Wander | None:
         tuple(fit.model.of(WANDERING.id)),
     )
     return Wander(fit, trial, statistic - 2.0 * (final.likelihood.value - less.likelihood.value))
+
+
+def evidence_of_wandering(less: Fit, terms: list[Term]) -> float:
+    """Log of how much likelier a record is if friction walks over these pieces, how far integrated out with the walk.
+
+    less: the model without it.
+    """
+    return evidence_of_random(Profiled(less), _regressors(less, terms))
+
+
+def _regressors(less: Fit, terms: list[Term]) -> Float64Array:
+    """Columns (n, m) of pieces of one walk, each in units of what it makes of the same variance per second."""
+    columns = analytic(less.linearised, [(WANDERING, Candidate(1.0, term.shape)) for term in terms])
+    lengths = np.array([term.shape[2] for term in terms])
+    return np.asarray(np.concatenate([column.regressors for column in columns], axis=1) / np.sqrt(lengths))
