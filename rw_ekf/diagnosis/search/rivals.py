@@ -188,7 +188,9 @@ def _events_near(search: Search, selection: Selection, name: str) -> list[type[E
 def _settle_rivals(search: Search, selection: Selection) -> None:
     """Between explanations that fit nearly alike what holds at any time goes before what this record's clock tells.
 
-    Among several of those the one of most evidence stands.
+    Among several of those the one of most evidence stands. Where time goes with temperature that decides, too: a law of
+    temperature that is true is not behind a curve of time by more than chance. Where it goes with speed it does not: a
+    curve of time takes the place of whatever law of speed is missing.
     """
     order = [*CATALOGUE]
     for name, fits in list(selection.rivals.items()):
@@ -200,8 +202,12 @@ def _settle_rivals(search: Search, selection: Selection) -> None:
             for item in tried
             if top - item.evidence < INDISTINGUISHABLE or item.name in same or (same and item.name == name)
         ]
+        ahead = INDISTINGUISHABLE if quantity_of(CATALOGUE[name]) == "temperature" else math.inf
+        waits = {item.name for item in tried if item.name in same and item.evidence < ahead}
+        decided = bool(same - waits)
         best = max(
-            near, key=lambda item: (item.name not in same, not CATALOGUE[item.name].of_one_record, item.evidence)
+            near,
+            key=lambda item: (item.name not in waits, decided or not CATALOGUE[item.name].of_one_record, item.evidence),
         )
         twins = [
             item
