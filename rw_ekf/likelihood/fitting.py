@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -105,6 +106,18 @@ class Fit:
         """The same fit, the standard deviations of its vector times factors (p,)."""
         covariance = self.likelihood.covariance * np.outer(factors, factors)
         return replace(self, likelihood=replace(self.likelihood, covariance=covariance))
+
+    def widened_over(self, at: slice, told: tuple[float, float], others: Iterable[tuple[float, float, float]]) -> Fit:
+        """The same fit, a number at `at` as uncertain as what others make of it.
+
+        told: its value and standard deviation; others: probability, value and standard deviation of each alternative,
+        the one told among them. The variance about the value told becomes theirs, and no less than it was.
+        """
+        value, std = told
+        variance = math.fsum(p * (its_std**2 + (its - value) ** 2) for p, its, its_std in others)
+        factors = np.ones(self.model.vector.size)
+        factors[at] = max(math.sqrt(variance) / std, 1.0)
+        return self.widened(factors)
 
     def worth_a_fit(self, models: list[Model], least_gain: float = -math.inf) -> list[Model]:
         """Of models that bring a memory the likeliest by sketches, if it gains so much log-likelihood; of others all.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
@@ -28,19 +26,18 @@ def with_open_law(less: Fit, fit: Fit, name: str) -> tuple[Fit, dict[str, float]
     """
     effect = CATALOGUE[name]
     constant = next(i for i, item in enumerate(effect.constants) if item.name == LAW)
-    own, at = next((term, at.start) for term, at in fit.model.placed if term.id == name)
+    own, at = next((term, at) for term, at in fit.model.placed if term.id == name)
     fits = {own.shape[constant]: fit}
     for start in effect.starts(Candidate(own.values[0], own.shape), own.values[0]):
         if start.shape[constant] not in fits:
             fits[start.shape[constant]] = less.refitted(less.model.with_terms(Term.at(effect, start)))
     best = max(item.likelihood.value for item in fits.values())
     odds = {law: math.exp((item.likelihood.value - best) / INFLATION) for law, item in fits.items()}
-    total, variance, told = sum(odds.values()), 0.0, {}
+    total = sum(odds.values())
+    others, told = [], {}
     for law, item in sorted(fits.items(), key=lambda pair: -odds[pair[0]]):
         found = item.terms_of(name)[0]
-        apart = found.term.values[0] - own.values[0]
-        variance += odds[law] / total * (float(found.covariance[0, 0]) + apart**2)
+        others.append((odds[law] / total, found.term.values[0], math.sqrt(float(found.covariance[0, 0]))))
         told[str(effect.described(1.0, 1.0, found.term.shape)[LAW]["value"])] = odds[law] / total
-    factors = np.ones(fit.model.vector.size)
-    factors[at] = max(math.sqrt(variance) / float(fit.std[at]), 1.0)
-    return fit.widened(factors), {law: p for law, p in told.items() if p > _LEAST_TOLD}
+    wider = fit.widened_over(at, (own.values[0], float(fit.std[at.start])), others)
+    return wider, {law: p for law, p in told.items() if p > _LEAST_TOLD}

@@ -107,10 +107,6 @@ def with_open_order(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> tuple
     odds = {other: math.exp(_EVIDENCE * min(behind, 0.0)) for other, (behind, _, _) in standing.items()}
     total = sum(odds.values())
     told = {other: odd / total for other, odd in sorted(odds.items(), key=lambda item: -item[1])}
-    variance = math.fsum(
-        told[other] * (its_std**2 + (its - size) ** 2) for other, (_, its, its_std) in standing.items()
-    )
-    factors = np.ones(fit.model.vector.size)
+    others = [(told[other], its, its_std) for other, (_, its, its_std) in standing.items()]
     at = next(at for term, at in fit.model.placed if term.id == name)
-    factors[at] = max(math.sqrt(variance) / std, 1.0)
-    return fit.widened(factors), {other: p for other, p in told.items() if p > _LEAST_TOLD}
+    return fit.widened_over(at, (size, std), others), {other: p for other, p in told.items() if p > _LEAST_TOLD}
