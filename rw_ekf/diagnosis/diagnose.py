@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
 from rw_ekf.diagnosis.judge.heldout import performance
-from rw_ekf.diagnosis.judge.investigation import investigate
-from rw_ekf.diagnosis.judge.rounding import without_rounding
+from rw_ekf.diagnosis.judge.rounding import investigated
 from rw_ekf.diagnosis.judge.unnamed import weighed_against_unnamed
 from rw_ekf.diagnosis.judge.verdict import Verdict
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
@@ -49,8 +48,7 @@ def diagnose_log(
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.record.work.start_clock()
-    found = without_rounding(investigate(prepared, advance), advance)
-    found = weighed_against_unnamed(found, advance)
+    found = weighed_against_unnamed(investigated(prepared, advance), advance)
     advance("judging on the held-out part")
     return conclude(found, advance)
 

@@ -31,6 +31,16 @@ class Lattice:
     heldout_statistic: float
 
 
+def may_be_coarse(speed_rad_s: Float64Array, reading_variance: float, least_grid_rad_s: float) -> bool:
+    """Whether readings (n,) stand on a grid that is worth comparing likelihoods for."""
+    grid = grid_of(speed_rad_s)
+    return grid is not None and _is_coarse(grid, reading_variance, least_grid_rad_s)
+
+
+def _is_coarse(grid: float, reading_variance: float, least_grid_rad_s: float) -> bool:
+    return grid >= least_grid_rad_s and grid >= _COARSER * math.sqrt(max(reading_variance - grid * grid / 12.0, 0.0))
+
+
 def find_lattice(
     speed_rad_s: Float64Array,
     predicted_rad_s: Float64Array,
@@ -45,9 +55,7 @@ def find_lattice(
     resolution and does no harm.
     """
     grid = grid_of(speed_rad_s)
-    if grid is None or grid < least_grid_rad_s:
-        return None
-    if grid < _COARSER * math.sqrt(max(reading_variance - grid * grid / 12.0, 0.0)):
+    if grid is None or not _is_coarse(grid, reading_variance, least_grid_rad_s):
         return None
     good = np.flatnonzero(np.isfinite(speed_rad_s) & np.isfinite(predicted_rad_s) & np.isfinite(predicted_std_rad_s))
     good = good[:: max(1, good.size // _SAMPLES)]

@@ -13,50 +13,71 @@ from dataclasses import replace
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import Found, investigate
-from rw_ekf.diagnosis.judge.lattice import Lattice, find_lattice, rounding_error
+from rw_ekf.diagnosis.judge.lattice import Lattice, find_lattice, may_be_coarse, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.effects.catalogue import GRID
-from rw_ekf.likelihood.fitting import fit_model
+from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
-from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.units import RAD_S_PER_RPM
 
+_TURNS = 3
 _REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which is no effect
 
 
-def without_rounding(found: Found, advance: Callable[[str], object]) -> Found:
-    """What is found where the readings' grid is coarser than their noise and known to be; else the same.
+def investigated(prepared: Prepared, advance: Callable[[str], object]) -> Found:
+    """What is found where the readings' grid is coarser than their noise and known to be; else as ever.
 
-    Figures stay those of the readings as they were read.
+    Most grids show beside the base model, one at times only beside what the wheel has. Figures stay those of the
+    readings as they were read.
     """
-    lattice = lattice_of(found)
+    lattice = lattice_of(prepared, prepared.base)
     if lattice is None:
-        return found
-    advance("once more without what rounding did to the readings")
-    trajectory = found.fit.trajectory
-    error = rounding_error(trajectory.speed, trajectory.spread, lattice)
-    again = investigate(_prepared_without(found.prepared, error, lattice), advance)
-    return replace(again, prepared=found.prepared, lattice=lattice)
+        found = investigate(prepared, advance)
+        lattice = lattice_of(prepared, found.fit)
+        if lattice is None:
+            return found
+        advance("once more without what rounding did to the readings")
+        found = investigate(_without(prepared, found.fit.trajectory, lattice), advance)
+    else:
+        advance("taking off what rounding did to the readings")
+        found = investigate(_without(prepared, prepared.base.trajectory, lattice), advance)
+    return replace(found, prepared=prepared, lattice=lattice)
 
 
-def lattice_of(found: Found) -> Lattice | None:
-    """The grid of the readings, if it is coarser than their noise and shows on both parts together."""
-    prepared, fit = found.prepared, found.fit
+def lattice_of(prepared: Prepared, fit: Fit) -> Lattice | None:
+    """The grid of the readings, if it is coarser than what a fit leaves and shows on both parts together."""
     if GRID.id in prepared.base.model.effects.ids:
+        return None
+    least_rad_s = 0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM
+    speed = prepared.course.speed_rad_s
+    if not may_be_coarse(speed, fit.noise.variance, least_rad_s):
         return None
     performed = performance(prepared, fit)
     innovation = performed.trace.one_step_error_rad_s
-    speed = prepared.course.speed_rad_s
     lattice = find_lattice(
-        speed, speed - innovation, performed.predicted_std_rad_s, fit.noise.variance, prepared.split.heldout,
-        0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM,
-    )  # fmt: skip
+        speed,
+        speed - innovation,
+        performed.predicted_std_rad_s,
+        fit.noise.variance,
+        prepared.split.heldout,
+        least_rad_s,
+    )
     if lattice is None or lattice.statistic + lattice.heldout_statistic < 0.0:
         return None
     return lattice
 
 
-def _prepared_without(prepared: Prepared, error_rad_s: Float64Array, lattice: Lattice) -> Prepared:
+def _without(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Prepared:
+    """The same without what rounding did, the base model fitted anew: by turns, since either asks for the other."""
+    changed = prepared
+    for _ in range(_TURNS):
+        changed = _corrected(prepared, rounding_error(trajectory.speed, trajectory.spread, lattice), lattice)
+        trajectory = changed.base.trajectory
+    return changed
+
+
+def _corrected(prepared: Prepared, error_rad_s: Float64Array, lattice: Lattice) -> Prepared:
     """The same with errors of the readings (n,) taken off them, and the base model fitted anew."""
 
     def corrected(record: Record) -> Record:
