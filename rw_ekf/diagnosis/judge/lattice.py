@@ -31,14 +31,12 @@ class Lattice:
     heldout_statistic: float
 
 
-def may_be_coarse(speed_rad_s: Float64Array, reading_variance: float, least_grid_rad_s: float) -> bool:
-    """Whether readings (n,) stand on a grid that is worth comparing likelihoods for."""
+def coarse_grid(speed_rad_s: Float64Array, reading_variance: float, least_grid_rad_s: float) -> float | None:
+    """The grid [rad/s] of readings (n,), if it is worth comparing likelihoods for."""
     grid = grid_of(speed_rad_s)
-    return grid is not None and _is_coarse(grid, reading_variance, least_grid_rad_s)
-
-
-def _is_coarse(grid: float, reading_variance: float, least_grid_rad_s: float) -> bool:
-    return grid >= least_grid_rad_s and grid >= _COARSER * math.sqrt(max(reading_variance - grid * grid / 12.0, 0.0))
+    if grid is None or grid < least_grid_rad_s:
+        return None
+    return None if grid < _COARSER * math.sqrt(max(reading_variance - grid * grid / 12.0, 0.0)) else grid
 
 
 def find_lattice(
@@ -54,8 +52,8 @@ def find_lattice(
     None where there is no grid, one finer than 1.5 sigma of the noise or than least_grid_rad_s: that is a register's
     resolution and does no harm.
     """
-    grid = grid_of(speed_rad_s)
-    if grid is None or not _is_coarse(grid, reading_variance, least_grid_rad_s):
+    grid = coarse_grid(speed_rad_s, reading_variance, least_grid_rad_s)
+    if grid is None:
         return None
     good = np.flatnonzero(np.isfinite(speed_rad_s) & np.isfinite(predicted_rad_s) & np.isfinite(predicted_std_rad_s))
     good = good[:: max(1, good.size // _SAMPLES)]

@@ -13,7 +13,7 @@ from dataclasses import replace
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import Found, investigate
-from rw_ekf.diagnosis.judge.lattice import Lattice, find_lattice, may_be_coarse, rounding_error
+from rw_ekf.diagnosis.judge.lattice import Lattice, coarse_grid, find_lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit, fit_model
@@ -51,7 +51,7 @@ def lattice_of(prepared: Prepared, fit: Fit) -> Lattice | None:
         return None
     least_rad_s = 0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM
     speed = prepared.course.speed_rad_s
-    if not may_be_coarse(speed, fit.noise.variance, least_rad_s):
+    if coarse_grid(speed, fit.noise.variance, least_rad_s) is None:
         return None
     performed = performance(prepared, fit)
     innovation = performed.trace.one_step_error_rad_s

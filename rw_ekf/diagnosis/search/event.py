@@ -59,6 +59,12 @@ def fitted_event(fit: Fit, score: Score, facts: RecordFacts) -> Fit:
     return with_better_onset(best, score.effect.id, facts)
 
 
+def settled_event(fit: Fit, score: Score, facts: RecordFacts) -> Fit:
+    """The same, its place held from then on: what else is fitted does not move it."""
+    best = fitted_event(fit, score, facts)
+    return best.refitted(best.model.settled(score.effect.id))
+
+
 def fitted_at(fit: Fit, score: Score) -> Fit:
     """A fit with an effect beside what it has, from its place; again along the filter's path where it went astray."""
     models = [fit.model.with_terms(term) for term in score.starts]

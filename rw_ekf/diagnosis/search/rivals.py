@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
-from rw_ekf.diagnosis.search.event import fitted_event
+from rw_ekf.diagnosis.search.event import settled_event
 from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Rival, Search, Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
+from rw_ekf.model.effect import Candidate, Effect, Term
 
 INDISTINGUISHABLE = 4.5  # two explanations whose evidences differ by less: three sigma
 EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
@@ -95,7 +95,7 @@ def _find_rivals(search: Search, selection: Selection) -> None:
                 continue
             score = scores.get(effect.id)
             if effect.local_in_time:
-                fits = [] if score is None else [_with_event(less, score, search.facts)]
+                fits = [] if score is None else [settled_event(less, score, search.facts)]
             else:
                 starts = [] if score is None else list(score.starts)
                 if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
@@ -112,11 +112,6 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             evidence = _evidence(score if score is not None else scores.get(name), less, rival)
             if constructed or mine - evidence < INDISTINGUISHABLE:
                 selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
-
-
-def _with_event(less: Fit, score: Score, facts: RecordFacts) -> Fit:
-    fit = fitted_event(less, score, facts)
-    return fit.refitted(fit.model.settled(score.effect.id))
 
 
 def _worth_a_fit(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
-from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, with_other_laws
+from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -208,12 +208,8 @@ class Search:
             if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
                 continue
             self.advance(f"fitting {name}")
-            fit = fitted_event(current, score, self.facts) if local else fitted_at(current, score)
-            if local:
-                fit = fit.refitted(fit.model.settled(name))
-                statistic = score.statistic
-            else:
-                statistic = 2.0 * (fit.likelihood.value - current.likelihood.value)
+            fit = settled_event(current, score, self.facts) if local else fitted_at(current, score)
+            statistic = score.statistic if local else 2.0 * (fit.likelihood.value - current.likelihood.value)
             p = p_value(effect, statistic, self.facts)
             evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
             trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence)
