@@ -171,8 +171,7 @@ class TelemetryCheck:
             self.say(
                 STUCK,
                 f"the speed reading is stuck: it has read {rpm_from_rad_s(watch.value_rad_s):.6g} rpm for "
-                f"{watch.repeated_s:.2g} s, in which the wheel must have changed its speed by "
-                f"{rpm_from_rad_s(watch.moved_rad_s):.2g} rpm at least. {doing}"
+                f"{watch.repeated_s:.2g} s, in which {_must_have_moved(watch)}. {doing}"
                 "(Or the wheel itself is held fast: look at it.)",
             )
         elif judged.news == "alive":
@@ -194,3 +193,10 @@ class TelemetryCheck:
             return None
         late = min(max(following.delay_s, 0.0) / dt_s, 1.0)
         return late * before + (1.0 - late) * following.current_A
+
+
+def _must_have_moved(watch: StuckWatch) -> str:
+    moved_rpm = rpm_from_rad_s(watch.moved_rad_s)
+    if moved_rpm > 0.0:
+        return f"the wheel must have changed its speed by {moved_rpm:.2g} rpm at least"
+    return f"any wheel that did not move is {watch.distance:.2g} standard deviations from what is known of this one"

@@ -18,6 +18,10 @@ cumulative sum ([Page 1954], CUSUM) of the lower bound of (1),
 Several steps of the reading in m, and the reading has not moved: it does not measure this wheel. At steady speed a
 is zero within its bounds, and the sum stays at zero for any length of time, whatever the resolution.
 
+Under a current that changes its sign the sum begins anew with every half period, and (1) doubts the gain at each
+instant as if it were another one. What all currents say together is asked beside it (eq. 3 and 4, `standing_proof`):
+at three standard deviations from the nearest wheel that would not have moved, the reading is stuck as well.
+
 [CK13]: docs/model.md. [Page 1954]: Continuous inspection schemes, Biometrika 41, 100-115.
 """
 
@@ -27,9 +31,12 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from rw_ekf.arrays import Float64Array
 from rw_ekf.model.friction import acceleration, stribeck
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.watch.standing_proof import StandingProof
 
 _SIGMAS = 2.0
 _DRIVE_SHARE = 0.05  # eq. 1
@@ -37,6 +44,8 @@ _FRICTION_SHARE = 0.1
 _REST_SHARE = 0.5
 _STEPS = 4.0  # so many steps of the reading, or standard deviations where those are larger, are "several"
 _REPEATS = 4  # fewer repetitions prove nothing: telemetry may be refreshed more slowly than it is read
+_APART_STEPS = 2.0  # standard deviation of how far apart two speeds are that read the same, in steps (eq. 3)
+_SQUARED_DISTANCE = 9.0  # eq. 4: beyond it no wheel stands at its reading
 _EFFECTS_SHARE = 0.5  # of the torque of a model's effects that may be wrong where the reading repeats
 _EFFECTS_OVER_S = 1.0
 _ALIVE_AFTER = 2.0  # a reading that moves again must have been plausible for so many times the silence
@@ -84,10 +93,14 @@ class StuckWatch:
         self._parameters: FrictionParameters | None = None  # of the belief that counts, once a reading repeats,
         self._P: list[list[float]] = []  # and their covariance
         self._up = self._down = 0.0
+        self._standing: StandingProof | None = None
         self._alive_since_s: float | None = None
         self._beyond = self._beyond_now = 0.0
         self.stuck = False
-        self.moved_rad_s = 0.0  # how far the wheel must have moved since the reading began to repeat, at least
+        self.moved_rad_s = (
+            0.0  # how far the wheel must have moved since the reading began to repeat, at least; 0: by eq. 4
+        )
+        self.distance = 0.0  # standard deviations to the nearest wheel that would not have moved (eq. 4)
         self.repeated_s = 0.0
         self.value_rad_s = 0.0  # the reading that repeats
 
@@ -126,13 +139,15 @@ class StuckWatch:
         a, sd = self._acceleration(current_A)
         self._up = max(0.0, self._up + (a[0] - _SIGMAS * sd) * dt_s)
         self._down = max(0.0, self._down - (a[1] + _SIGMAS * sd) * dt_s)
-        return self._repeated(time_s)
+        return self._repeated(time_s, self._stands(current_A, dt_s))
 
-    def _repeated(self, time_s: float) -> Judged:
+    def _repeated(self, time_s: float, stands: float) -> Judged:
+        """Judge a reading that repeats. stands: D^2 of eq. 4."""
         moved = max(self._up, self._down)
         assert self._value is not None
         rest = self._near_rest if abs(self._value) <= self._near_rest else 0.0
-        if self._repeats < _REPEATS or moved <= _STEPS * self._step + rest:
+        has_moved = moved > _STEPS * self._step + rest
+        if self._repeats < _REPEATS or not (has_moved or stands > _SQUARED_DISTANCE):
             return self._settled(time_s)
         if self.stuck:
             self._alive_since_s = None
@@ -140,7 +155,8 @@ class StuckWatch:
         if time_s - self._since_s < self._silence_s:
             return Judged(used=False, stuck=False)
         self.stuck = True
-        self.moved_rad_s, self.repeated_s, self.value_rad_s = moved, time_s - self._since_s, self._value
+        self.repeated_s, self.value_rad_s = time_s - self._since_s, self._value
+        self.moved_rad_s, self.distance = moved if has_moved else 0.0, math.sqrt(stands)
         return Judged(used=False, stuck=True, news="stuck")
 
     def _changed(
@@ -175,18 +191,45 @@ class StuckWatch:
         self._last_s = self._since_s = time_s
         self._repeats = 0
         self._up = self._down = 0.0
+        self._standing = None
         if not self.stuck:  # while it is, the filter predicts on and learns nothing: the old belief is the better one
             self._belief = belief()
             self._first = self._belief if self._first is None else self._first
             self._beyond = self._beyond_now
             self._parameters = None
 
+    def _stands(self, current_A: float, dt_s: float) -> float:
+        """D^2 of eq. 4 with this interval; zero near rest, where a wheel may well stand through many currents."""
+        assert self._value is not None
+        v = abs(self._value)
+        if not v > self._near_rest:
+            return 0.0
+        g = stribeck(v / self._omega_s, self._law)
+        if self._standing is None:
+            parameters, covariance = self._believed()
+            k, b, c, s = parameters
+            lacking = (
+                _DRIVE_SHARE * k,
+                0.0,
+                math.hypot(_FRICTION_SHARE * max(b * v + c + (s - c) * g, 0.0), _EFFECTS_SHARE * self._beyond),
+                0.0,
+            )
+            P = covariance + np.diag(np.square(lacking))
+            self._standing = StandingProof(parameters, P, _APART_STEPS * self._step)
+        sign = math.copysign(1.0, self._value)
+        phi = (current_A, -sign * v, sign * (g - 1.0), -sign * g)
+        return self._standing.add(phi, self._beyond, dt_s)
+
+    def _believed(self) -> ParameterBelief:
+        """What counts while a reading repeats: the belief of before, where a wheel can be like that."""
+        assert self._belief is not None
+        return self._belief if self._first is None or self._belief.is_physical else self._first
+
     def _acceleration(self, current_A: float) -> tuple[tuple[float, float], float]:
         """Eq. 1: accelerations of a wheel that moves up and one that moves down (the same unless at rest), and sd."""
-        assert self._belief is not None
         assert self._value is not None
         if self._parameters is None:
-            belief = self._belief if self._first is None or self._belief.is_physical else self._first
+            belief = self._believed()
             self._parameters, self._P = belief.parameters, belief.covariance.tolist()
         k, b, c, s = self._parameters
         v = abs(self._value)

@@ -13,6 +13,7 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.model.friction import GAUSS
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.watch.standing_proof import StandingProof
 from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 
 PERIOD_S = 0.1
@@ -172,6 +173,62 @@ def test_a_reading_frozen_from_the_start_is_found_under_the_default_prior(share:
     said = news(watch(), Wheel(k=15.2 * share), lambda t: 0.3, 5.0, belief=PRIOR, frozen=lambda t: True)
     assert [what for _, what in said] == ["stuck"]
     assert said[0][0] < 2.0
+
+
+@pytest.mark.parametrize("after_s", [0.3, 1.0, 1.9, 2.8])
+@pytest.mark.parametrize("share", [0.7, 1.0, 1.3])
+def test_a_reading_frozen_in_the_first_second_of_a_sine_is_found_under_the_default_prior(
+    after_s: float, share: float
+) -> None:
+    """A current that changes its sign before it proves anything by itself: what all of it says together is enough."""
+    said = news(
+        watch(),
+        Wheel(k=15.2 * share),
+        lambda t: 0.05 + 0.085 * math.sin(0.5 * math.pi * t),
+        20.0,
+        speed=20.0,
+        noise_rpm=1.0,
+        belief=PRIOR,
+        frozen=lambda t: t > after_s,
+    )
+    assert [what for _, what in said] == ["stuck"]
+    assert said[0][0] < after_s + 8.0  # two periods
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_coarse_readings_of_a_wheel_far_from_the_prior_are_no_alarm(seed: int) -> None:
+    """Gain and friction drawn from .4 to 1.8 of the default prior, steps of up to 10 rpm, weak and slow currents."""
+    rng = np.random.default_rng(seed)
+    c = 0.586 * rng.uniform(0.4, 1.8)
+    wheel = Wheel(15.2 * rng.uniform(0.4, 1.6), 0.0032 * rng.uniform(0.2, 3.0), c, c * rng.uniform(1.0, 1.3))
+    amplitude, period_s = 10.0 ** rng.uniform(-2.3, -0.5), 10.0 ** rng.uniform(0.3, 2.3)
+    bias, step_rpm = rng.uniform(-0.5, 1.5) * c / wheel.k, float(rng.choice([0.5, 2.0, 5.0, 10.0]))
+    said = news(
+        watch(step_rpm),
+        wheel,
+        lambda t: bias + amplitude * math.sin(2.0 * math.pi * t / period_s),
+        120.0,
+        speed=rng.uniform(-100.0, 100.0),
+        step_rpm=step_rpm,
+        belief=PRIOR,
+    )
+    assert said == []
+
+
+def test_the_distance_to_a_wheel_that_stands_is_the_least_cost_of_one() -> None:
+    """Eq. 4 by recursion against the same least squares solved at once."""
+    rng = np.random.default_rng(3)
+    mean, within, dt = np.array([15.2, 0.0032, 0.586, 0.6]), 0.4, 0.1
+    P = np.diag(np.square(0.3 * mean))
+    proof = StandingProof(mean.tolist(), P, within)
+    phi = rng.normal(size=(40, 4))
+    for row in phi:
+        proof.add(row.tolist(), 0.2, dt)
+    paths = np.vstack([dt * np.cumsum(phi, axis=0) * math.sqrt(dt) / within, np.linalg.inv(np.linalg.cholesky(P))])
+    beyond = -0.2 * dt * np.arange(1, 41) * math.sqrt(dt) / within
+    target = np.concatenate([beyond, np.linalg.solve(np.linalg.cholesky(P), mean)])
+    residual = target - paths @ np.linalg.lstsq(paths, target, rcond=None)[0]
+    assert proof.squared_distance == pytest.approx(float(residual @ residual), rel=1e-9)
 
 
 def test_a_reading_that_moves_again_is_believed_only_after_it_moved_as_the_wheel_does() -> None:
