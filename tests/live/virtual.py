@@ -63,7 +63,7 @@ def published(directory: Path, after_s: float) -> dict[str, Any]:
         with contextlib.suppress(StopIteration, FileNotFoundError):
             path = next((directory / "runs").glob("*.state.json"))
             document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            if document["time_s"] > after_s:
+            if document["time_s"] is not None and document["time_s"] > after_s:  # None: before the first sample
                 return document
         assert time.monotonic() < end_s, "not published in time"
         time.sleep(0.002)
