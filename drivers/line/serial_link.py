@@ -101,7 +101,9 @@ class SerialLink:
         close_serial_port(self._serial)
 
     def _settle(self) -> None:
-        """Let pass what comes just after opening."""
+        """Let pass what comes just after opening; beside another process that talks there is no quiet to wait for."""
+        if not self.settings.exclusive:
+            return
         opened_s = heard_s = now_s = self._clock.monotonic()
         while now_s - heard_s < QUIET_GAP_S and now_s - opened_s < LONGEST_GAP_S:
             came = self._serial.read(1)
@@ -131,7 +133,10 @@ class SerialLink:
             waiting = self._serial.in_waiting
             if not waiting:
                 return
-            taken += len(self._take(waiting))
+            came = self._take(waiting)
+            if not came:
+                return
+            taken += len(came)
 
     def _wait(self, register_id: int, reply_bytes: int, deadline_s: float) -> bytes | None:
         """The data of the reply, or None at the deadline."""
@@ -150,9 +155,9 @@ class SerialLink:
 
     def _take(self, at_least: int, keep: list[Frame] | None = None) -> bytes:
         """Read what is there, waiting one poll for it; frames go to `keep`, or without it count as stale."""
-        chunk: bytes = self._serial.read(at_least)
+        chunk = self._read(at_least)
         if chunk and keep is not None:
-            chunk += self._serial.read(min(self._serial.in_waiting, DRAIN_LIMIT_BYTES))
+            chunk += self._read(min(self._serial.in_waiting, DRAIN_LIMIT_BYTES))
         if not chunk:
             return chunk
         self._came_s = self._clock.monotonic()
@@ -165,4 +170,17 @@ class SerialLink:
             self.counters.stale += len(decoded.frames)
         else:
             keep.extend(decoded.frames)
+        return chunk
+
+    def _read(self, at_least: int) -> bytes:
+        """Bytes of the port; none where it is shared and the other reader took those that had been announced.
+
+        pyserial takes that for a port that is gone. One that is fails in the next write as well.
+        """
+        try:
+            chunk: bytes = self._serial.read(at_least)
+        except serial.SerialException:
+            if self.settings.exclusive:
+                raise
+            return b""
         return chunk

@@ -154,7 +154,7 @@ def test_without_the_right_to_signal_zero_is_tried_and_the_daemon_named(bench: B
     assert done.returncode == 1
     assert f"process {daemon.pid} of user " in done.stderr
     assert "may not signal it" in done.stderr
-    assert bench.recorder.writes_A().count(0.0) > before
+    assert bench.recorder.writes_A().count(0.0) > before, done.stderr
 
 
 def opened(bench: Bench) -> Path:

@@ -16,7 +16,7 @@ from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_map import WireMap
 from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
-from tests.live.bench import Bench
+from tests.live.bench import Bench, wait_for
 
 TIOCGEXCL = 0x80045440
 MODEM_MANAGER = b"AT\r\r\nAT+GCAP\rAT\x7e\x00\x78\xf0\x7e\r"
@@ -79,6 +79,34 @@ def test_one_who_reads_all_the_same_costs_samples_and_no_more(bench: Bench, whee
     assert stolen
     assert missed > 0
     assert all(wheel.read(1.0) is not None for _ in range(10))
+
+
+def test_a_zero_beside_a_daemon_reaches_the_wheel_whoever_reads_the_answers(bench: Bench, wire_map: WireMap) -> None:
+    """What `stop` does beside a daemon that it may not end: each opening brings one, though another reads what comes."""
+    over = threading.Event()
+    thief = os.open(bench.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+
+    def talk_and_steal() -> None:
+        while not over.is_set():
+            with contextlib.suppress(BlockingIOError):
+                os.read(thief, 64)
+            server = bench._server
+            assert server is not None
+            server.pty.write(b"an answer to somebody else")
+
+    thread = threading.Thread(target=talk_and_steal)
+    thread.start()
+    try:
+        for _ in range(20):
+            before = bench.recorder.writes_A().count(0.0)
+            beside = open_serial_wheel(bench.port, wire_map, SystemClock(), 0.05, probe=False, exclusive=False)
+            beside.stop_current()
+            beside.close()
+            wait_for(lambda before=before: bench.recorder.writes_A().count(0.0) > before)  # type: ignore[misc]
+    finally:
+        over.set()
+        thread.join()
+        os.close(thief)
 
 
 def test_what_a_modem_manager_writes_is_ignored(bench: Bench, wire_map: WireMap) -> None:

@@ -26,6 +26,7 @@ from rw_ekf.records import Outlook, Tick
 
 _EXACT = 1.0e-9  # rad/s, and of the speed
 _MOST_A = 1.0e3  # no wheel takes more
+_LEAST_SLOPE = 1.0e-12  # rad/s/A: a motor gain times an interval may be as little as nothing
 _TURNS = 100
 _REST_SIGMAS = 3.0  # within so many the belief allows a wheel to stand
 
@@ -140,13 +141,13 @@ def _guess(begin: float, target: float, period_s: float, parameters: FrictionPar
 def inverted(end: Callable[[float], float], target: float, guess: float, slope: float) -> float:
     """The current [A] at which `end`, which rises with it, reaches the target [rad/s]; what lies nearest if none does.
 
-    slope > 0 [rad/s/A]: what it is far from zero speed. From the guess steps that grow until the target lies between
+    slope >= 0 [rad/s/A]: what it is far from zero speed. From the guess steps that grow until the target lies between
     two currents, then regula falsi as in the Illinois method, the end that stays at half its weight, and bisections.
     """
     exact = _EXACT * (1.0 + abs(target))
     low = high = max(-_MOST_A, min(_MOST_A, guess))
     below = above = end(low) - target
-    step = max(abs(below) / slope, exact / slope)
+    step = max(abs(below), exact) / max(slope, _LEAST_SLOPE)
     while above < -exact and high < _MOST_A:
         low, below = high, above
         high = min(high + step, _MOST_A)

@@ -141,6 +141,12 @@ def test_without_a_motor_nothing_is_asked_of_it() -> None:
         assert first_current(1.0, 0.3, TRUE._replace(motor_gain=gain)) == 0.0
 
 
+def test_with_the_least_motor_that_can_be_the_current_is_finite() -> None:
+    """The least positive number there is as a gain: times an interval it is nothing."""
+    for gain in (5e-324, 1e-300):
+        assert math.isfinite(first_current(0.0, 1.0, FrictionParameters(gain, 0.0, 0.0, 0.0)))
+
+
 def reversal(payback: Payback) -> tuple[float, float]:
     """Final and largest lag behind the speed that was asked for, of a wheel with 5 % more friction than is believed."""
     wheel = BareWheel(coulomb(1.05 * COULOMB), speed=0.6, believed=BELIEVED)
