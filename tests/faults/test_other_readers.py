@@ -82,7 +82,7 @@ def test_one_who_reads_all_the_same_costs_samples_and_no_more(bench: Bench, whee
 
 
 def test_a_zero_beside_a_daemon_reaches_the_wheel_whoever_reads_the_answers(bench: Bench, wire_map: WireMap) -> None:
-    """What `stop` does beside a daemon that it may not end: each opening brings one, though another reads what comes."""
+    """What `stop` does beside a daemon that it may not end: each try brings one, though another reads what comes."""
     over = threading.Event()
     thief = os.open(bench.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
 
