@@ -18,7 +18,7 @@ from rw_ekf.filter.belief import (
 )
 from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.friction import LAW_NAMES
-from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE
+from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
@@ -46,6 +46,7 @@ class FilterSetup:
     fit_of_record: LogFit | None = None  # where the noises came from the record
     stribeck_speed_std: float = 0.0  # where the record had to tell the Stribeck speed; 0: it is given
     acceleration_noises: tuple[float, ...] = ()  # of equal weight, where the record had to tell it [rad/s per sqrt(s)]
+    lowest_loss: FrictionParameters | None = None  # of the free run, where it was sought over the whole record
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -155,6 +156,7 @@ def setup_of_record(
         inertia_from="assumed",
         fit_of_record=fit,
         acceleration_noises=() if found is None else found.acceleration_noises,
+        lowest_loss=None if found is None else found.lowest_loss,
     )
 
 

@@ -10,6 +10,7 @@ along as a straight line of time, held from the end of the record on.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any, NamedTuple, Self
 
@@ -57,8 +58,6 @@ class Warming(NamedTuple):
 
 def warming_of(course: Course, speed_rad_s: Float64Array) -> Warming | None:
     """Fit the law to a course with its speed (n,) without gaps; None where it is too short to show any."""
-    from scipy.optimize import lsq_linear
-
     time, temperature = course.time_s, course.temperature_degC
     per = max(round(_WINDOW_S / course.period_s), 1)
     edges = np.arange(0, time.size, per)
@@ -79,9 +78,27 @@ def warming_of(course: Course, speed_rad_s: Float64Array) -> Warming | None:
     high = np.array([np.inf, np.inf, 1.0 / _SHORTEST_S, np.inf, np.inf]) * scale
     if rise.size < _LEAST_WINDOWS:
         return None
-    found = lsq_linear(A / scale, rise, bounds=(low, high)).x / scale
+    found = _within_bounds(A / scale, rise, low, high) / scale
     rate = float(found[2])
     return Warming(float(found[0]) / rate, 1.0 / rate, float(found[3]) / rate, float(found[4]) / rate)
+
+
+def _within_bounds(A: Float64Array, b: Float64Array, low: Float64Array, high: Float64Array) -> Float64Array:
+    """The least-squares solution (m,) between bounds, exactly: the best of those with some unknowns at a bound each.
+
+    There are few unknowns, and trying which ones are held costs less than importing an optimiser.
+    """
+    holds = [[None, *(float(v) for v in ends if math.isfinite(v))] for ends in zip(low, high, strict=True)]
+    best, least = np.clip(np.zeros(low.size), low, high), math.inf
+    for held in itertools.product(*holds):
+        free = np.array([value is None for value in held])
+        x = np.array([0.0 if value is None else value for value in held])
+        x[free] = np.linalg.lstsq(A[:, free], b - A @ x, rcond=None)[0]
+        if np.all(x >= low) and np.all(x <= high):
+            left = b - A @ x
+            if float(left @ left) < least:
+                best, least = x, float(left @ left)
+    return best
 
 
 def ended(course: Course, speed_rad_s: Float64Array, *, with_temperature: bool) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from rw_ekf.model.effect import RecordFacts, Term, size_of
 from rw_ekf.wheel.table import ABSENT
 
 _SKETCH_TURNS = 3
+_NEARLY_AS_LIKELY, _SAME_PLACE = 3.0, 0.5  # log-likelihood, and standard deviations, between two sketches
 _STANDSTILL_TURNS = 10
 _COMPARABLE = 6.0  # log-likelihood: along different trajectories values differ by that for no reason
 ROOM_SIGMAS = 2.0  # by which an effect may be larger than it was found
@@ -76,16 +77,26 @@ class Fit:
         """Standard deviations of the model's vector."""
         return np.sqrt(np.maximum(np.diag(self.likelihood.covariance), 0.0))
 
-    def refitted(self, model: Model) -> Fit:
-        """Another model fitted to the same part of the record, from where this one stands; each model once."""
+    def refitted(self, model: Model, least_gain: float = -math.inf) -> Fit:
+        """Another model fitted to the same part of the record, from where this one stands; each model once.
+
+        One that has been sketched goes on from there. least_gain: see `optimum_of`; in log-likelihood over this fit.
+        """
         if model not in self._refits:
-            record = self.linearised.record
-            starts = [(model, self.trajectory)]
-            if follows_angle(record, model) and self.linearised.memory_jacobian.shape[0] == 0:
-                starts = self._on_likely_angles(model)
-            fits = [fit_model(self.problem, Start(m, path, self.noise)) for m, path in starts]
-            self._refits[model] = max(fits, key=lambda fit: fit.likelihood.value)
+            if self._turns_with(model):
+                starts = [Start(m, path, self.noise) for m, path in self._on_likely_angles(model)]
+                fits = [fit_model(self.problem, start) for start in starts]
+                self._refits[model] = max(fits, key=lambda fit: fit.likelihood.value)
+            else:
+                sketch, least = self._sketches.get(model), self.likelihood.value + least_gain
+                begun = None if sketch is None else Optimum(sketch.model, sketch.likelihood, sketch.linearised)
+                start = Start(model, self.trajectory, self.noise)
+                self._refits[model] = _fit_of(self.problem, optimum_of(self.problem, start, begun=begun, least=least))
         return self._refits[model]
+
+    def _turns_with(self, model: Model) -> bool:
+        """Whether a model follows an angle that is lost slowly, so that its fits begin from likely ones."""
+        return follows_angle(self.linearised.record, model) and self.linearised.memory_jacobian.shape[0] == 0
 
     def _on_likely_angles(self, model: Model) -> list[tuple[Model, Trajectory]]:
         """A model with a ripple that this one has not, turned, and trajectories with angles that go with it."""
@@ -120,22 +131,40 @@ class Fit:
         return self.widened(factors)
 
     def worth_a_fit(self, models: list[Model], least_gain: float = -math.inf) -> list[Model]:
-        """Of models that bring a memory the likeliest by sketches, if it gains so much log-likelihood; of others all.
+        """Of models that are starts of one effect those worth a full fit, by sketches.
 
-        Starts of one effect: what a full fit of each would cost is better spent on the valley that is deepest.
+        Of those that bring a memory the likeliest, if it gains least_gain in log-likelihood: what a full fit of each
+        would cost is better spent on the valley that is deepest. Of others it and what is nearly as likely elsewhere.
         """
-        brings = [model.effects.table().memory_state_at != ABSENT for model in models]
-        if not any(brings) or self.model.effects.table().memory_state_at != ABSENT:
+        brings = any(model.effects.table().memory_state_at != ABSENT for model in models)
+        if brings and self.model.effects.table().memory_state_at == ABSENT:
+            best = max((self.sketched(model) for model in models), key=lambda fit: fit.likelihood.value)
+            gain = best.likelihood.value - self.likelihood.value
+            return [model for model in models if self.sketched(model) is best and gain >= least_gain]
+        if brings or len(models) < 2 or any(self._turns_with(model) for model in models):
             return models
-        best = max((self.sketched(model) for model in models), key=lambda fit: fit.likelihood.value)
-        gain = best.likelihood.value - self.likelihood.value
-        return [model for model in models if self.sketched(model) is best and gain >= least_gain]
+        sketches = sorted(((self.sketched(m), m) for m in models), key=lambda item: -item[0].likelihood.value)
+        kept: list[tuple[Fit, Model]] = []
+        for sketch, model in sketches:
+            near = sketch.likelihood.value > sketches[0][0].likelihood.value - _NEARLY_AS_LIKELY
+            if near and not any(sketch.is_at(other) for other, _ in kept):
+                kept.append((sketch, model))
+        return [model for _, model in kept]
+
+    def is_at(self, other: Fit) -> bool:
+        """Whether a fit of the same kind of model has come to the same place, to half a standard deviation."""
+        apart = np.abs(self.model.vector - other.model.vector)
+        return apart.size == other.std.size and bool(np.all(apart < _SAME_PLACE * other.std))
 
     def sketched(self, model: Model) -> Fit:
-        """A model with a memory fitted in few turns, along the path on which it runs freely; each model once."""
+        """A model fitted in few turns, with a memory along the path on which it runs freely; each model once."""
         if model not in self._sketches:
             start = Start(model, self.trajectory, self.noise)
-            self._sketches[model] = _fit_of(self.problem, along_free_runs(self.problem, start, _SKETCH_TURNS, runs=1))
+            if model.effects.table().memory_state_at == ABSENT:
+                found = optimum_of(self.problem, start, _SKETCH_TURNS)
+            else:
+                found = along_free_runs(self.problem, start, _SKETCH_TURNS, runs=1)
+            self._sketches[model] = _fit_of(self.problem, found)
         return self._sketches[model]
 
     def without(self, effect_id: str) -> Fit:

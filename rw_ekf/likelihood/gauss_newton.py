@@ -55,16 +55,22 @@ class Optimum(NamedTuple):
     linearised: Linearisation
 
 
-def optimum_of(problem: Problem, start: Start, turns: int = TURNS) -> Optimum:
+def optimum_of(
+    problem: Problem, start: Start, turns: int = TURNS, *, begun: Optimum | None = None, least: float = -math.inf
+) -> Optimum:
     """The highest likelihood seen on the way from a start, whose trajectory need not be the model's own.
 
-    A model with a memory is fitted along the trajectory given and along the one on which it runs freely, and where that
-    is no better along the one that its own filter follows.
+    A model with a memory is fitted along the path on which it runs freely and along the trajectory given, and where the
+    first is no better along the one that its own filter follows. Below `least` the first has to do: another path
+    may carry what is strong much further, and what is weak by less than one (docs/diagnosis.md).
+    begun: how far the fit has come already; with a memory along the path on which it runs freely.
     """
     if start.model.effects.table().memory_state_at == ABSENT or not np.isnan(start.trajectory.memory).any():
-        return _climbed(problem, start, turns)
+        return _climbed(problem, start, turns) if begun is None else _gone_on(problem, begun, turns)
+    free = along_free_runs(problem, start, turns, begun=begun)
+    if free.likelihood.value < least:
+        return free
     first = _climbed(problem, _settled(problem, start), turns)
-    free = along_free_runs(problem, start, turns)
     if free.likelihood.value > first.likelihood.value:
         return free
     noise = first.likelihood.noise
@@ -73,13 +79,21 @@ def optimum_of(problem: Problem, start: Start, turns: int = TURNS) -> Optimum:
     return max(first, second, key=lambda found: found.likelihood.value)
 
 
-def along_free_runs(problem: Problem, start: Start, turns: int = TURNS, runs: int = _FREE_RUNS) -> Optimum:
-    """Along the path on which a model with a memory runs freely, then along that of what it led to."""
+def along_free_runs(
+    problem: Problem, start: Start, turns: int = TURNS, runs: int = _FREE_RUNS, begun: Optimum | None = None
+) -> Optimum:
+    """Along the path on which a model with a memory runs freely, then along that of what it led to.
+
+    begun: how far the first of these has come already.
+    """
     best: Optimum | None = None
     model = start.model
-    for _ in range(runs):
-        path = free_trajectory(problem.record, model, start.trajectory, start.noise)
-        found = _climbed(problem, start._replace(model=model, trajectory=path), turns)
+    for run in range(runs):
+        if run == 0 and begun is not None:
+            found = _gone_on(problem, begun, turns)
+        else:
+            path = free_trajectory(problem.record, model, start.trajectory, start.noise)
+            found = _climbed(problem, start._replace(model=model, trajectory=path), turns)
         if best is not None and found.likelihood.value < best.likelihood.value + _BETTER:
             break
         best, model = found, found.model
@@ -89,8 +103,16 @@ def along_free_runs(problem: Problem, start: Start, turns: int = TURNS, runs: in
     return best
 
 
-def _climbed(problem: Problem, start: Start, turns: int) -> Optimum:
-    """The trajectory is smoothed anew in every turn; a step that loses likelihood or prior is shortened."""
+def _gone_on(problem: Problem, begun: Optimum, turns: int) -> Optimum:
+    linearised = begun.linearised
+    return _climbed(problem, Start(begun.model, linearised.trajectory, begun.likelihood.noise), turns, linearised)
+
+
+def _climbed(problem: Problem, start: Start, turns: int, known: Linearisation | None = None) -> Optimum:
+    """The trajectory is smoothed anew in every turn; a step that loses likelihood or prior is shortened.
+
+    known: the linearisation at the start, where there is one.
+    """
     record, prior, omit = problem
     model, trajectory, noise = start
     best: Optimum | None = None
@@ -100,7 +122,7 @@ def _climbed(problem: Problem, start: Start, turns: int) -> Optimum:
         if turn > 1 and not record.work.has(FITS):
             record.work.leave_out("the last turns of fits")
             break
-        linearised = linearise(record, model, trajectory, noise, omit)
+        linearised = known if turn == 0 and known is not None else linearise(record, model, trajectory, noise, omit)
         found = likelihood(linearised, prior, noise)
         here = as_it_stands(linearised, prior, found)
         value = here.value + _log_prior(prior, model)

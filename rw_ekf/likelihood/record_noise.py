@@ -43,6 +43,7 @@ class RecordNoise:
     stribeck_speed_std: float  # 0 where it was given
     acceleration_noises: tuple[float, ...]  # five of equal weight that stand for what is not known of it
     fit: LogFit
+    lowest_loss: FrictionParameters | None  # of the free run over the whole record; None: only a part was looked at
 
 
 def noise_of_record(
@@ -57,7 +58,7 @@ def noise_of_record(
     if not _has_enough(part):
         return None
     with contextlib.suppress(FilterError, np.linalg.LinAlgError):
-        fit = _fit(part, constants, prior, guessed_stribeck=guessed_stribeck)
+        fit, lowest = _fit(part, constants, prior, guessed_stribeck=guessed_stribeck)
         noises = fit.noises
         guess, usual = constants.stribeck.omega_s, constants.acceleration_noise
         found = noises.acceleration_noise
@@ -72,6 +73,7 @@ def noise_of_record(
             fit.stribeck_speed_std if known else _STRIBECK_SEEN * guess if guessed_stribeck else 0.0,
             tuple(min(float(noise), limit) for noise in noises.acceleration_noise_quantiles),
             fit,
+            lowest if part.samples == course.samples else None,
         )
     return None
 
@@ -135,13 +137,18 @@ def _within(value: float, usual: float, band: tuple[float, float]) -> float:
     return min(max(value, band[0] * usual), band[1] * usual)
 
 
-def _fit(course: Course, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool) -> LogFit:
+def _fit(
+    course: Course, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool
+) -> tuple[LogFit, FrictionParameters]:
+    """The fit, and where the free run's loss was lowest, from which it began."""
     if not guessed_stribeck:
-        return fit_log(course, constants, prior, least_squares(course, constants, prior.core).parameters)
+        lowest = least_squares(course, constants, prior.core).parameters
+        return fit_log(course, constants, prior, lowest), lowest
     tried = []
     for ratio in _STRIBECK_RATIOS:
-        omega_s = ratio * constants.stribeck.omega_s
-        there = constants.with_stribeck_speed(omega_s)
-        tried.append((fit_log(course, there, prior, least_squares(course, there, prior.core).parameters), there))
-    best, there = max(tried, key=lambda item: item[0].noises.log_evidence)
-    return fit_log(course, there, prior, best.parameters, stribeck_speed_std=_STRIBECK_STD * there.stribeck.omega_s)
+        there = constants.with_stribeck_speed(ratio * constants.stribeck.omega_s)
+        lowest = least_squares(course, there, prior.core).parameters
+        tried.append((fit_log(course, there, prior, lowest), there, lowest))
+    best, there, lowest = max(tried, key=lambda item: item[0].noises.log_evidence)
+    std = _STRIBECK_STD * there.stribeck.omega_s
+    return fit_log(course, there, prior, best.parameters, stribeck_speed_std=std), lowest

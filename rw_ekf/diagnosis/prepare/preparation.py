@@ -102,7 +102,8 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     course = course._replace(temperature_degC=temperature, angle_rad=logged_angle)
     parameters, free_run = setup.prior.parameters, np.zeros(0)
     if model is None:
-        head = least_squares(course.window(0, _LEAST_SQUARES_SAMPLES), setup.constants, setup.prior.core)
+        nearly = None if setup.lowest_loss is None else [setup.lowest_loss]
+        head = least_squares(course.window(0, _LEAST_SQUARES_SAMPLES), setup.constants, setup.prior.core, starts=nearly)
         parameters, free_run = head.parameters, head.simulated_rad_s
     start = model_of_setup(setup, parameters)
     everything = np.ones(course.samples, dtype=bool)

@@ -172,10 +172,15 @@ def broken(y: Float64Array, starts: BoolArray) -> Float64Array:
     return np.where(starts, np.nan, y)
 
 
+def window_sums(y: Float64Array, width: int) -> Float64Array:
+    """Sums (n,) of what lies in a window of `width` samples about each, of an even one half a sample before it."""
+    sums = np.concatenate(([0.0], np.cumsum(y)))
+    first = np.arange(y.size) - width // 2
+    return np.asarray(sums[np.minimum(first + width, y.size)] - sums[np.maximum(first, 0)])
+
+
 def running_means(y: Float64Array, starts: BoolArray, window: int) -> Float64Array:
     """Centred mean of what is there over `window` samples, or a tenth of a stretch; none reaches over its ends."""
-    from scipy.ndimage import uniform_filter1d
-
     known = np.isfinite(y).astype(np.float64)
     values = np.where(known > 0.0, y, 0.0)
     means = np.full(y.size, np.nan)
@@ -184,10 +189,8 @@ def running_means(y: Float64Array, starts: BoolArray, window: int) -> Float64Arr
         if last <= first:
             continue
         width = max(1, min(window, (last - first) // 10))
-        share = uniform_filter1d(known[first:last], width, mode="constant")
-        total = uniform_filter1d(values[first:last], width, mode="constant")
-        # A share is a whole number of samples over the width, but for rounding.
-        means[first:last] = np.where(share > 0.5 / width, total / np.maximum(share, 1.0e-12), np.nan)
+        count, total = window_sums(known[first:last], width), window_sums(values[first:last], width)
+        means[first:last] = np.where(count > 0.5, total / np.maximum(count, 1.0), np.nan)
     return means
 
 
@@ -254,14 +257,12 @@ def correlation_samples(residual: Float64Array, window: int) -> float:
 
     window: samples of the running mean that stands for structure; the sum ends where the correlation has died down.
     """
-    from scipy.ndimage import uniform_filter1d
-
     values = residual[:_CORRELATION_SAMPLES]
     values = np.where(np.isfinite(values), values, 0.0)
     window = min(window, values.size)
     if window < 3:
         return 1.0
-    values = values - uniform_filter1d(values, window)
+    values = values - window_sums(values, window) / window_sums(np.ones(values.size), window)
     power = np.abs(np.fft.rfft(values, 2 * values.size)) ** 2
     correlation = np.fft.irfft(power)[: max(2, window // 2)]
     if not correlation[0] > 0.0:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.confounding import event_scores, may_confound
 from rw_ekf.diagnosis.search.onset import with_better_onset
@@ -65,10 +67,13 @@ def settled_event(fit: Fit, score: Score, facts: RecordFacts) -> Fit:
     return best.refitted(best.model.settled(score.effect.id))
 
 
-def fitted_at(fit: Fit, score: Score) -> Fit:
-    """A fit with an effect beside what it has, from its place; again along the filter's path where it went astray."""
+def fitted_at(fit: Fit, score: Score, least_gain: float = -math.inf) -> Fit:
+    """A fit with an effect beside what it has, from its place; again along the filter's path where it went astray.
+
+    least_gain: in log-likelihood; with less a fit need not go all ways.
+    """
     models = [fit.model.with_terms(term) for term in score.starts]
-    fits = [fit.refitted(model) for model in fit.worth_a_fit(models)]
+    fits = [fit.refitted(model, least_gain) for model in fit.worth_a_fit(models)]
     best = max(fits, key=lambda item: item.likelihood.value)
     gained = 2.0 * (best.likelihood.value - fit.likelihood.value)
     if gained <= _KEPT_SHARE * score.statistic:

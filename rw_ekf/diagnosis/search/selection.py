@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value
+from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value, threshold
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
 from rw_ekf.diagnosis.search.scorer import Scorer
@@ -28,6 +28,7 @@ MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
 ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
 _LEAST_SIGMAS = 2.5
+_ANOTHER_WAY = 2.0  # log-likelihood that another path may still bring to what one path left below significance
 
 
 @dataclass
@@ -208,7 +209,11 @@ class Search:
             if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
                 continue
             self.advance(f"fitting {name}")
-            fit = settled_event(current, score, self.facts) if local else fitted_at(current, score)
+            if local:
+                fit = settled_event(current, score, self.facts)
+            else:
+                needed = 0.5 * threshold(effect, self.facts, self._enough_for(effect))
+                fit = fitted_at(current, score, needed - _ANOTHER_WAY)
             statistic = score.statistic if local else 2.0 * (fit.likelihood.value - current.likelihood.value)
             p = p_value(effect, statistic, self.facts)
             evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
