@@ -20,6 +20,7 @@ from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
 LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
@@ -130,6 +131,7 @@ class Search:
             if added is None:
                 break
             fit, trial = added
+            fit = likelier_along_filter(fit, current, fit.model)
             if trial.effect.local_in_time:
                 fit = with_other_laws(fit, trial.effect.id, self.facts)
             current = self.pruned(fit, selection)
