@@ -20,6 +20,7 @@ pytestmark = pytest.mark.slow
         ("id-1rpm-039-speed_quantisation", 9, "speed_quantisation"),  # 10 rpm; "depends on low speed, angle"
         ("id-1rpm-039-speed_quantisation", 13, "speed_quantisation"),  # a ripple, then a Stribeck curve beside it
         ("id-1rpm-057-coulomb_drift", 9, "coulomb_drift"),  # was a law of temperature that was less likely by 15
+        ("id-5rpm-022-viscous_asymmetry", 16, "viscous_asymmetry"),  # unexplained: the base fit missed the break-away
         ("p12-1rpm-056-drag_spike", 9, "drag_spike"),  # was a friction that drifts, by a tenth of evidence
         ("p12-1rpm-038-external_torque", 6, "external_torque"),  # near a harmonic of the current; was torque noise
     ],

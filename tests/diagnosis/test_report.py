@@ -12,8 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
-from rw_ekf.diagnosis.report.canvas import binned_means, correlation_samples, running_means, thinned_line
+from rw_ekf.diagnosis.report.canvas import (
+    binned_means,
+    correlation_samples,
+    running_means,
+    thinned_line,
+    window_sums,
+)
 from rw_ekf.diagnosis.report.text import diagnosis_text
 from rw_ekf.diagnosis.report.words import Units, figure_pairs
 from rw_ekf.diagnosis.report.write import write_report
@@ -294,6 +301,14 @@ def test_standard_errors_of_binned_means_are_honest() -> None:
     bent = binned_means(x, noise + np.sin(6.0 * x), np.ones(x.size, bool), np.linspace(0.0, 1.0, 11), correlation)
     assert bent.structure == pytest.approx(np.sqrt(np.mean(np.sin(6.0 * x) ** 2)), rel=0.05)
     assert found.structure < 0.05
+
+
+@pytest.mark.parametrize("width", [1, 2, 5, 8, 300])
+def test_sums_over_windows_are_those_of_the_library(width: int) -> None:
+    """Against scipy's filter, whose import takes longer than a report has time for; a window may be longer than all."""
+    y = np.random.default_rng(2).normal(size=120)
+    theirs = width * uniform_filter1d(y, width, mode="constant")
+    np.testing.assert_allclose(window_sums(y, width), theirs, atol=1e-12)
 
 
 def test_running_means_stop_at_a_stretch() -> None:
