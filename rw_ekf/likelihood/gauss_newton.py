@@ -61,13 +61,13 @@ def optimum_of(
     """The highest likelihood seen on the way from a start, whose trajectory need not be the model's own.
 
     A model with a memory is fitted along the path on which it runs freely and along the trajectory given, and where the
-    first is no better along the one that its own filter follows. Below `least` the first has to do: another path
-    may carry what is strong much further, and what is weak by less than one (docs/diagnosis.md).
+    first is no better along the one that its own filter follows. What its first free run leaves below `least` is left
+    there: another path carries what is strong much further, and hardly what is weak (docs/diagnosis.md).
     begun: how far the fit has come already; with a memory along the path on which it runs freely.
     """
     if start.model.effects.table().memory_state_at == ABSENT or not np.isnan(start.trajectory.memory).any():
         return _climbed(problem, start, turns) if begun is None else _gone_on(problem, begun, turns)
-    free = along_free_runs(problem, start, turns, begun=begun)
+    free = along_free_runs(problem, start, turns, begun=begun, least=least)
     if free.likelihood.value < least:
         return free
     first = _climbed(problem, _settled(problem, start), turns)
@@ -80,11 +80,17 @@ def optimum_of(
 
 
 def along_free_runs(
-    problem: Problem, start: Start, turns: int = TURNS, runs: int = _FREE_RUNS, begun: Optimum | None = None
+    problem: Problem,
+    start: Start,
+    turns: int = TURNS,
+    runs: int = _FREE_RUNS,
+    *,
+    begun: Optimum | None = None,
+    least: float = -math.inf,
 ) -> Optimum:
     """Along the path on which a model with a memory runs freely, then along that of what it led to.
 
-    begun: how far the first of these has come already.
+    begun: how far the first of these has come already. least: log-likelihood below which there is no second.
     """
     best: Optimum | None = None
     model = start.model
@@ -97,7 +103,7 @@ def along_free_runs(
         if best is not None and found.likelihood.value < best.likelihood.value + _BETTER:
             break
         best, model = found, found.model
-        if not problem.record.work.has(FITS):
+        if found.likelihood.value < least or not problem.record.work.has(FITS):
             break
     assert best is not None
     return best
