@@ -72,7 +72,7 @@ def _draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any
     drive = 1e3 * log.current_A if wheel_units else log.current_A
     current.step(time_s, drive, where="post", lw=0.7, color=_RED, alpha=0.45)
     current.set_ylabel("current [mA]" if wheel_units else "drive", color=_RED)
-    axis.legend(loc="upper right", fontsize=8)
+    _legend(axis)
 
 
 def _draw_innovation(axis: Any, time_s: Any, columns: Mapping[str, Any], *, wheel_units: bool) -> None:
@@ -87,7 +87,7 @@ def _draw_innovation(axis: Any, time_s: Any, columns: Mapping[str, Any], *, whee
     typical = float(np.nanmedian(band)) if np.isfinite(band).any() else 1.0
     axis.set_ylim(-2.0 * typical, 2.0 * typical)
     axis.set_ylabel(f"innovation [{unit}]")
-    axis.legend(loc="upper right", fontsize=8)
+    _legend(axis)
 
 
 def _draw_parameter(axis: Any, time_s: Any, columns: Mapping[str, Any], name: str, truth: float | None) -> None:
@@ -107,4 +107,12 @@ def _draw_parameter(axis: Any, time_s: Any, columns: Mapping[str, Any], name: st
         if math.isfinite(low) and math.isfinite(high):
             axis.set_ylim(low - pad, high + pad)
     axis.set_ylabel(f"{_TITLES[name]}\n[{STATE_UNITS[name]}]", fontsize=9)
-    axis.legend(loc="upper right", fontsize=8)
+    _legend(axis)
+
+
+def _legend(axis: Any) -> None:
+    """Above the panel, where it hides nothing."""
+    axis.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8, frameon=False, borderaxespad=0.1,
+        handlelength=1.4, columnspacing=1.4,
+    )  # fmt: skip
