@@ -27,7 +27,6 @@ from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.phase_particles import LostAngle
 from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of
 from rw_ekf.model.effect import RecordFacts, Term, size_of
-from rw_ekf.wheel.table import ABSENT
 
 _SKETCH_TURNS = 3
 _NEARLY_AS_LIKELY, _SAME_PLACE = 3.0, 0.5  # log-likelihood, and standard deviations, between two sketches
@@ -136,8 +135,8 @@ class Fit:
         Of those that bring a memory the likeliest, if it gains least_gain in log-likelihood: what a full fit of each
         would cost is better spent on the valley that is deepest. Of others it and what is nearly as likely elsewhere.
         """
-        brings = any(model.effects.table().memory_state_at != ABSENT for model in models)
-        if brings and self.model.effects.table().memory_state_at == ABSENT:
+        brings = any(model.has_memory for model in models)
+        if brings and not self.model.has_memory:
             best = max((self.sketched(model) for model in models), key=lambda fit: fit.likelihood.value)
             gain = best.likelihood.value - self.likelihood.value
             return [model for model in models if self.sketched(model) is best and gain >= least_gain]
@@ -160,10 +159,10 @@ class Fit:
         """A model fitted in few turns, with a memory along the path on which it runs freely; each model once."""
         if model not in self._sketches:
             start = Start(model, self.trajectory, self.noise)
-            if model.effects.table().memory_state_at == ABSENT:
-                found = optimum_of(self.problem, start, _SKETCH_TURNS)
-            else:
+            if model.has_memory:
                 found = along_free_runs(self.problem, start, _SKETCH_TURNS, runs=1)
+            else:
+                found = optimum_of(self.problem, start, _SKETCH_TURNS)
             self._sketches[model] = _fit_of(self.problem, found)
         return self._sketches[model]
 

@@ -21,7 +21,6 @@ from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
 from rw_ekf.likelihood.profile import Likelihood, as_it_stands, likelihood
 from rw_ekf.likelihood.whitening import smooth
 from rw_ekf.likelihood.work import FITS
-from rw_ekf.wheel.table import ABSENT
 
 TURNS = 8
 SMALL_STEP = 0.05  # standard deviations
@@ -65,7 +64,7 @@ def optimum_of(
     there: another path carries what is strong much further, and hardly what is weak (docs/diagnosis.md).
     begun: how far the fit has come already; with a memory along the path on which it runs freely.
     """
-    if start.model.effects.table().memory_state_at == ABSENT or not np.isnan(start.trajectory.memory).any():
+    if not start.model.has_memory or not np.isnan(start.trajectory.memory).any():
         return _climbed(problem, start, turns) if begun is None else _gone_on(problem, begun, turns)
     free = along_free_runs(problem, start, turns, begun=begun, least=least)
     if free.likelihood.value < least:

@@ -15,7 +15,6 @@ from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
 from rw_ekf.model.state import SPEED
-from rw_ekf.wheel.table import ABSENT
 
 _ANY_PHASE = math.pi / math.sqrt(3.0)  # standard deviation of a phase of which nothing is known
 _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may still be off by
@@ -89,7 +88,7 @@ def linearise(
     centre = predict(
         record, model.coefficients, model.effects, model.stribeck, trajectory, with_rows=with_jacobian or followed
     )
-    with_memory = model.effects.table().memory_state_at != ABSENT
+    with_memory = model.has_memory
     n = trajectory.speed.size
     if with_jacobian:
         jacobian, memory_jacobian = _jacobian(record, model, trajectory, centre.rows, with_memory=with_memory)
@@ -126,7 +125,7 @@ def follows_angle(record: Record, model: Model) -> bool:
 
     Not beside a friction with a memory, which is the chain's second quantity then.
     """
-    if not record.angle_is_integrated or model.effects.table().memory_state_at != ABSENT:
+    if not record.angle_is_integrated or model.has_memory:
         return False
     return any(term.effect.angular for term in model.terms)
 

@@ -11,7 +11,7 @@ from rw_ekf.filter.belief import Belief
 from rw_ekf.model.effect import RecordFacts, Shape, Term
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, STATE_SIZE, FrictionParameters
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,11 @@ class Model:
     def known(self) -> int:
         """Number of parameters and coefficients, which come before the refined shapes."""
         return PARAMETER_COUNT + self.effects.size
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether it has a friction with a memory."""
+        return self.effects.table().memory_state_at != ABSENT
 
     @property
     def coefficients(self) -> Float64Array:

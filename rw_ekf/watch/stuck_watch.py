@@ -90,16 +90,14 @@ class StuckWatch:
         self._repeats = 0
         self._belief: ParameterBelief | None = None
         self._first: ParameterBelief | None = None  # before any reading: what the estimator started from
-        self._parameters: FrictionParameters | None = None  # of the belief that counts, once a reading repeats,
-        self._P: list[list[float]] = []  # and their covariance
+        self._counts: ParameterBelief | None = None  # the belief that counts, once a reading repeats,
+        self._P: list[list[float]] = []  # and its covariance
         self._up = self._down = 0.0
         self._standing: StandingProof | None = None
         self._alive_since_s: float | None = None
         self._beyond = self._beyond_now = 0.0
         self.stuck = False
-        self.moved_rad_s = (
-            0.0  # how far the wheel must have moved since the reading began to repeat, at least; 0: by eq. 4
-        )
+        self.moved_rad_s = 0.0  # at least so far the wheel must have moved since it began to repeat; 0: found by eq. 4
         self.distance = 0.0  # standard deviations to the nearest wheel that would not have moved (eq. 4)
         self.repeated_s = 0.0
         self.value_rad_s = 0.0  # the reading that repeats
@@ -196,58 +194,54 @@ class StuckWatch:
             self._belief = belief()
             self._first = self._belief if self._first is None else self._first
             self._beyond = self._beyond_now
-            self._parameters = None
+            self._counts = None
 
     def _stands(self, current_A: float, dt_s: float) -> float:
         """D^2 of eq. 4 with this interval; zero near rest, where a wheel may well stand through many currents."""
         assert self._value is not None
-        v = abs(self._value)
-        if not v > self._near_rest:
+        if not abs(self._value) > self._near_rest:
             return 0.0
-        g = stribeck(v / self._omega_s, self._law)
+        way = math.copysign(1.0, self._value)
+        friction, phi = self._friction_and_slopes(way * current_A)
         if self._standing is None:
-            parameters, covariance = self._believed()
-            k, b, c, s = parameters
-            lacking = (
-                _DRIVE_SHARE * k,
-                0.0,
-                math.hypot(_FRICTION_SHARE * max(b * v + c + (s - c) * g, 0.0), _EFFECTS_SHARE * self._beyond),
-                0.0,
-            )
-            P = covariance + np.diag(np.square(lacking))
-            self._standing = StandingProof(parameters, P, _APART_STEPS * self._step)
-        sign = math.copysign(1.0, self._value)
-        phi = (current_A, -sign * v, sign * (g - 1.0), -sign * g)
-        return self._standing.add(phi, self._beyond, dt_s)
+            believed = self._believed()
+            of_friction = math.hypot(_FRICTION_SHARE * friction, _EFFECTS_SHARE * self._beyond)
+            lacking = np.square([_DRIVE_SHARE * believed.parameters.motor_gain, 0.0, of_friction, 0.0])
+            P = believed.covariance + np.diag(lacking)
+            self._standing = StandingProof(believed.parameters, P, _APART_STEPS * self._step)
+        return self._standing.add(phi, way * self._beyond, dt_s)
 
     def _believed(self) -> ParameterBelief:
         """What counts while a reading repeats: the belief of before, where a wheel can be like that."""
-        assert self._belief is not None
-        return self._belief if self._first is None or self._belief.is_physical else self._first
+        if self._counts is None:
+            assert self._belief is not None
+            self._counts = self._belief if self._first is None or self._belief.is_physical else self._first
+            self._P = self._counts.covariance.tolist()
+        return self._counts
+
+    def _friction_and_slopes(self, along_A: float) -> tuple[float, tuple[float, float, float, float]]:
+        """R and phi of eq. 1, both along the motion; along_A: the current that drives the wheel on."""
+        assert self._value is not None
+        _, b, c, s = self._believed().parameters
+        v = abs(self._value)
+        g = stribeck(v / self._omega_s, self._law)
+        return max(b * v + c + (s - c) * g, 0.0), (along_A, -v, g - 1.0, -g)
 
     def _acceleration(self, current_A: float) -> tuple[tuple[float, float], float]:
         """Eq. 1: accelerations of a wheel that moves up and one that moves down (the same unless at rest), and sd."""
         assert self._value is not None
-        if self._parameters is None:
-            belief = self._believed()
-            self._parameters, self._P = belief.parameters, belief.covariance.tolist()
-        k, b, c, s = self._parameters
-        v = abs(self._value)
-        g = stribeck(v / self._omega_s, self._law)
-        phi = (current_A, -v, g - 1.0, -g)
-        drive = k * current_A
-        friction = max(b * v + c + (s - c) * g, 0.0)
-        forward = self._value > 0.0 if v > self._near_rest else drive > 0.0
-        if not forward:
-            phi = (-current_A, *phi[1:])
-        share = _FRICTION_SHARE if v > self._near_rest else _REST_SHARE
+        moves = abs(self._value) > self._near_rest
+        drive = self._believed().parameters.motor_gain * current_A
+        forward = self._value > 0.0 if moves else drive > 0.0
+        friction, phi = self._friction_and_slopes(current_A if forward else -current_A)
+        share = _FRICTION_SHARE if moves else _REST_SHARE
         variance = (_DRIVE_SHARE * drive) ** 2 + (share * friction) ** 2
         for slope, row in zip(phi, self._P, strict=True):
             variance += slope * (row[0] * phi[0] + row[1] * phi[1] + row[2] * phi[2] + row[3] * phi[3])
         sd = math.sqrt(max(variance, 0.0))
         sd = math.hypot(sd, _EFFECTS_SHARE * self._beyond)
         drive += self._beyond
-        if not v > self._near_rest:
+        if not moves:
             return (drive - friction, drive + friction), sd
         a = drive - math.copysign(friction, self._value)
         return (a, a), sd
