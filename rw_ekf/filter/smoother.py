@@ -6,6 +6,7 @@ because the parameters hardly move. Checked against the textbook recursion in te
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import Any
 
@@ -30,24 +31,35 @@ def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> Non
     n_samples, n = predicted.shape
     adjoint = np.zeros(n)  # lambda: gradient of the future's log-likelihood by the state
     information = np.zeros((n, n))  # Lambda: its expected curvature
-    gain = np.zeros(n)
-    closed = np.eye(n)  # I - K H
+    along = np.zeros(n)
     for i in range(n_samples - 1, -1, -1):
+        P = covariance[i]
         if outcome[i] == UPDATED:
+            # (I - K H)' a and (I - K H)' A (I - K H), where H picks the speed: but for its row and column all stays.
             S = innovation_variance[i]
+            known, twice = 0.0, 0.0
             for j in range(n):
-                gain[j] = covariance[i, j, SPEED] / S
+                gain = P[j, SPEED] / S
+                known += gain * adjoint[j]
+                along[j] = 0.0
+                for m in range(n):
+                    along[j] += information[j, m] * P[m, SPEED] / S
+                twice += gain * along[j]
+            adjoint[SPEED] -= known + innovation[i] / S
             for j in range(n):
-                closed[j, SPEED] = (1.0 if j == SPEED else 0.0) - gain[j]
-            adjoint = closed.T @ adjoint
-            information = closed.T @ information @ closed
-            adjoint[SPEED] -= innovation[i] / S
-            information[SPEED, SPEED] += 1.0 / S
-        smoothed = predicted[i] - covariance[i] @ adjoint
-        spread = covariance[i] - covariance[i] @ information @ covariance[i]
+                information[SPEED, j] -= along[j]
+                information[j, SPEED] -= along[j]
+            information[SPEED, SPEED] += twice + 1.0 / S
         for j in range(n):
-            means[i, j] = smoothed[j]
-            stds[i, j] = np.sqrt(max(spread[j, j], 0.0))
+            moved, narrowed = 0.0, 0.0
+            for m in range(n):
+                moved += P[j, m] * adjoint[m]
+                part = 0.0
+                for other in range(n):
+                    part += information[m, other] * P[j, other]
+                narrowed += P[j, m] * part
+            means[i, j] = predicted[i, j] - moved
+            stds[i, j] = math.sqrt(max(P[j, j] - narrowed, 0.0))
         if run.mended[i] != WELL:  # nothing of the past is in what follows
             adjoint[:] = 0.0
             information[:, :] = 0.0

@@ -107,7 +107,9 @@ def _follow(
                 sine[j] += step * (c - 0.5 * step * sine[j])
             drawn += m
         if i % _EVERY == _EVERY - 1 or i == n - 1:
-            top = weight.max()
+            top = weight[0]
+            for j in range(1, m):
+                top = max(top, weight[j])
             mass_sum, squares, mean, square = 0.0, 0.0, 0.0, 0.0
             for j in range(m):
                 mass[j] = math.exp(weight[j] - top)

@@ -22,6 +22,7 @@ from typing import Any
 
 import numba
 from numba.core import caching
+from numba.core.runtime import rtsys
 from numba.extending import register_jitable
 
 
@@ -170,6 +171,12 @@ def compile_cached(
         def __init__(self, py_func: Any) -> None:
             super().__init__(py_func)
             self._cache_file.__class__ = _Index
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            # What is loaded needs numba's runtime. Its own version reads in all that could be compiled besides: 0.3 s.
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
 
         def save_overload(self, sig: Any, data: Any) -> None:
             with contextlib.suppress(OSError):  # a full disk costs the cache, not the run

@@ -47,9 +47,12 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
     """Sum of the static effects' contributions to one step."""
     amperes, external, viscous, viscous_factor, dry_factor, dry = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(table.static_at.shape[0]):
+        a = x[table.static_at[j]]
+        if a == 0.0:  # a hypothesis that is only asked for its slope
+            continue
         q = table.static_shape[j]
         part = contribution(
-            table.static_code[j], x[table.static_at[j]], q[0], q[1], q[2],
+            table.static_code[j], a, q[0], q[1], q[2],
             at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
         )  # fmt: skip
         amperes += part[0]

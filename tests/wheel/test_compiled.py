@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import pickle
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -86,3 +87,14 @@ def test_a_disk_without_room_costs_the_cache_and_not_the_run(workplace: Path, mo
 
     monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", no_room)
     assert compiled_law(workplace, "def gain(x):\n    return 7.0 * x\n") == (14.0, 0)
+
+
+def test_what_is_loaded_brings_nothing_that_only_a_compiler_needs() -> None:
+    """All that a diagnosis takes from the cache comes without numba's linear algebra: a quarter of a second."""
+    code = (
+        "import sys; from rw_ekf.compile_ahead import DIAGNOSIS, compile_all; compile_all(DIAGNOSIS);"
+        "print(sorted({'numba.np.linalg', 'numba.np.npyimpl', 'scipy.linalg'} & set(sys.modules)))"
+    )
+    for _ in range(2):  # the first may have to compile
+        told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert told.strip() == "[]"

@@ -82,9 +82,13 @@ def ground() -> Any:
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a PNG."""
+    """The figure as a PNG. Drawn once: `savefig` draws everything twice, the first time to lay it out."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure.set_dpi(_DPI)
     buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=_DPI, format="png")
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.print_png(buffer)
     return buffer.getvalue()
 
 
