@@ -13,7 +13,7 @@ from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
-from rw_ekf.wheel.compiled import compile_cached
+from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size
@@ -61,22 +61,29 @@ def _run(
     out: FreeRun,
 ) -> None:
     """Run from states (k, m) at samples first (k,) to last (k,), both included. Without effects table is None."""
+    n = states.shape[1]
+    _run_each(table, stribeck, course, states, first, last, out, np.zeros(n), np.zeros(n), np.zeros(row_size(n)))
+
+
+def _run_each(
+    table: EffectTable | None, stribeck: Stribeck, course: Course, states: Any, first: Any, last: Any, out: FreeRun,
+    state: Any, ended: Any, row: Any,
+) -> None:  # fmt: skip
+    """The runs themselves; they allocate nothing (see `make_jitable`). From state on all is scratch."""
     pieces, piece_start = course.pieces, course.piece_start
     ends, path, jacobian = out
     keep = path.size > 0
     sloped = jacobian.shape[0] > 0
     n = states.shape[1]
-    row = np.zeros(row_size(n))
-    state = np.zeros(n)
-    ended = np.zeros(n)
     for j in range(first.size):
-        state[:] = states[j]
+        for m in range(n):
+            state[m] = states[j, m]
         curve = FrictionCurve(state[VISCOUS], state[COULOMB], state[STATIC], stribeck.omega_s, stribeck.law)
         if keep:
             path[first[j]] = state[SPEED]
         if sloped:
-            jacobian[first[j], :] = 0.0
-            jacobian[first[j], SPEED] = 1.0
+            for m in range(n):
+                jacobian[first[j], m] = 1.0 if m == SPEED else 0.0
         for i in range(first[j], last[j]):
             if table is None:
                 state[SPEED], row[SPEED], row[MOTOR_GAIN], row[VISCOUS], row[COULOMB], row[STATIC] = interval(
@@ -84,7 +91,8 @@ def _run(
                 )
             if table is not None:
                 effect_interval(state, table, stribeck, pieces, interval_after(course, i), sloped, row, ended)
-                state[:] = ended
+                for m in range(n):
+                    state[m] = ended[m]
             if keep:
                 path[i + 1] = state[SPEED]
             if sloped:
@@ -92,6 +100,9 @@ def _run(
                 for m in range(1, n):
                     jacobian[i + 1, m] = row[SPEED] * jacobian[i, m] + row[m]
         ends[j] = state[SPEED]
+
+
+make_jitable([_run_each])
 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,6 +52,7 @@ from rw_ekf.filter.filter_run import FilterRun, History
 from rw_ekf.filter.health import (
     HEALTH_SIZE,
     WELL,
+    Grounds,
     breakage,
     examine,
     is_diverged,
@@ -83,9 +84,10 @@ make_jitable(
         timing, doubt, forget, elapse, most_acceleration, within_reach, gating,
         cap_variance, drop_settled, predict_covariance, predict_covariance_full, seed_speed, set_ceiling, update_joseph,
         away_from_reference, dead_band, follow, start_following, unlearn_shift,
-        breakage, examine, is_diverged, keep, lay_grounds, learns, mend, notice, start_health,
+        breakage, examine, is_diverged, keep, learns, mend, notice, start_health,
     ]
 )  # fmt: skip
+make_jitable([lay_grounds], allocating=True)
 
 # Everything that is compiled into the pass: its cache is stale when one of them changes.
 _MODULES = [
@@ -124,36 +126,67 @@ def _filter_pass(
     temperature nor angle is read.
     Each test of `table` stands alone: numba then leaves out the branch, and with it two thirds of the compiler's time.
     """
+    x, P = run.mean, run.covariance
+    n = x.size
+    ceiling = np.zeros(n)
+    set_ceiling(ceiling, P, constants, np.zeros(0) if table is None else table.drift)
+    workplace = Workplace(
+        noise=np.zeros(n),
+        row=np.zeros(n),
+        L=np.zeros((n + 2, n)),
+        work=np.zeros(n),
+        F=np.eye(n),
+        product=np.zeros((n, n)),
+        points=np.zeros((0 if table is None else 3 * n + 6, n)),
+        gate_memory=np.zeros(MEMORY_SIZE),
+        stillness=np.zeros(STILLNESS_SIZE),
+        health=np.zeros(HEALTH_SIZE),
+        ceiling=ceiling,
+        grounds=lay_grounds(x, P, ceiling),
+    )
+    _filter_each(constants, table, course, run, mends, workplace)
+
+
+class Workplace(NamedTuple):
+    """What the pass remembers from one sample to the next beside its belief, and scratch for its linear algebra."""
+
+    noise: Float64Array  # (n,)
+    row: Float64Array  # (n,)
+    L: Float64Array  # (n + 2, n)
+    work: Float64Array  # (n,)
+    F: Float64Array  # (n, n) the identity but for the rows of what moves
+    product: Float64Array  # (n, n)
+    points: Float64Array  # (3 n + 6, n); with effects
+    gate_memory: Float64Array
+    stillness: Float64Array
+    health: Float64Array
+    ceiling: Float64Array  # (n,)
+    grounds: Grounds
+
+
+def _filter_each(
+    constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun, mends: bool,
+    workplace: Workplace,
+) -> None:  # fmt: skip
+    """The pass itself; it allocates nothing (see `make_jitable`)."""
     time_s, speed_rad_s, segment = course.time_s, course.speed_rad_s, course.segment
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     current_A = pieces.current_A
     temperature_degC, angle_rad = course.temperature_degC, course.angle_rad
     x, P, innovation, innovation_variance, outcome, mended, states, stds, history = run
+    noise, row, L, work, F, product, points, gate_memory, stillness, health, ceiling, grounds = workplace
     n_samples = time_s.size
     n = x.size
     R = constants.speed_variance
     keep_state = states.shape[0] > 0
     keep_all = history.predicted.shape[0] > 0
-    noise = np.zeros(n)
-    row = np.zeros(n)
-    L = np.zeros((n + 2, n))
-    work = np.zeros(n)
-    F = np.eye(n)
-    product = np.zeros((n, n))
-    scratch = np.zeros((0 if table is None else 3 * n + 6, n))
     temperature, angle = 20.0, 0.0  # until known: effects of temperature are relative to 20 degC
     before = 0.0
     seeded = ever_seeded = False
-    gate_memory = np.zeros(MEMORY_SIZE)
-    stillness = np.zeros(STILLNESS_SIZE)
     band = dead_band(P, R, constants.acceleration_density)
     start_following(stillness, band)
-    ceiling = np.zeros(n)
-    set_ceiling(ceiling, P, constants, np.zeros(0) if table is None else table.drift)
-    health = np.zeros(HEALTH_SIZE)
     start_health(health)
     learning = mends and learns(P)
-    grounds = lay_grounds(x, P, ceiling)
     last = 0  # the sample the state belongs to
     for i in range(n_samples):
         speed = speed_rad_s[i]
@@ -183,7 +216,7 @@ def _filter_pass(
                 interval = Interval(
                     time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i]
                 )
-                curvature = effect_transition(x, P, table, constants.stribeck, pieces, interval, F, scratch)
+                curvature = effect_transition(x, P, table, constants.stribeck, pieces, interval, F, points)
                 for j in range(n):
                     row[j] = F[SPEED, j]
                 if away != 0.0:
@@ -294,6 +327,9 @@ def _filter_pass(
             for j in range(n):
                 states[i, j] = x[j]
                 stds[i, j] = math.sqrt(P[j, j])
+
+
+make_jitable([_filter_each])
 
 
 def _example(*, with_effects: bool) -> tuple[Any, ...]:

@@ -23,7 +23,7 @@ from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
 from rw_ekf.model.state import COULOMB, SPEED, STATE_SIZE
-from rw_ekf.wheel.compiled import compile_cached
+from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size
@@ -85,16 +85,22 @@ def _one_step_pass(
     A memory is carried on from the interval before where its trajectory is NaN. Slopes are statistical near zero, over
     the spreads of the trajectory; `out` has no rows of slopes, or of rows, where they are not wanted.
     """
+    n = table.size
+    _predict_each(
+        x, table, stribeck, course, follows, trajectory, out,
+        x.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(row_size(n)),
+    )  # fmt: skip
+
+
+def _predict_each(
+    x: Any, table: EffectTable, stribeck: Stribeck, course: Course, follows: Any, trajectory: Trajectory,
+    out: Prediction, state: Any, ended: Any, up: Any, down: Any, point: Any, row: Any,
+) -> None:  # fmt: skip
+    """The pass itself; it allocates nothing (see `make_jitable`). state (n,) holds x, what follows it is scratch."""
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     speed, spread, memory, memory_spread, _ = trajectory
     end, memory_end, slopes, bend, rows = out
     n = table.size
-    state = x.copy()
-    ended = np.zeros(n)
-    row = np.zeros(row_size(n))
-    up = np.zeros(n)
-    down = np.zeros(n)
-    point = np.zeros(n)
     analytic = rows.shape[0] > 0
     sloped = slopes.shape[0] > 0
     at = table.memory_state_at
@@ -123,12 +129,14 @@ def _one_step_pass(
             if sloped:
                 slopes[i + 1, 0] = row[SPEED]
             if analytic:
-                rows[i + 1, :] = row[: rows.shape[1]]
+                for j in range(rows.shape[1]):
+                    rows[i + 1, j] = row[j]
         if sloped and (near or not differentiable):
             for way in range(2 if at >= 0 else 1):
                 h = _SPREAD * (spread[i] if way == 0 else memory_spread[i])
                 moved = 0 if way == 0 else at
-                point[:] = state
+                for j in range(n):
+                    point[j] = state[j]
                 point[moved] = state[moved] + h
                 effect_interval(point, table, stribeck, pieces, interval, False, row, up)
                 point[moved] = state[moved] - h
@@ -142,6 +150,9 @@ def _one_step_pass(
             state[j] = ended[j]
         if at >= 0:
             memory_end[i + 1] = ended[at]
+
+
+make_jitable([_predict_each])
 
 
 def _example() -> tuple[Any, ...]:

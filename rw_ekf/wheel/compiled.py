@@ -14,6 +14,7 @@ import inspect
 import os
 import pickle
 import shutil
+import sys
 import tempfile
 import types
 from collections.abc import Callable, Iterator
@@ -34,10 +35,14 @@ def source_digest(modules: list[ModuleType]) -> str:
     return digest.hexdigest()
 
 
-def make_jitable(functions: list[Callable[..., Any]]) -> None:
-    """Let compiled code call these plain Python functions, which stay plain Python otherwise."""
+def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = False) -> None:
+    """Let compiled code call these plain Python functions, which stay plain Python otherwise.
+
+    allocating: they make arrays. Others only use what they are handed, and count no references to it: counting takes
+    as long as a step of the flow, for a table of effects and the pieces of a current several times that.
+    """
     for function in functions:
-        register_jitable(error_model="numpy", nogil=True)(function)
+        register_jitable(error_model="numpy", nogil=True, _nrt=allocating)(function)
 
 
 class Kernel:
@@ -140,7 +145,7 @@ def compile_cached(
     that compiled and plain Python results agree to rounding. example: arguments of the types that calls have; name: of
     the cache, where one function makes two kernels (two processes that write one index would lose each other's entry).
     """
-    stamp = source_digest(modules)
+    stamp = source_digest([*modules, sys.modules[__name__]])  # and how they are compiled
 
     class Provided(caching.UserProvidedCacheLocator):
         def get_source_stamp(self) -> object:

@@ -98,7 +98,7 @@ def _friction(values: list[float], table: EffectTable, stribeck: Stribeck, momen
     else:
         memory, coefficient = values[table.memory_state_at], values[table.memory_at]
         moved, _ = memory_flow(
-            table.memory_code, speed, memory, drive, curve, coefficient, *table.memory_shape.tolist(), _INSTANT_S
+            table.memory_code, speed, memory, drive, curve, coefficient, *table.memory_shape, _INSTANT_S
         )
         rate = (moved - speed) / _INSTANT_S
     return float(gain * (current + terms.amperes) - rate)

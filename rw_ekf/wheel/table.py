@@ -40,11 +40,11 @@ class EffectTable(NamedTuple):
     window_at: int
     lag_at: int
     lag_code: int
-    lag_shape: Float64Array  # (3,)
+    lag_shape: Shape
     lag_state_at: int
     memory_at: int
     memory_code: int
-    memory_shape: Float64Array  # (3,)
+    memory_shape: Shape
     memory_state_at: int
     memory_holds: bool
     stribeck_at: int
@@ -140,11 +140,11 @@ class EffectSet:
             window_at=places["window"],
             lag_at=places["lag"],
             lag_code=codes["lag"],
-            lag_shape=np.array(shapes["lag"]),
+            lag_shape=shapes["lag"],
             lag_state_at=lag_state,
             memory_at=places["memory"],
             memory_code=codes["memory"],
-            memory_shape=np.array(shapes["memory"]),
+            memory_shape=shapes["memory"],
             memory_state_at=memory_state,
             memory_holds=holds,
             stribeck_at=places["stribeck"],

@@ -141,13 +141,18 @@ class Scorer(Profiled):
 def _grams(A: Float64Array, shadow: Float64Array, taken: Float64Array, columns: NDArray[np.intp]) -> Float64Array:
     """Gram matrices (g, k, k) of the columns (g, k) of A beside the model's own; 0 where those have them whole.
 
-    shadow, taken (p, m): with G = A - Q Q'A, G'G = A'A - shadow' taken, and G (n, m) need not be made.
+    The columns of one stand side by side. shadow, taken (p, m): with G = A - Q Q'A, G'G = A'A - shadow' taken, and
+    G (n, m) need not be made.
     """
-    whole = np.einsum("ij,ij->j", A, A)[columns]
     gram = np.empty((*columns.shape, columns.shape[1]))
-    for a, left in enumerate(columns.T):
-        for b, right in enumerate(columns.T):
-            product = whole[:, a] if a == b else np.einsum("ij,ij->j", A[:, left], A[:, right])
-            gram[:, a, b] = product - np.einsum("ij,ij->j", shadow[:, left], taken[:, right])
+    whole = np.empty(columns.shape)
+    for apart in range(columns.shape[1]):  # no column is copied: those picked would be, one by one
+        products = np.einsum("ij,ij->j", A[:, : A.shape[1] - apart], A[:, apart:])
+        if apart == 0:
+            whole = products[columns]
+        for a in range(columns.shape[1] - apart):
+            left, right = columns[:, a], columns[:, a + apart]
+            both = products[left] - np.einsum("ij,ij->j", shadow[:, left], taken[:, right])
+            gram[:, a, a + apart] = gram[:, a + apart, a] = both
     gram[np.any(np.diagonal(gram, axis1=1, axis2=2) <= _SEEN**2 * whole, axis=1)] = 0.0
     return gram
