@@ -14,22 +14,20 @@ from functools import partial
 import numpy as np
 
 from rw_ekf.diagnosis.search.candidates import INFLATION
+from rw_ekf.diagnosis.search.held_numbers import with_coefficient, with_constant
 from rw_ekf.diagnosis.search.onset import ONSET, held, moved
-from rw_ekf.likelihood.fitting import Fit, fit_model
-from rw_ekf.likelihood.gauss_newton import Start
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import linearise
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.noise_posterior import noise_posterior
 from rw_ekf.likelihood.profile import at_ratio
-from rw_ekf.model.effect import RecordFacts, Term
+from rw_ekf.model.effect import RecordFacts
 
-_HELD_TURNS = 4
 _NORMAL_95 = 1.96
 _FALL = INFLATION * _NORMAL_95**2  # of twice the log-likelihood at either end of 95 %
 _LEAST_STEP, _MOST_STEP = 0.02, 2.5  # of the logarithm of a number, away from where it is best
 _TRIES = 3  # of one end
 _NEAR = 0.3  # of a step: from there the fall goes with the square of it
-_HELD_STD = 1.0e-3  # of a coefficient that a fit has to keep
 
 
 def with_free_shapes(fit: Fit, name: str) -> Fit:
@@ -94,10 +92,10 @@ def with_profiled_widths(fit: Fit, name: str) -> Fit:
     factors = np.ones(fit.model.vector.size)
     if fit.prior is None or name in fit.prior.effect_ids:
         return fit
-    factors[at] = _factor(fit, at, partial(_with_coefficient, fit, item.term))
+    factors[at] = _factor(fit, at, partial(with_coefficient, fit, item.term))
     for place, (i, constant) in enumerate(fit.model.refined, start=fit.model.known):
         if i == number:
-            factors[place] = _factor(fit, place, partial(_with_constant, fit, item.term, constant))
+            factors[place] = _factor(fit, place, partial(with_constant, fit, item.term, constant))
     return fit.widened(factors)
 
 
@@ -117,22 +115,3 @@ def _factor(fit: Fit, place: int, held: Callable[[float], Fit]) -> float:
                 break
         ends.append(value * math.exp(way * step))
     return max((ends[1] - ends[0]) / (2.0 * _NORMAL_95 * std), 1.0)
-
-
-def _with_coefficient(fit: Fit, term: Term, value: float) -> Fit:
-    """The same part fitted with a coefficient that stays where it is put."""
-    assert fit.prior is not None
-    prior = fit.prior.with_coefficient(term.id, value, _HELD_STD * value)
-    return _held(replace(fit, prior=prior), term, replace(term, values=(value,)))
-
-
-def _with_constant(fit: Fit, term: Term, constant: int, value: float) -> Fit:
-    """The same with a shape constant that stays where it is put."""
-    shape = list(term.shape)
-    shape[constant] = value
-    return _held(fit, term, replace(term, shape=(shape[0], shape[1], shape[2]), settled=True))
-
-
-def _held(fit: Fit, term: Term, changed: Term) -> Fit:
-    model = fit.model.changed(term, changed)
-    return fit_model(fit.problem, Start(model, fit.trajectory, fit.noise), _HELD_TURNS)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value, threshold
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
+from rw_ekf.diagnosis.search.held_numbers import knows_size
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -223,7 +224,7 @@ class Search:
             selection.trials[name] = trial
             if not local and trial.p_value >= self._enough_for(effect):
                 continue
-            if not (fit.may_matter(name, self.facts) and fit.knows(name, _LEAST_SIGMAS)):
+            if not (fit.may_matter(name, self.facts) and knows_size(fit, name, _LEAST_SIGMAS)):
                 trial.decision = TOO_SMALL
                 continue
             if not fit.model.possible(name, self.facts):
