@@ -32,7 +32,7 @@ _SHRINK = 0.99  # of the spread of log-amplitudes in a resampling
 _DRAWS, _SEED = 1_000_003, 20263
 _LESS_NOISE = 0.1  # of a fit's ratio of noises: what a ripple explains is no process noise any more
 _PATHS = 3  # that a fit is begun with: the particles' mean, and single ones
-_UNITS = 4.0  # nanoseconds of a particle and a sample
+_UNITS = 2.0  # nanoseconds of a particle and a sample
 
 
 def _follow(
@@ -99,8 +99,9 @@ def _follow(
         if spread > 0.0:
             if drawn + m > normals.size:
                 drawn = drawn + m - normals.size
+            drawn_now = normals[drawn : drawn + m]  # with an offset in its index the loop would go one by one
             for j in range(m):
-                step = spread * normals[drawn + j]
+                step = spread * drawn_now[j]
                 phase[j] += step
                 c = cosine[j]
                 cosine[j] = c - step * (sine[j] + 0.5 * step * c)

@@ -25,9 +25,9 @@ WANDER = 0.85
 FITS = 1.0
 
 
-_PASS = 250.0  # an interval without effects
-_STATIC = 25.0  # a static effect's contribution, or its slope
-_MEMORY = 550.0  # a flow of friction with a memory
+_PASS = 90.0  # an interval without effects
+_STATIC = 20.0  # a static effect's contribution, or its slope
+_MEMORY = 260.0  # a flow of friction with a memory
 _LAG_STEPS = 3.0  # pieces that a lagging current is followed in
 _PHASOR = 10.0  # a sample's phasor turned on by one frequency
 _WHITE = 16.0  # a sample of one regressor whitened and projected
