@@ -1,4 +1,4 @@
-"""Temperature and angle along a course without gaps, and how often its current repeats: what effects ask of them."""
+"""Temperature and angle along a course without gaps: what effects ask of them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.model.effect import REFERENCE_DEGC
 
-_LEAST_FOR_PERIOD = 40  # samples
-_REPEATS = 0.98  # of the autocorrelation at no lag
 _LEAST_LOGGED = 0.5  # share of samples with a value for a channel to count as logged
 
 
@@ -46,26 +44,3 @@ def with_conditions(course: Course) -> Course:
     if not turned:
         angle = integrated_angle(course, bridged(course.speed_rad_s))
     return course._replace(temperature_degC=temperature, angle_rad=angle)
-
-
-def command_frequency(course: Course) -> float:
-    """Frequency [Hz] at which the current of a log repeats itself, at least twice; 0 where it does not.
-
-    The first lag beyond a sign change at which the autocorrelation, each lag over its own number of samples, is 0.98.
-    """
-    last = np.minimum(course.piece_start, course.pieces.current_A.size - 1)
-    current = course.pieces.current_A[last]
-    current = current - current.mean()
-    n = current.size
-    if n < _LEAST_FOR_PERIOD or not current.any():
-        return 0.0
-    power = np.abs(np.fft.rfft(current, 2 * n)) ** 2
-    lags = np.fft.irfft(power)[: n // 2] / np.arange(n, n - n // 2, -1)
-    level = lags / lags[0]
-    crossed = np.flatnonzero(level < 0.0)
-    again = np.flatnonzero(level[crossed[0] :] > _REPEATS) if crossed.size else crossed
-    if again.size == 0:
-        return 0.0
-    first = int(crossed[0] + again[0])
-    end = first + int(np.argmax(np.append(level[first:] < _REPEATS, True)))
-    return float(1.0 / (course.period_s * (first + int(np.argmax(level[first:end])))))

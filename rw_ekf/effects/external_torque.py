@@ -12,7 +12,6 @@ from rw_ekf.model.effect_kinds import Contribution
 
 _DENSE = 1200  # frequencies half a line's width apart: none between them is missed
 _SPARSE = 300  # above these, evenly in their logarithm: a speed hardly follows a torque that fast anyhow
-_HARMONICS = 8
 _LEAST_SAMPLES = 20.0
 
 
@@ -55,8 +54,8 @@ class ExternalTorque(PeriodicEffect):
     def candidates(facts: RecordFacts) -> list[Candidate]:
         """From one and a half periods in the record to two samples a period, 1500 at most.
 
-        Not the first harmonics of a current that repeats itself, to half a line's width: there anything that depends on
-        speed or current is periodic in time.
+        Harmonics of a current that repeats itself are among them: whether the torque says anything beside laws of the
+        motion is asked of whatever has a clock.
         """
         if facts.duration_s < _LEAST_SAMPLES * facts.period_s:
             return []
@@ -68,12 +67,6 @@ class ExternalTorque(PeriodicEffect):
             ratio = top / last
             steps = min(_SPARSE, math.floor((top - last) / spacing))
             frequencies += [last * ratio ** ((i + 1) / steps) for i in range(steps)]
-        if facts.command_Hz > 0.0:
-            apart = [f / facts.command_Hz for f in frequencies]
-            width = 0.5 / (facts.duration_s * facts.command_Hz)
-            frequencies = [
-                f for f, x in zip(frequencies, apart, strict=True) if round(x) > _HARMONICS or abs(x - round(x)) > width
-            ]
         return [Candidate(1.0, (frequency, 0.0, facts.first_s)) for frequency in frequencies]
 
     @classmethod

@@ -60,7 +60,6 @@ class RecordFacts:
     temperature_range_K: float | None = None  # None: not logged
     angle: bool = False  # logged, or integrated where that is meaningful
     channels: frozenset[str] = field(default_factory=frozenset)
-    command_Hz: float = 0.0  # at which the current repeats itself; 0: it does not
     timing_doubt_s: float = 0.0  # by which a reading may be older than its row says
     log_starts_s: tuple[float, ...] = ()  # of the second log and those after it, where several are diagnosed as one
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.course.conditions import command_frequency, filled, integrated_angle
+from rw_ekf.course.conditions import filled, integrated_angle
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
@@ -238,7 +238,6 @@ def facts_of(
         temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
         angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
         channels=channels,
-        command_Hz=command_frequency(course),
         timing_doubt_s=timing_doubt_s,
         log_starts_s=log_starts_s,
     )
