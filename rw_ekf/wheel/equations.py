@@ -37,7 +37,6 @@ make_jitable(
         window.rounding,
         pieces._gather,
         pieces.stribeck_of,
-        pieces._with_terms,
         pieces.driven_by,
         pieces._slopes_of_static,
         pieces._chain,

@@ -43,9 +43,6 @@ class Terms(NamedTuple):
     dry: float  # rad/s^2
 
 
-NO_TERMS = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
     """Sum of the static effects' contributions to one step."""
     amperes, external, viscous, viscous_factor, dry_factor, dry = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -74,19 +71,13 @@ def stribeck_of(x: Any, table: EffectTable, stribeck: Stribeck) -> Stribeck:
     return stribeck
 
 
-def _with_terms(x: Any, terms: Terms, current: float, stribeck: Stribeck) -> tuple[float, FrictionCurve]:
-    """The drive [rad/s^2] and the friction curve of a step under a current [A]."""
-    drive = x[MOTOR_GAIN] * (current + terms.amperes) + terms.external
-    b = x[VISCOUS] * (1.0 + terms.viscous_factor) + terms.viscous
-    level = x[COULOMB] * terms.dry_factor + terms.dry
-    return drive, FrictionCurve(b, x[COULOMB] + level, x[STATIC] + level, stribeck.omega_s, stribeck.law)
-
-
 def driven_by(x: Any, table: EffectTable, stribeck: Stribeck, at: Moment) -> tuple[Terms, float, FrictionCurve]:
     """What moves the wheel over a step: the static effects' terms, the drive [rad/s^2] and the friction curve."""
     terms = _gather(x, table, at)
-    drive, curve = _with_terms(x, terms, at.current, stribeck)
-    return terms, drive, curve
+    drive = x[MOTOR_GAIN] * (at.current + terms.amperes) + terms.external
+    b = x[VISCOUS] * (1.0 + terms.viscous_factor) + terms.viscous
+    level = x[COULOMB] * terms.dry_factor + terms.dry
+    return terms, drive, FrictionCurve(b, x[COULOMB] + level, x[STATIC] + level, stribeck.omega_s, stribeck.law)
 
 
 def _slopes_of_static(x: Any, table: EffectTable, at: Moment, j: int) -> tuple[float, float, float]:
@@ -206,12 +197,9 @@ def effect_interval(
     The coefficients in `end` are those of x.
     """
     from_s, to_s, temperature, angle, first, start, stop = interval
-    # A call that is given the table costs compiled code as much as a step: it is made where there is something to ask.
-    if table.stribeck_at >= 0:
-        stribeck = stribeck_of(x, table, stribeck)
+    stribeck = stribeck_of(x, table, stribeck)
     begins, durations, currents = pieces
     n = table.size
-    static_effects = table.static_at.shape[0] > 0
     for j in range(n):
         end[j] = x[j]
         if slopes:
@@ -219,9 +207,7 @@ def effect_interval(
     if slopes and table.memory_at >= 0:
         for j in range(n):
             row[j] = row[n + j] = 0.0
-    delay = 0.0
-    if table.delay_at >= 0 or table.window_at >= 0:
-        delay = lateness(x, table)
+    delay = lateness(x, table)
     piece = start
     while piece > first and begins[piece] > from_s - delay:
         piece -= 1
@@ -246,10 +232,7 @@ def effect_interval(
                     table.lag_code, tau, q[0], q[1], q[2], end[table.lag_state_at], current, h
                 )
             moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h)
-            terms = NO_TERMS
-            if static_effects:
-                terms = _gather(x, table, moment)
-            drive, curve = _with_terms(x, terms, current, stribeck)
+            terms, drive, curve = driven_by(x, table, stribeck, moment)
             before = omega
             if table.memory_at >= 0:
                 q = table.memory_shape
