@@ -117,6 +117,23 @@ def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Flo
 make_jitable([_record])
 
 
+class Workplace(NamedTuple):
+    """What the pass remembers from one sample to the next beside its belief, and scratch for its linear algebra."""
+
+    noise: Float64Array  # (n,)
+    row: Float64Array  # (n,)
+    L: Float64Array  # (n + 2, n)
+    work: Float64Array  # (n,)
+    F: Float64Array  # (n, n) the identity but for the rows of what moves
+    product: Float64Array  # (n, n)
+    points: Float64Array  # (3 n + 6, n); with effects
+    gate_memory: Float64Array
+    stillness: Float64Array
+    health: Float64Array
+    ceiling: Float64Array  # (n,)
+    grounds: Grounds
+
+
 def _filter_pass(
     constants: FilterConstants, table: EffectTable | None, course: Course, run: FilterRun, mends: bool
 ) -> None:
@@ -145,23 +162,6 @@ def _filter_pass(
         grounds=lay_grounds(x, P, ceiling),
     )
     _filter_each(constants, table, course, run, mends, workplace)
-
-
-class Workplace(NamedTuple):
-    """What the pass remembers from one sample to the next beside its belief, and scratch for its linear algebra."""
-
-    noise: Float64Array  # (n,)
-    row: Float64Array  # (n,)
-    L: Float64Array  # (n + 2, n)
-    work: Float64Array  # (n,)
-    F: Float64Array  # (n, n) the identity but for the rows of what moves
-    product: Float64Array  # (n, n)
-    points: Float64Array  # (3 n + 6, n); with effects
-    gate_memory: Float64Array
-    stillness: Float64Array
-    health: Float64Array
-    ceiling: Float64Array  # (n,)
-    grounds: Grounds
 
 
 def _filter_each(

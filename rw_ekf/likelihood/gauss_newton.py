@@ -118,8 +118,7 @@ def _one_step_on(problem: Problem, start: Start, found: Optimum) -> Optimum | No
     wheel does not, and the fit stays where it began, however far off.
     """
     noise = found.likelihood.noise
-    step = _within_reach(found.model, likelihood(found.linearised, problem.prior, noise))
-    model = found.model.with_vector(found.model.vector + step)
+    model = found.model.with_vector(found.model.vector + _within_reach(found.model, found.likelihood))
     path = free_trajectory(problem.record, model, start.trajectory, noise)
     linearised = linearise(problem.record, model, path, noise, problem.omit)
     here = as_it_stands(linearised, problem.prior, likelihood(linearised, problem.prior, noise))

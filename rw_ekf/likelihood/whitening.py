@@ -22,8 +22,6 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.wheel.compiled import compile_cached
 
-_LEAST = 1.0e-150  # of a product of variances
-
 
 class Chain(NamedTuple):
     """The linear model along the trajectory, but for its regressors and noises; arrays over samples."""
@@ -60,7 +58,7 @@ def _whiten(
     known = False
     x, z = 0.0, 0.0
     pxx, pxz, pzz = 0.0, 0.0, 0.0
-    total, product = 0.0, 1.0  # a logarithm costs as much as the rest of a sample: one for many
+    total = 0.0
     for i in range(n):
         if not chain.follows[i]:
             known = False
@@ -109,11 +107,8 @@ def _whiten(
         pzz -= side * pxz
         pxz *= 1.0 - gain
         pxx *= 1.0 - gain
-        product *= S
-        if not _LEAST < product < 1.0 / _LEAST:
-            total += math.log(product)
-            product = 1.0
-    return total + math.log(product)
+        total += math.log(S)
+    return total
 
 
 def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Float64Array) -> None:

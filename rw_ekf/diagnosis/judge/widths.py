@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from rw_ekf.diagnosis.search.candidates import INFLATION
-from rw_ekf.diagnosis.search.held_numbers import with_coefficient, with_constant
+from rw_ekf.diagnosis.search.held_numbers import may_be_held, with_coefficient, with_constant
 from rw_ekf.diagnosis.search.onset import ONSET, held, moved
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import linearise
@@ -90,7 +90,7 @@ def with_profiled_widths(fit: Fit, name: str) -> Fit:
     number = fit.model.terms.index(item.term)
     at = fit.model.placed[number][1].start
     factors = np.ones(fit.model.vector.size)
-    if fit.prior is None or name in fit.prior.effect_ids:
+    if not may_be_held(fit, name):
         return fit
     factors[at] = _factor(fit, at, partial(with_coefficient, fit, item.term))
     for place, (i, constant) in enumerate(fit.model.refined, start=fit.model.known):

@@ -13,6 +13,11 @@ _HELD_STD = 1.0e-3  # of a coefficient that a fit has to keep
 _OTHER_SIZES = (0.2, 5.0)  # of a coefficient: a normal one known to 2.5 sigma is at neither
 
 
+def may_be_held(fit: Fit, name: str) -> bool:
+    """Whether a coefficient of an effect can be put somewhere by an a priori: there is one, and not of this effect."""
+    return fit.prior is not None and name not in fit.prior.effect_ids
+
+
 def with_coefficient(fit: Fit, term: Term, value: float) -> Fit:
     """The same part fitted with a coefficient that stays where it is put; the fit must have an a priori."""
     assert fit.prior is not None
@@ -36,7 +41,7 @@ def knows_size(fit: Fit, name: str, sigmas: float) -> bool:
     if fit.knows(name, sigmas):
         return True
     items = fit.terms_of(name)
-    if len(items) != 1 or items[0].term.effect.linear or fit.prior is None or name in fit.prior.effect_ids:
+    if len(items) != 1 or items[0].term.effect.linear or not may_be_held(fit, name):
         return False
     term = items[0].term
     value, limits = term.values[0], term.effect.coefficient

@@ -144,15 +144,15 @@ def _grams(A: Float64Array, shadow: Float64Array, taken: Float64Array, columns: 
     The columns of one stand side by side. shadow, taken (p, m): with G = A - Q Q'A, G'G = A'A - shadow' taken, and
     G (n, m) need not be made.
     """
-    gram = np.empty((*columns.shape, columns.shape[1]))
-    whole = np.empty(columns.shape)
-    for apart in range(columns.shape[1]):  # no column is copied: those picked would be, one by one
-        products = np.einsum("ij,ij->j", A[:, : A.shape[1] - apart], A[:, apart:])
-        if apart == 0:
-            whole = products[columns]
-        for a in range(columns.shape[1] - apart):
-            left, right = columns[:, a], columns[:, a + apart]
-            both = products[left] - np.einsum("ij,ij->j", shadow[:, left], taken[:, right])
-            gram[:, a, a + apart] = gram[:, a + apart, a] = both
+    size = columns.shape[1]
+    # Of neighbours so far apart, all at once: columns that are picked would be copied, one by one.
+    products = [np.einsum("ij,ij->j", A[:, : A.shape[1] - apart], A[:, apart:]) for apart in range(size)]
+    whole = products[0][columns]
+    gram = np.empty((*columns.shape, size))
+    for a in range(size):
+        for b in range(a, size):
+            left, right = columns[:, a], columns[:, b]
+            both = products[b - a][left] - np.einsum("ij,ij->j", shadow[:, left], taken[:, right])
+            gram[:, a, b] = gram[:, b, a] = both
     gram[np.any(np.diagonal(gram, axis1=1, axis2=2) <= _SEEN**2 * whole, axis=1)] = 0.0
     return gram
