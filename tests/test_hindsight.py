@@ -38,6 +38,20 @@ def test_a_rich_record_leaves_little_more_than_the_bound(torque_noise_rpm: float
         assert np.all(np.abs(found.mean[PARAMETERS] - np.array(case.wheel)) < 4.0 * found.std[PARAMETERS])
 
 
+def test_a_minute_that_cannot_tell_the_torque_noise_is_not_sure_of_the_parameters() -> None:
+    """The first 60 s of S4 with more torque noise than usual, twelve wheels: NEES as four parameters have it."""
+    nees = []
+    for seed in range(5000, 5012):
+        case = Case("S4", 0.1, seed)
+        course = course_of(run_of(case)).window(0, 600)
+        filtered, setup = run_of_log(course, setup_of_record(course))
+        found = belief_of_log(course, setup, filtered)
+        off = found.mean[PARAMETERS] - np.array(case.wheel)
+        nees.append(float(off @ np.linalg.solve(found.parameter_covariance, off)))
+    assert np.mean(nees) < 5.7  # chi-square of 48, one in a hundred
+    assert max(nees) < 23.5  # and of 4, one in ten thousand
+
+
 def test_friction_that_wanders_is_followed() -> None:
     """Coulomb friction that walks by 2 % in an hour: drift is kept, and sigmas as wide as it leaves them."""
     time_s = np.arange(0.0, 3600.0, 0.1)

@@ -71,7 +71,7 @@ def noise_of_record(
             min(found, limit),
             fit.stribeck_speed_rad_s if known else guess,
             fit.stribeck_speed_std if known else _STRIBECK_SEEN * guess if guessed_stribeck else 0.0,
-            tuple(min(float(noise), limit) for noise in noises.acceleration_noise_quantiles),
+            tuple(float(noise) for noise in noises.acceleration_noise_quantiles),
             fit,
             lowest if part.samples == course.samples else None,
         )
