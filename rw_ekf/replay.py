@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
 from rw_ekf.hindsight import belief_of_log, filtered, run_of_log
 from rw_ekf.identify.least_squares import least_squares
+from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.learning.carry import carried_over
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
@@ -86,6 +87,10 @@ def replay_log(
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
     with_hindsight = setup is None and configuration is None
+    colour = None
+    if with_hindsight:
+        course, colour = independent_readings(course)
+        log = replace(log, speed_rad_s=course.speed_rad_s)
     if setup is None:
         setup = setup_of_record(course, configuration, model)
     if smooth and setup.effects.table().hidden:
@@ -107,6 +112,7 @@ def replay_log(
     warnings = [
         *sampling_of(log).remarks(),
         *log.warnings,
+        *([] if colour is None else [colour.sentence]),
         *setup.notes,
         *_remarks(course, log, setup, statistics),
         *findings(troubles_of(run.mended)),

@@ -62,6 +62,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
     from rw_ekf.filter.operating_points import OperatingPoints
+    from rw_ekf.identify.noise_colour import independent_readings
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
     from rw_ekf.replay import refuse_runaway_model
@@ -83,6 +84,7 @@ def execute(args: argparse.Namespace) -> int:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     augmented = prior_model if prior_model is not None and prior_model.effects.terms else None
     make_ready(compile_ahead.FIT if augmented is None else compile_ahead.DIAGNOSIS)
+    course, colour = independent_readings(course)
     setup = setup_of_record(course, configuration, prior_model)
     if augmented is not None:
         refuse_runaway_model(log.name, course, setup, augmented)
@@ -115,7 +117,7 @@ def execute(args: argparse.Namespace) -> int:
         "inertia_kg_m2": setup.inertia_kg_m2,
         **quality,
         "noise": _noise_document(noise),
-        "warnings": [*log.warnings, *setup.notes, *warnings, *ignored],
+        "warnings": [*log.warnings, *([] if colour is None else [colour.sentence]), *setup.notes, *warnings, *ignored],
     }
     refusal = None
     if args.out is not None:

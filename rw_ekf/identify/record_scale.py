@@ -99,10 +99,10 @@ def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: Int
     """
     y = speed_rad_s[:_MAX_ROWS]
     part = segment[:_MAX_ROWS]
-    if y.size < 8:
-        return None
-    third = y[3:] - 3.0 * y[2:-1] + 3.0 * y[1:-2] - y[:-3]
-    third = third[(part[3:] == part[:-3]) & np.isfinite(third)]
+    third = _third_differences(y, part)
+    if third.size == 0:  # no four rows running have a speed: one in so many has
+        y, part = y[np.isfinite(y)], part[np.isfinite(y)]
+        third = _third_differences(y, part)
     if third.size == 0:
         return None
     sigma = 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0)
@@ -113,6 +113,13 @@ def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: Int
     if sigma <= 1.0e-9 * float(np.nanmax(np.abs(y))):
         sigma = max(float(np.quantile(steps, 0.1)) / np.sqrt(12.0), float(np.sqrt(np.mean(third**2) / 20.0)) * 0.1)
     return float(sigma)
+
+
+def _third_differences(y: Float64Array, part: Int64Array) -> Float64Array:
+    if y.size < 8:
+        return np.zeros(0)
+    third = y[3:] - 3.0 * y[2:-1] + 3.0 * y[1:-2] - y[:-3]
+    return np.asarray(third[(part[3:] == part[:-3]) & np.isfinite(third)])
 
 
 def rough_parameters(course: Course, speed_noise: float | None) -> FrictionParameters | None:

@@ -16,6 +16,7 @@ from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
 from rw_ekf.filter.belief import Belief
 from rw_ekf.identify.least_squares import least_squares
+from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
@@ -158,6 +159,9 @@ def _set_up(
             f"the first at {source.log.time_s[int(np.argmax(wrong))]:.10g} s",
         )
         course = course._replace(speed_rad_s=np.where(wrong, np.nan, course.speed_rad_s))
+    course, colour = independent_readings(course)
+    if colour is not None:
+        notes += (colour.sentence,)
     setup = setup_of_record(course, configuration, model)
     if model is not None:
         if model.effects.terms:

@@ -1,0 +1,108 @@
+"""Noise that goes on from one reading to the next: found, measured, and thinned until it is none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
+from rw_ekf.identify.noise_colour import NoiseColour, independent_readings
+from rw_ekf.identify.record_scale import measure, speed_noise_of
+from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.truth import fine_trajectory
+from tools.measure.coverage import PROFILES, Case, run_of
+from tools.measure.runs import Run
+
+
+def stairs(rate_hz: float, duration_s: float, seed: int = 1) -> Run:
+    """A wheel under currents that are held for twenty seconds, or a tenth of the record; noise-free."""
+    time_s = np.arange(0.0, duration_s, 1.0 / rate_hz)
+    levels = np.random.default_rng(seed).uniform(-0.15, 0.15, 1000)
+    current_A = levels[(time_s / min(20.0, 0.1 * duration_s)).astype(int)]
+    speed = fine_trajectory(CK13_STATISTICAL, time_s, current_A)
+    return Run(time_s, current_A, speed, speed, CK13_STATISTICAL)
+
+
+def white(run: Run, seed: int = 2) -> Float64Array:
+    return RAD_S_PER_RPM * np.random.default_rng(seed).standard_normal(run.time_s.size)
+
+
+def colour_of(run: Run, reading: Float64Array) -> NoiseColour | None:
+    return independent_readings(Course.of(run.time_s, reading, run.current_A))[1]
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_independent_readings_are_left_as_they_are(profile: str) -> None:
+    """No profile, with or without torque noise, is thinned: six wheels each."""
+    for seed in range(6):
+        run = run_of(Case(profile, (0.0, 0.03, 0.1)[seed % 3], seed))
+        course = Course.of(run.time_s, run.measured_speed_rad_s, run.current_command_A)
+        thinned, colour = independent_readings(course)
+        assert thinned is course
+        assert colour is None
+
+
+@pytest.mark.parametrize("lags", [True, False])
+@pytest.mark.parametrize(
+    ("rate_hz", "duration_s", "time_constant_s"),
+    [(10.0, 600.0, 0.08), (10.0, 600.0, 0.2), (50.0, 300.0, 0.1), (100.0, 120.0, 0.1), (1000.0, 30.0, 0.005)],
+)
+def test_a_low_pass_is_known_by_its_noise(
+    rate_hz: float, duration_s: float, time_constant_s: float, *, lags: bool
+) -> None:
+    """Its time constant is found within a quarter, whether or not the speed passes it; what is left is independent."""
+    run = stairs(rate_hz, duration_s)
+    a = math.exp(-1.0 / rate_hz / time_constant_s)
+    noise = lfilter([math.sqrt(1.0 - a * a)], [1.0, -a], white(run))
+    speed = lfilter([1.0 - a], [1.0, -a], run.speed_rad_s) if lags else run.speed_rad_s
+    found = colour_of(run, speed + noise)
+    assert found is not None
+    assert not found.running_mean
+    assert found.seconds == pytest.approx(time_constant_s, rel=0.25)
+    assert a**found.stride < 0.15
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+def test_a_running_mean_is_known_by_its_noise(count: int) -> None:
+    """The number of readings that a logger averages is found as it is."""
+    run = stairs(10.0, 600.0)
+    found = colour_of(run, lfilter(np.ones(count) / count, [1.0], run.speed_rad_s + white(run)))
+    assert found is not None
+    assert found.running_mean
+    assert found.stride == count
+    assert found.seconds == pytest.approx(0.1 * count)
+
+
+def test_a_speed_from_differences_of_positions_is_not_thinned() -> None:
+    """Its noise is opposite from one reading to the next: taken for independent it is only overestimated."""
+    run = stairs(10.0, 600.0)
+    assert colour_of(run, run.speed_rad_s + np.diff(white(run), prepend=0.0)) is None
+
+
+def test_a_torque_that_wanders_is_no_colour() -> None:
+    """The speed wanders with it, but what one reading is wrong by says nothing of the next."""
+    run = stairs(10.0, 600.0)
+    torque = np.cumsum(0.03 * RAD_S_PER_RPM * np.random.default_rng(3).standard_normal(run.time_s.size)) * 0.1
+    assert colour_of(run, run.speed_rad_s + torque + white(run)) is None
+
+
+@pytest.mark.parametrize("missing", [0.2, 0.95])
+def test_readings_with_many_holes_say_nothing_of_their_colour(missing: float) -> None:
+    """No stretch is whole: nothing is thinned, and nothing is raised."""
+    run = stairs(10.0, 600.0)
+    reading = np.where(np.random.default_rng(4).random(run.time_s.size) < missing, np.nan, run.speed_rad_s + white(run))
+    assert colour_of(run, reading) is None
+
+
+def test_the_noise_of_thinned_readings_is_read_off_them() -> None:
+    """One row in five has a speed: its noise is found, not a usual one, and the wheel is recognised."""
+    run = stairs(10.0, 600.0)
+    reading = np.where(np.arange(run.time_s.size) % 5 == 0, run.speed_rad_s + 3.0 * white(run), np.nan)
+    found = speed_noise_of(run.time_s, reading, np.zeros(run.time_s.size, np.int64))
+    assert found == pytest.approx(3.0 * RAD_S_PER_RPM, rel=0.2)
+    assert measure(Course.of(run.time_s, reading, run.current_A)).like_default_wheel
