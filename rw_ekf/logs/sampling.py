@@ -16,8 +16,9 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.logs.wheel_log import WheelLog
 
 _GAP = 1.5  # periods: a longer step has lost a row
-_OFF_GRID = 0.2  # of a period, by which a step may miss a whole number of them
-_ON_GRID = 0.9  # of the gaps must be a whole number of periods
+_OFF_GRID = 0.4  # of a period, by which a step may miss a whole number of them: both its ends may be early or late
+_ON_GRID = 0.95  # of the gaps must be a whole number of periods; of gaps of any length four in five are
+_TURNS, _LONG = 4, 4.0  # rounds in which the period is refined, over steps shorter than so many of it
 _MOST_FILLED = 9  # rows of a gap: over more nothing is known of the current
 _LEAST_STEPS = 20
 _TOLD = 0.005  # share of rows lost that is worth a word
@@ -99,6 +100,10 @@ def _grid(step_s: Float64Array) -> float | None:
     if shortest <= 0.0:
         return None
     period = float(np.median(step_s[step_s < _GAP * shortest]))
+    for _ in range(_TURNS):  # of rows that come early and late, the shortest steps are no period
+        counted = np.maximum(np.round(step_s / period), 1.0)
+        whole = counted < _LONG
+        period = float(step_s[whole].sum() / counted[whole].sum())
     gaps = step_s[step_s > _GAP * period] / period
     if gaps.size == 0:
         return period

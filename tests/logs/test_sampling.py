@@ -34,15 +34,30 @@ def test_rows_lost_from_a_grid_are_counted() -> None:
     assert "on a 10 Hz grid, 35 % of the rows and their commands are missing" in sampling.said_first
 
 
-@pytest.mark.parametrize("kind", ["regular", "jittered", "any length"])
+@pytest.mark.parametrize("lost", [0.02, 0.1, 0.35])
+def test_rows_lost_from_a_grid_are_counted_though_the_others_come_early_and_late(lost: float) -> None:
+    """Each row up to a fifth of a period off: all that are lost are counted, and the period is that of the grid."""
+    time, speed = ramp(6000, 10.0, 1)
+    draws = np.random.default_rng(2)
+    time = time + draws.uniform(-0.02, 0.02, time.size)
+    keep = draws.random(time.size) > lost
+    sampling = sampling_of(log_of(time[keep], speed[keep]))
+    assert sampling.period_s == pytest.approx(0.1, rel=0.005)
+    assert sampling.lost == pytest.approx(np.count_nonzero(~keep), rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["regular", "jittered", "far off", "any length", "any moment"])
 def test_a_log_that_lost_nothing_is_believed(kind: str) -> None:
-    """Rows in time, rows a fifth off, and rows at any moment: nothing is said, and the log is left as it is."""
+    """Rows in time, rows a tenth or a fifth off, rows at any moment: nothing is said, the log is left as it is."""
     time, speed = ramp(2000, 10.0, 3)
     draws = np.random.default_rng(4)
-    if kind == "jittered":
-        time = time + draws.uniform(-0.01, 0.01, time.size)
+    if kind in {"jittered", "far off"}:
+        off_s = 0.01 if kind == "jittered" else 0.02
+        time = time + draws.uniform(-off_s, off_s, time.size)
     elif kind == "any length":
         time = np.cumsum(draws.uniform(0.05, 0.4, time.size))
+    elif kind == "any moment":
+        time = np.cumsum(draws.exponential(0.1, time.size))
     log = log_of(time, speed)
     sampling = sampling_of(log)
     assert sampling.remarks() == ()
