@@ -8,8 +8,8 @@ readings,
 
 have the torque noise as their floor and the reading noise above it; C is 1 where readings are independent,
 (1 - a^2) / |1 - a exp(-i w)|^2 behind a low-pass of first order and |sum of exp(-i w k), k < N|^2 / N behind a mean of
-the last N readings. Which of them the spectrum has is asked of stretches in which the wheel keeps its direction, with
-what a current does within three readings taken off, by their median: a step that a model lacks is in few of them.
+the last N readings. Which of them the spectrum has is asked of stretches in which the wheel keeps its direction, less
+what the current does, by their median: a step that a model lacks is in few of them.
 """
 
 from __future__ import annotations
@@ -22,17 +22,16 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.course import Course
-from rw_ekf.identify.record_scale import speed_noise_of
+from rw_ekf.identify.record_scale import rough_parameters, speed_noise_of
 
 _SAMPLES = 40_000
 _BLOCK = 128  # readings of a stretch
 _LOWEST = 3  # of its frequencies: below, what a wheel does and the model does not know
 _FEWEST_BLOCKS, _MOST_BLOCKS = 8, 200
 _MOVING = 8.0  # speed noises: slower, friction changes with the speed
-_DRIVEN = 3  # readings within which a current acts
 _STRIDES = (1, 4, 16, 64)  # readings a step: a slow filter shows in every so many
 _NEIGHBOURS = 1.5  # frequencies that count as one, of Hann's window
-_CLEARLY = 15.0  # by which chi-square falls; independent readings reach 9
+_CLEARLY = 12.0  # by which chi-square falls; independent readings reach 9
 _LITTLE = 0.1  # of the noise behind a slow filter is between neighbouring readings
 _INDEPENDENT = 0.1  # correlation of two noises that is none
 _LOW_PASS = np.arange(0.15, 0.96, 0.05)  # a
@@ -40,7 +39,6 @@ _MEANS = range(2, 9)  # N
 _TURNS, _STEP, _DAMPING = 25, 2.0, 1.0e-3
 _TOP = 12  # highest frequencies
 _LEAKS = 1.0e-4  # of a power, into the frequencies beside it
-_NOTHING_NEW = 1.0e-6
 
 
 @dataclass(frozen=True)
@@ -75,9 +73,11 @@ def independent_readings(course: Course) -> tuple[Course, NoiseColour | None]:
 def noise_colour(course: Course, speed_noise_rad_s: float) -> NoiseColour | None:
     """The filter that the readings' noise shows; None where they are independent, or where that cannot be told."""
     part = course.window(0, min(course.samples, _SAMPLES))
-    independent = math.inf
+    rough, independent = rough_parameters(part, speed_noise_rad_s), math.inf
+    if rough is None:
+        return None
     for stride in _STRIDES:
-        spectra = _spectra(part, speed_noise_rad_s, stride)
+        spectra = _spectra(part, rough.motor_gain, speed_noise_rad_s, stride)
         if spectra.shape[0] < _FEWEST_BLOCKS:
             break
         found, variance = _explained(spectra, stride, course.period_s)
@@ -88,39 +88,30 @@ def noise_colour(course: Course, speed_noise_rad_s: float) -> NoiseColour | None
     return None
 
 
-def _spectra(course: Course, speed_noise_rad_s: float, stride: int) -> Float64Array:
+def _spectra(course: Course, motor_gain: float, speed_noise_rad_s: float, stride: int) -> Float64Array:
     """Power of the differences of every `stride`-th reading, (stretches, _BLOCK / 2 + 1)."""
     speed, usual_s = course.speed_rad_s[::stride], stride * course.period_s
-    late_s = np.diff(course.time_s[::stride], prepend=np.nan) - usual_s
-    follows = (np.abs(late_s) < 0.5 * usual_s) & (np.diff(course.segment[::stride], prepend=-1) == 0)
+    step_s = np.diff(course.time_s[::stride], prepend=np.nan)
+    follows = (np.abs(step_s - usual_s) < 0.5 * usual_s) & (np.diff(course.segment[::stride], prepend=-1) == 0)
     moving = np.where(np.abs(speed) > _MOVING * speed_noise_rad_s, np.sign(speed), 0.0)
-    current = np.diff(np.cumsum(course.mean_current_A)[::stride], prepend=0.0)
-    ramp = np.arange(_BLOCK) - 0.5 * _BLOCK
-    taper = np.hanning(_BLOCK + 2)[1:-1]
+    # No regression on the current here: in a closed loop it holds the noise of the readings before, and takes it away.
+    charge = np.cumsum(course.mean_current_A * np.diff(course.time_s, prepend=course.time_s[:1]))
+    coasting = np.diff(speed - motor_gain * charge[::stride], prepend=np.nan)
+    ramp, taper = np.arange(_BLOCK) - 0.5 * _BLOCK, np.hanning(_BLOCK + 2)[1:-1]
     found: list[Float64Array] = []
     for first in _starts(follows & (moving * np.roll(moving, 1) > 0.0)):
-        here = np.arange(first, first + _BLOCK)
-        driven = [current[here - back] for back in range(_DRIVEN)]
-        left = _without(speed[here] - speed[here - 1], np.column_stack((np.ones(_BLOCK), ramp, *driven)))
+        here = slice(first, first + _BLOCK)
+        basis, _ = np.linalg.qr(np.column_stack((step_s[here], step_s[here] * ramp)))
+        left = coasting[here] - basis @ (basis.T @ coasting[here])
         found.append(np.abs(np.fft.rfft(left * taper)) ** 2 / float(taper @ taper))
     return np.array(found).reshape(-1, _BLOCK // 2 + 1)
 
 
 def _starts(good: BoolArray) -> list[int]:
     """Where whole stretches of good differences begin, none over another; at most so many."""
-    usable = good.copy()
-    usable[: _DRIVEN - 1] = False
-    edges = np.append(np.flatnonzero(~usable), usable.size)
+    edges = np.append(np.flatnonzero(~good), good.size)
     starts = [first for begin, end in pairwise(edges) for first in range(int(begin) + 1, int(end) - _BLOCK + 1, _BLOCK)]
     return starts[:: max(1, -(-len(starts) // _MOST_BLOCKS))]
-
-
-def _without(values: Float64Array, columns: Float64Array) -> Float64Array:
-    """What a regression on the columns leaves; a column that says nothing new is left out."""
-    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1.0e-300)
-    basis, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-    basis = basis[:, sizes > _NOTHING_NEW * sizes[0]]
-    return np.asarray(values - basis @ (basis.T @ values))
 
 
 def _explained(spectra: Float64Array, stride: int, period_s: float) -> tuple[NoiseColour | None, float]:
