@@ -28,7 +28,8 @@ _FEWEST = 100
 _SAYS_NOTHING = 10.0  # values, as the standard deviation of a prior
 _HELD = 1.0e-8  # of a value, as the standard deviation of a prior that holds it
 _CLEARLY = 20.0  # log-likelihood
-_STRIBECK_RATIOS = (0.25, 1.0, 4.0)  # of a guess, where a search begins
+_STRIBECK_RATIOS = (0.0625, 0.25, 1.0, 4.0)  # of a guess, where a search begins
+_GUESS_REFUTED = 5.0  # log-evidence by which another start is better
 _STRIBECK_STD = 1.0  # of a guess, in shares of it
 _STRIBECK_SEEN = 0.5  # known better than to this share: it is the record's and no guess any more
 
@@ -58,9 +59,9 @@ def noise_of_record(
     if not _has_enough(part):
         return None
     with contextlib.suppress(FilterError, np.linalg.LinAlgError):
-        fit, lowest = _fit(part, constants, prior, guessed_stribeck=guessed_stribeck)
+        fit, lowest, guess = _fit(part, constants, prior, guessed_stribeck=guessed_stribeck)
         noises = fit.noises
-        guess, usual = constants.stribeck.omega_s, constants.acceleration_noise
+        usual = constants.acceleration_noise
         found = noises.acceleration_noise
         if not np.isfinite([found, noises.speed_noise_rad_s, *fit.parameters]).all():
             return None
@@ -139,16 +140,18 @@ def _within(value: float, usual: float, band: tuple[float, float]) -> float:
 
 def _fit(
     course: Course, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool
-) -> tuple[LogFit, FrictionParameters]:
-    """The fit, and where the free run's loss was lowest, from which it began."""
+) -> tuple[LogFit, FrictionParameters, float]:
+    """The fit, where the free run's loss was lowest, from which it began, and the guess: a better one if it was wrong."""
     if not guessed_stribeck:
         lowest = least_squares(course, constants, prior.core).parameters
-        return fit_log(course, constants, prior, lowest), lowest
-    tried = []
+        return fit_log(course, constants, prior, lowest), lowest, constants.stribeck.omega_s
+    tried = {}
     for ratio in _STRIBECK_RATIOS:
         there = constants.with_stribeck_speed(ratio * constants.stribeck.omega_s)
         lowest = least_squares(course, there, prior.core).parameters
-        tried.append((fit_log(course, there, prior, lowest), there, lowest))
-    best, there, lowest = max(tried, key=lambda item: item[0].noises.log_evidence)
+        tried[ratio] = fit_log(course, there, prior, lowest), there, lowest
+    best, there, lowest = max(tried.values(), key=lambda item: item[0].noises.log_evidence)
+    refuted = best.noises.log_evidence > tried[1.0][0].noises.log_evidence + _GUESS_REFUTED
+    guess = (there if refuted else constants).stribeck.omega_s
     std = _STRIBECK_STD * there.stribeck.omega_s
-    return fit_log(course, there, prior, best.parameters, stribeck_speed_std=std), lowest
+    return fit_log(course, there, prior, best.parameters, stribeck_speed_std=std), lowest, guess
