@@ -215,7 +215,7 @@ class Fit:
     def may_matter(self, effect_id: str, facts: RecordFacts) -> bool:
         """Whether an effect in the model is large enough to matter in practice, or not known to be smaller."""
         terms = self.model.of(effect_id)
-        if not terms or not terms[0].effect.linear:
+        if not terms or facts.any_size or not terms[0].effect.linear:
             return self.model.matters(effect_id, facts)
         size, std = self._size(effect_id)
         room = 1.0 + ROOM_SIGMAS * std / max(size, 1.0e-300)

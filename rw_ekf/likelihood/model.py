@@ -100,7 +100,7 @@ class Model:
     def matters(self, effect_id: str, facts: RecordFacts) -> bool:
         """Whether an effect in the model is large enough to matter in practice."""
         terms = self.of(effect_id)
-        return bool(terms) and terms[0].effect.matters(terms, facts)
+        return bool(terms) and (facts.any_size or terms[0].effect.matters(terms, facts))
 
     def possible(self, effect_id: str, facts: RecordFacts) -> bool:
         """Whether an effect in the model has a size and shape that a machine can have."""

@@ -141,7 +141,7 @@ def _within(value: float, usual: float, band: tuple[float, float]) -> float:
 def _fit(
     course: Course, constants: FilterConstants, prior: Belief, *, guessed_stribeck: bool
 ) -> tuple[LogFit, FrictionParameters, float]:
-    """The fit, where the free run's loss was lowest, from which it began, and the guess: a better one if it was wrong."""
+    """The fit, where the free run's loss was lowest, from which it began, and a guess not refuted."""
     if not guessed_stribeck:
         lowest = least_squares(course, constants, prior.core).parameters
         return fit_log(course, constants, prior, lowest), lowest, constants.stribeck.omega_s

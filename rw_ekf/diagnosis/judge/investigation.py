@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 Advance = Callable[[str], object]
 
 MAP_P = 3.0e-4  # structure left in the residual's map
+_BEYOND_DOUBT_P = 1.0e-9
 _GOES_WITH_TIME = ("time", "temperature")
 
 
@@ -84,8 +85,9 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
 
     What goes with time waits where time goes with speed or temperature. If the laws of those then leave structure, the
     search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
-    because there a curve of time would take the place of whatever law of speed is missing. A friction that wanders in
-    no particular shape, which follows anything that goes with time, is the last to be asked.
+    because there a curve of time would take the place of whatever law of speed is missing. Nor is an effect beyond
+    doubt too small to matter where nothing else leaves noise. A friction that wanders in no particular shape, which
+    follows anything that goes with time, is the last to be asked.
     """
     search = Search(prepared.record, prepared.facts, advance)
     found = _searched(prepared, search, advance)
@@ -95,6 +97,14 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
         other = _searched(prepared, impatient, advance)
         if other.new_ids and not other.left:
             found, search = other, impatient
+    small = _left_out_for_its_size(found.selection)
+    if found.left and small and prepared.record.work.has(work.RIVALS):
+        # What matters in practice is asked of a wheel that is understood without it.
+        lenient = replace(prepared, facts=replace(prepared.facts, any_size=True))
+        thorough = Search(lenient.record, lenient.facts, advance)
+        other = _searched(lenient, thorough, advance)
+        if small in other.new_ids and not other.left:
+            found, search = other, thorough
     if not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids):
         return found
     if not prepared.record.work.has(work.WANDER):
@@ -102,6 +112,13 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
         return found
     advance(f"fitting {WANDERING.id}, wandering")
     return _with_wandering_friction(found, search)
+
+
+def _left_out_for_its_size(selection: Selection) -> str | None:
+    """The effect beyond doubt, if any, that explained most and was left out as too small to matter."""
+    small = {name: trial for name, trial in selection.trials.items() if trial.decision == TOO_SMALL}
+    name = max(small, key=lambda name: small[name].statistic, default=None)
+    return name if name is not None and small[name].p_value < _BEYOND_DOUBT_P else None
 
 
 def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:

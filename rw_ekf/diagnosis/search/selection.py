@@ -196,9 +196,8 @@ class Search:
         """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
         effect = score.effect
         enough = self._enough_for(effect) if effect.linear else _WORTH_A_FIT_P
-        return score.p_value < enough and (
-            not effect.linear or score.size + ROOM_SIGMAS * score.std >= effect.smallest(self.facts)
-        )
+        large = self.facts.any_size or score.size + ROOM_SIGMAS * score.std >= effect.smallest(self.facts)
+        return score.p_value < enough and (large or not effect.linear)
 
     def _best_fit(self, current: Fit, contenders: list[Score], selection: Selection) -> tuple[Fit, Trial] | None:
         """Fit the strongest few in full, each from its own start; the best that stands enters."""
