@@ -31,7 +31,7 @@ _CLEARLY = 20.0  # log-likelihood
 _STRIBECK_RATIOS = (0.0625, 0.25, 1.0, 4.0)  # of a guess, where a search begins
 _GUESS_REFUTED = 5.0  # log-evidence by which another start is better
 _STRIBECK_STD = 1.0  # of a guess, in shares of it
-_STRIBECK_SEEN = 0.5  # known better than to this share: it is the record's and no guess any more
+STRIBECK_SEEN = 0.5  # known better than to this share: it is the record's and no guess any more
 
 
 @dataclass(frozen=True)
@@ -66,12 +66,12 @@ def noise_of_record(
         if not np.isfinite([found, noises.speed_noise_rad_s, *fit.parameters]).all():
             return None
         limit = math.inf if noises.acceleration_noise_seen else usual
-        known = not guessed_stribeck or fit.stribeck_speed_std < _STRIBECK_SEEN * fit.stribeck_speed_rad_s
+        known = not guessed_stribeck or fit.stribeck_speed_std < STRIBECK_SEEN * fit.stribeck_speed_rad_s
         return RecordNoise(
             noises.speed_noise_rad_s,
             min(found, limit),
             fit.stribeck_speed_rad_s if known else guess,
-            fit.stribeck_speed_std if known else _STRIBECK_SEEN * guess if guessed_stribeck else 0.0,
+            fit.stribeck_speed_std if known else STRIBECK_SEEN * guess if guessed_stribeck else 0.0,
             tuple(float(noise) for noise in noises.acceleration_noise_quantiles),
             fit,
             lowest if part.samples == course.samples else None,

@@ -15,14 +15,15 @@ from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, 
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, percent_better, performance, performance_read
 from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
 from rw_ekf.diagnosis.judge.lattice import Lattice
-from rw_ekf.diagnosis.judge.open_law import LAW, has_laws
 from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
 from rw_ekf.diagnosis.judge.torque_noise import noise_finding
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
+from rw_ekf.diagnosis.judge.widths import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.candidates import threshold
+from rw_ekf.diagnosis.search.laws import LAW, has_laws
 from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.diagnosis.standing import (
     ADDED,
@@ -86,8 +87,8 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
         "before": before.figures,
         "after": after.figures if chosen else before.figures,
         "parameters": {
-            "before": _base_parameters(selection.base),
-            "after": _base_parameters(selection.final) if chosen else None,
+            "before": _base_parameters(with_open_stribeck_speed(with_open_noise(selection.base), prepared.setup)),
+            "after": _base_parameters(found.told) if chosen else None,
         },
         "model": MODEL_FILE if model is not None else None,
         "explanations": explanation_entries(found, surviving(found, weighed)),

@@ -10,11 +10,18 @@ import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import confirm, veto
 from rw_ekf.diagnosis.judge.lattice import Lattice
-from rw_ekf.diagnosis.judge.open_law import has_laws, with_open_law
+from rw_ekf.diagnosis.judge.open_law import with_open_law
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
-from rw_ekf.diagnosis.judge.widths import with_free_shapes, with_open_noise, with_profiled_onset, with_profiled_widths
+from rw_ekf.diagnosis.judge.widths import (
+    with_free_shapes,
+    with_open_noise,
+    with_open_stribeck_speed,
+    with_profiled_onset,
+    with_profiled_widths,
+)
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
+from rw_ekf.diagnosis.search.laws import has_laws
 from rw_ekf.diagnosis.search.lost_angle import with_open_order
 from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE, weigh_rivals
 from rw_ekf.diagnosis.search.selection import LOCAL_P, Search, Selection
@@ -77,6 +84,7 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
             told = with_profiled_widths(told, name)
         if has_laws(name):
             told, laws = with_open_law(found.selection.without(name), told, name)
+    told = with_open_stribeck_speed(told, prepared.setup)
     return replace(found, told=told, orders=orders, laws=laws)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from rw_ekf.diagnosis.judge.heldout import Performance
 from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.lattice import Lattice
-from rw_ekf.diagnosis.judge.open_law import has_laws
 from rw_ekf.diagnosis.judge.posterior import NONE, SOMETHING_ELSE
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
+from rw_ekf.diagnosis.search.laws import has_laws
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.likelihood.fitting import Fit
@@ -105,6 +105,8 @@ def verdict_on(
                 way = separates(other)
                 text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
                 break
+    if posterior.get(SOMETHING_ELSE, 0.0) >= 0.5:
+        text += f" But that something else is behind this, or beside it, has {chance_text(posterior[SOMETHING_ELSE])}."
     return Verdict("effect", names, groups, posterior, text)
 
 

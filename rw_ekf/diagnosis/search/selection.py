@@ -14,6 +14,7 @@ from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, 
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
 from rw_ekf.diagnosis.search.held_numbers import knows_size
+from rw_ekf.diagnosis.search.laws import by_likeliest_law
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -132,6 +133,7 @@ class Search:
             if added is None:
                 break
             fit, trial = added
+            fit = by_likeliest_law(current, fit, trial.effect.id)
             fit = likelier_along_filter(fit, current, fit.model)
             if trial.effect.local_in_time:
                 fit = with_other_laws(fit, trial.effect.id, self.facts)
