@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from rw_ekf.diagnosis.judge.drifting import drifts_otherwise
 from rw_ekf.diagnosis.judge.evidence import log_evidence
 from rw_ekf.diagnosis.judge.investigation import MAP_P, Found
 from rw_ekf.diagnosis.judge.residual_map import covers_of, residual_map
@@ -53,9 +54,13 @@ def weighed_against_unnamed(found: Found, advance: Advance) -> Found:
     It has to be likelier than those together with such a law beside them, too.
     A friction that wanders has no law itself, and is left alone.
     """
-    if not found.new_ids or found.is_unexplained or followed_finely(found.fit) is not None:
+    if not found.new_ids or found.is_unexplained:
         return found
     advance("weighing a law without a name")
+    if drifts_otherwise(found):
+        return _unexplained(found)
+    if followed_finely(found.fit) is not None:
+        return found
     base, facts = found.selection.base, found.prepared.facts
     without = log_evidence(base, (), facts)
     named = log_evidence(found.fit, tuple(found.new_ids), facts) - without
@@ -69,6 +74,12 @@ def weighed_against_unnamed(found: Found, advance: Advance) -> Found:
     beside = unnamed_law(found.fit, facts)
     if beside is not None and unnamed.log_factor <= named + beside.log_factor:
         return found
+    return _unexplained(found)
+
+
+def _unexplained(found: Found) -> Found:
+    """The same with nothing named; as it was where nothing would be left without."""
+    base, facts = found.selection.base, found.prepared.facts
     dependences = residual_map(base, facts)
     left = [item for item in dependences if item.p_value < MAP_P]
     if not left:

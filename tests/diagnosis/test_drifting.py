@@ -1,0 +1,53 @@
+"""What drifts: only dry friction is called a drift of dry friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.units import RAD_S_PER_RPM
+from tests.diagnosis.simulated import log_of
+
+pytestmark = pytest.mark.slow
+
+
+def changed(first: PlantParameters, second: PlantParameters, seed: int) -> WheelLog:
+    """Identification with one wheel for the first 30 % of the time, and another, from the speed that it had then."""
+    time_s, current_A = (
+        np.array(column) for column in sample_profile(make_profile("identification", seed=seed), 10.0)[:2]
+    )
+    then, noise = 3 * time_s.size // 10, PlantNoise(RAD_S_PER_RPM)
+    one = simulate_run(first, current_A[: then + 1], time_s[: then + 1], noise, seed=seed)
+    two = simulate_run(
+        second, current_A[then:], time_s[then:], noise, seed=seed + 1, initial_speed_rad_s=float(one.speed_rad_s[-1])
+    )
+    whole = log_of(simulate_run(first, current_A, time_s, noise, seed=seed))
+    return replace(
+        whole, speed_rad_s=np.concatenate((one.measured_speed_rad_s[:then], two.measured_speed_rad_s)), channels={}
+    )
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("what", ["viscous", "offset_rad_s2"])
+def test_a_change_of_something_else_is_no_drift_of_dry_friction(what: str, seed: int) -> None:
+    """Viscous friction that trebles, or a torque of 8 % that sets in: unexplained, as the catalogue has neither."""
+    wheel = PlantParameters()
+    after = {"viscous": 3.0 * wheel.viscous, "offset_rad_s2": 0.08 * wheel.coulomb}[what]
+    verdict = diagnose_log(changed(wheel, wheel._replace(**{what: after}), seed)).document["verdict"]
+    assert verdict["kind"] == "unexplained", verdict["statement"]
+
+
+def test_dry_friction_that_changes_is_named() -> None:
+    """The same with dry friction up by 8 %: a drift, or a spike that lasts."""
+    wheel = PlantParameters()
+    rough = wheel._replace(coulomb=1.08 * wheel.coulomb, static=1.08 * wheel.static)
+    verdict = diagnose_log(changed(wheel, rough, 1)).document["verdict"]
+    assert verdict["kind"] == "effect"
+    assert {"coulomb_drift", "drag_spike"} & set(verdict["effects"])
