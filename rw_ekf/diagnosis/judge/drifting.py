@@ -48,19 +48,18 @@ def drifts_otherwise(found: Found) -> bool:
 def _walks(fit: Fit) -> dict[str, float]:
     """By what walks: log of how much likelier the record is with it."""
     linearised, profiled = fit.linearised, Profiled(fit)
-    slopes = linearised.jacobian[:, : PARAMETERS.stop - PARAMETERS.start].T
-    by = {name: slopes[at - PARAMETERS.start] for name, at in _STATES.items()}
+
+    def by(parameter: int) -> Float64Array:
+        return linearised.jacobian[:, parameter - PARAMETERS.start]
+
     carriers = {
-        _DRY: by["coulomb"] + by["static"],
-        "viscous friction": by["viscous"],
-        "motor gain": by["gain"],
+        _DRY: by(COULOMB) + by(STATIC),
+        "viscous friction": by(VISCOUS),
+        "motor gain": by(MOTOR_GAIN),
         "torque": slopes_by_torque(fit)[0],
     }
     ramps = _ramps(linearised.record.course.time_s)
     return {name: evidence_of_random(profiled, slope[:, None] * ramps) for name, slope in carriers.items()}
-
-
-_STATES = {"gain": MOTOR_GAIN, "viscous": VISCOUS, "coulomb": COULOMB, "static": STATIC}
 
 
 def _ramps(time_s: Float64Array) -> Float64Array:

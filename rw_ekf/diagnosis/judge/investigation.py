@@ -105,14 +105,7 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
         other = _searched(prepared, impatient, advance)
         if other.new_ids and not other.left:
             found, search = other, impatient
-    small = _left_out_for_its_size(found.selection)
-    if found.left and small and prepared.record.work.has(work.RIVALS):
-        # What matters in practice is asked of a wheel that is understood without it.
-        lenient = replace(prepared, facts=replace(prepared.facts, any_size=True))
-        thorough = Search(lenient.record, lenient.facts, advance)
-        other = _searched(lenient, thorough, advance)
-        if small in other.new_ids and not other.left:
-            found, search = other, thorough
+    found, search = _with_what_is_small(found, search, advance)
     if not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids):
         return found
     if not prepared.record.work.has(work.WANDER):
@@ -120,6 +113,20 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
         return found
     advance(f"fitting {WANDERING.id}, wandering")
     return _with_wandering_friction(found, search)
+
+
+def _with_what_is_small(found: Found, search: Search, advance: Advance) -> tuple[Found, Search]:
+    """Where structure is left and an effect beyond doubt was too small: the same with it, if nothing is left then.
+
+    What matters in practice is asked of a wheel that is understood without it.
+    """
+    prepared, small = found.prepared, _left_out_for_its_size(found.selection)
+    if small is None or not found.left or not prepared.record.work.has(work.RIVALS):
+        return found, search
+    lenient = replace(prepared, facts=replace(prepared.facts, any_size=True))
+    thorough = Search(lenient.record, lenient.facts, advance)
+    other = _searched(lenient, thorough, advance)
+    return (other, thorough) if small in other.new_ids and not other.left else (found, search)
 
 
 def _left_out_for_its_size(selection: Selection) -> str | None:

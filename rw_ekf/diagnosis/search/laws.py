@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.model.effect import Candidate, Term
+from rw_ekf.model.effect import Candidate, RecordFacts, Term
 
 LAW = "law"  # the constant's name
 
@@ -30,8 +30,9 @@ def with_each_law(less: Fit, fit: Fit, name: str) -> dict[float, Fit]:
     return fits
 
 
-def by_likeliest_law(less: Fit, fit: Fit, name: str) -> Fit:
-    """The fit, or one that is likelier by another law of an effect that has several."""
+def by_likeliest_law(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> Fit:
+    """The fit, or one that is likelier by another of an effect's laws and of a size that can be."""
     if not has_laws(name):
         return fit
-    return max(with_each_law(less, fit, name).values(), key=lambda item: item.likelihood.value)
+    fits = [item for item in with_each_law(less, fit, name).values() if item.model.possible(name, facts)]
+    return max([fit, *fits], key=lambda item: item.likelihood.value)

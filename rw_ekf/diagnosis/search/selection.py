@@ -133,7 +133,7 @@ class Search:
             if added is None:
                 break
             fit, trial = added
-            fit = by_likeliest_law(current, fit, trial.effect.id)
+            fit = by_likeliest_law(current, fit, trial.effect.id, self.facts)
             fit = likelier_along_filter(fit, current, fit.model)
             if trial.effect.local_in_time:
                 fit = with_other_laws(fit, trial.effect.id, self.facts)
