@@ -233,7 +233,8 @@ def _dress(axis: Any, panel: Panel, row: list[BinnedMeans], units: Units, extent
     axis.set_xlim(panel.low, panel.high)
     axis.xaxis.set_major_locator(MaxNLocator(_TICKS_IN_TIME if panel.in_time else _TICKS))
     axis.set_xlabel(panel.label, fontsize=9)
-    axis.set_title(panel.title, fontsize=10, loc="left", color=INK, weight="bold" if marked else "normal")
+    # With a height of its own a title is not moved out of the way of ticks, for which all of them would be laid out.
+    axis.set_title(panel.title, fontsize=10, loc="left", y=1.0, color=INK, weight="bold" if marked else "normal")
     places = int(np.clip(2 - np.floor(np.log10(extent)), 0, 9))
     sizes = " → ".join(f"{found.structure:.{places}f}" for found in row)
-    axis.set_title(f"{sizes} {units.residual}", fontsize=8.5, loc="right", color=GREY)
+    axis.set_title(f"{sizes} {units.residual}", fontsize=8.5, loc="right", y=1.0, color=GREY)
