@@ -32,7 +32,7 @@ from rw_ekf.filter.stillness import (
 )
 from rw_ekf.filter.surroundings import Surroundings
 from rw_ekf.model.state import SPEED, STATE_SIZE
-from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
+from rw_ekf.wheel.effect_transition import effect_transition, open_past, seed_hidden
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import transition
 
@@ -157,9 +157,10 @@ class WheelEkf(ExtendedKalmanFilter):
             seed_hidden(self.x, self.P, self.table, current_A, self.constants.stribeck.omega_s)
 
     def settle_current(self, current_A: float) -> None:
-        """Let a lagging current have settled at the first command that is known."""
+        """Let a lagging current begin at the first command that is known, and in doubt by as much."""
         if self.table.lag_state_at != ABSENT:
             self.x[self.table.lag_state_at] = current_A
+        open_past(self.x, self.P, self.table, current_A)
 
     def compare(self, speed_rad_s: float) -> tuple[float, float]:
         """Innovation [rad/s] and its variance [rad^2/s^2] for a reading, before any update."""

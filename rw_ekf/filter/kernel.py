@@ -73,7 +73,7 @@ from rw_ekf.filter.stillness import (
 )
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.compiled import compile_cached, make_jitable
-from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
+from rw_ekf.wheel.effect_transition import effect_transition, open_past, seed_hidden
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import Interval
 from rw_ekf.wheel.table import NO_EFFECTS, EffectTable
@@ -182,7 +182,7 @@ def _filter_each(
     keep_all = history.predicted.shape[0] > 0
     temperature, angle = 20.0, 0.0  # until known: effects of temperature are relative to 20 degC
     before = 0.0
-    seeded = ever_seeded = False
+    seeded = ever_seeded = opens = False
     band = dead_band(P, R, constants.acceleration_density)
     start_following(stillness, band)
     start_health(health)
@@ -213,6 +213,9 @@ def _filter_each(
                 away = away_from_reference(stillness, before, band, constants.stribeck.omega_s)
                 x[SPEED] -= away
             if continuous and table is not None:
+                if opens:  # only now, after the estimate: online the first command follows it
+                    open_past(x, P, table, current_A[first_piece[last]])
+                    opens = False
                 interval = Interval(
                     time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i]
                 )
@@ -258,6 +261,7 @@ def _filter_each(
                     if hidden > 0:
                         held = min(held, current_A.size - 1)
                         seed_hidden(x, P, table, current_A[held], constants.stribeck.omega_s)
+                    opens = piece_start[i] <= first_piece[i] < current_A.size
                 seeded = ever_seeded = True
                 forget(gate_memory)
                 follow(stillness, speed, band, 0.0)

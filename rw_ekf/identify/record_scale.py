@@ -17,7 +17,7 @@ from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
 _MAX_ROWS = 200_000
-_STRIBECK_SHARE_OF_TOP_SPEED = 0.02
+STRIBECK_SHARE_OF_TOP_SPEED = 0.02
 DEFAULT_STRIBECK_SPEED_RAD_S = 4.0 * RAD_S_PER_RPM
 _PRIOR_STD = (0.5, 2.0, 0.75)
 GAIN_BAND, COULOMB_BAND = (0.5, 2.0), (0.33, 2.5)  # of [CK13]'s wheel: another of its class lies within
@@ -49,7 +49,7 @@ def measure(course: Course) -> RecordScale:
     sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
     return RecordScale(
         filter_constants(
-            max(_STRIBECK_SHARE_OF_TOP_SPEED * top, sigma),
+            max(STRIBECK_SHARE_OF_TOP_SPEED * top, sigma),
             speed_noise_rad_s=sigma,
             acceleration_noise=0.1 * sigma,
             scale=rough,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
+from rw_ekf.likelihood.unknown_past import variance_of_past
 from rw_ekf.likelihood.whitening import Chain, whiten
 from rw_ekf.likelihood.work import whitening_units
 from rw_ekf.model.state import SPEED
@@ -94,7 +95,7 @@ def linearise(
         jacobian, memory_jacobian = _jacobian(record, model, trajectory, centre.rows, with_memory=with_memory)
     else:
         jacobian, memory_jacobian = np.zeros((n, 0)), np.zeros((n if with_memory else 0, 0))
-    extra = centre.bend**2
+    extra = centre.bend**2 + np.where(record.follows, variance_of_past(record.course, model), 0.0)
     resting = record.follows & (centre.end == 0.0)
     extra[resting] += _STUCK_SHARE**2 * noise.variance
     if with_memory and np.isnan(trajectory.memory).any():  # the first time: the memory carried along is its trajectory

@@ -110,17 +110,22 @@ def _predict_each(
     if table.stribeck_at >= 0:
         near_zero_speed = max(near_zero_speed, FAST_STRIBECK_SPEEDS * x[table.stribeck_at])
     for i in range(course.time_s.size - 1):
-        if not follows[i + 1]:
+        begins = i == 0 or course.segment[i] != course.segment[i - 1]
+        if not follows[i + 1] and (table.lag_state_at < 0 or course.segment[i] != course.segment[i + 1]):
             continue
         state[SPEED] = speed[i]
         if not follows[i]:
-            if table.lag_state_at >= 0:
+            if table.lag_state_at >= 0 and begins:
                 state[table.lag_state_at] = pieces.current_A[max(piece_start[i] - 1, first_piece[i])]
             if at >= 0:
                 state[at] = math.copysign(x[COULOMB], speed[i]) if abs(speed[i]) > omega_s else 0.0
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
         interval = interval_after(course, i)
+        if not follows[i + 1]:  # not looked at, but the lagging current goes on
+            effect_interval(state, table, stribeck, pieces, interval, False, row, ended)
+            state[table.lag_state_at] = ended[table.lag_state_at]
+            continue
         near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
         written = analytic or (differentiable and not near)
         effect_interval(state, table, stribeck, pieces, interval, written, row, ended)

@@ -9,11 +9,12 @@ import math
 from typing import Any
 
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
-from rw_ekf.model.state import COULOMB, SPEED
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
 from rw_ekf.wheel.table import EffectTable
 from rw_ekf.wheel.transition import _REACH, _SPREAD, factor_covariance, reflection
+from rw_ekf.wheel.window import lateness
 
 
 def turn_root(x: Any, L: Any, current: float, n: int) -> None:
@@ -133,3 +134,15 @@ def seed_hidden(x: Any, P: Any, table: EffectTable, current: float, omega_s: flo
     if table.memory_state_at >= 0:
         x[table.memory_state_at] = math.copysign(x[COULOMB], x[SPEED]) if abs(x[SPEED]) > omega_s else 0.0
         P[table.memory_state_at, table.memory_state_at] = (0.3 * x[COULOMB]) ** 2
+
+
+def open_past(x: Any, P: Any, table: EffectTable, current: float) -> None:
+    """Let what flowed before the first command that is known be anything as large: a lag or a delay remembers it.
+
+    A wheel at rest that is commanded for the first time had no current before: a lag's current is that much in doubt,
+    and the speed what a delay still brings of another.
+    """
+    late = x[MOTOR_GAIN] * current * lateness(x, table)
+    P[SPEED, SPEED] += late * late
+    if table.lag_state_at >= 0:
+        P[table.lag_state_at, table.lag_state_at] += current * current

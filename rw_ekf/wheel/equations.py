@@ -49,6 +49,7 @@ make_jitable(
         effect_transition._differences,
         effect_transition.effect_transition,
         effect_transition.seed_hidden,
+        effect_transition.open_past,
     ]
 )
 

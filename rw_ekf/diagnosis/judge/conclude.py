@@ -87,7 +87,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
         "before": before.figures,
         "after": after.figures if chosen else before.figures,
         "parameters": {
-            "before": _base_parameters(with_open_stribeck_speed(with_open_noise(selection.base), prepared.setup)),
+            "before": _base_parameters(with_open_stribeck_speed(with_open_noise(selection.base), prepared.facts)),
             "after": _base_parameters(found.told) if chosen else None,
         },
         "model": MODEL_FILE if model is not None else None,

@@ -84,7 +84,7 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
             told = with_profiled_widths(told, name)
         if has_laws(name):
             told, laws = with_open_law(found.selection.without(name), told, name)
-    told = with_open_stribeck_speed(told, prepared.setup)
+    told = with_open_stribeck_speed(told, prepared.facts) if found.new_ids else told
     return replace(found, told=told, orders=orders, laws=laws)
 
 
@@ -144,6 +144,7 @@ def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:
         weigh_rivals(search, selection)
         if selection.new_ids != chosen:
             in_deepest_valleys(selection, prepared.facts)
+        selection.final = search.with_open_speed(selection.final)
         confirm(prepared, selection, selection.new_ids)
     _drop_trifles(prepared, selection)
     stood = selection.new_ids

@@ -21,21 +21,14 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import linearise
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.noise_posterior import noise_posterior
+from rw_ekf.likelihood.open_stribeck import over_stribeck_speeds
 from rw_ekf.likelihood.profile import at_ratio
-from rw_ekf.likelihood.record_noise import STRIBECK_SEEN
 from rw_ekf.model.effect import RecordFacts
-from rw_ekf.model.state import PARAMETER_COUNT
-from rw_ekf.starting_point import FilterSetup
 
 _NORMAL_95 = 1.96
 _FALL = INFLATION * _NORMAL_95**2  # of twice the log-likelihood at either end of 95 %
 _LEAST_STEP, _MOST_STEP = 0.02, 2.5  # of the logarithm of a number, away from where it is best
 _TRIES = 3  # of one end
-_GUESS_SPREAD = 2.0  # of the logarithm of a Stribeck speed that was guessed from the top speed
-_NEARLY = 0.999
-_Nodes = tuple[tuple[float, float], ...]  # sigmas, weights
-_HERMITE: _Nodes = ((0.0, 2.0 / 3.0), (-math.sqrt(3.0), 1.0 / 6.0), (math.sqrt(3.0), 1.0 / 6.0))
-_ABOUT_A_GUESS: _Nodes = tuple((sigmas, math.exp(-0.5 * sigmas**2)) for sigmas in (0.0, -0.7, 0.7, -1.4, 1.4))
 _NEAR = 0.3  # of a step: from there the fall goes with the square of it
 
 
@@ -68,27 +61,15 @@ def with_open_noise(fit: Fit) -> Fit:
     return replace(fit, likelihood=replace(fit.likelihood, covariance=noise_posterior(fit).covariance))
 
 
-def with_open_stribeck_speed(fit: Fit, setup: FilterSetup) -> Fit:
-    """The same fit, its parameters' variances those over the Stribeck speeds that may be the machine's.
+def with_open_stribeck_speed(fit: Fit, facts: RecordFacts) -> Fit:
+    """The same fit, its numbers' variances those over the Stribeck speeds that may be the machine's.
 
-    Three of them for one that the record told (Gauss and Hermite's rule for its logarithm), five about a guess, which
-    may be several times off; each is as likely as the record makes it. Unchanged where the speed is given, or fitted
-    with the rest.
+    Unchanged where the speed was given, or is fitted with the rest.
     """
-    omega_s = setup.constants.stribeck.omega_s
-    if setup.stribeck_speed_std == 0.0 or STRIBECK.id in fit.model.effects.ids:
+    if not facts.stribeck_is_open or STRIBECK.id in fit.model.effects.ids:
         return fit
-    spread, nodes = setup.stribeck_speed_std / omega_s, _HERMITE
-    if spread > _NEARLY * STRIBECK_SEEN:
-        spread, nodes = _GUESS_SPREAD, _ABOUT_A_GUESS
-    fits = []
-    for sigmas, weight in nodes:
-        there = fit.model.stribeck._replace(omega_s=omega_s * math.exp(sigmas * spread))
-        fits.append((weight, fit if sigmas == 0.0 else fit.refitted(replace(fit.model, stribeck=there))))
-    best = max(item.likelihood.value for _, item in fits)
-    odds = [weight * math.exp(item.likelihood.value - best) for weight, item in fits]
-    others = [(odd / math.fsum(odds), item) for odd, (_, item) in zip(odds, fits, strict=True)]
-    for place in range(PARAMETER_COUNT):
+    others = over_stribeck_speeds(fit, facts.top_speed_rad_s)
+    for place in np.flatnonzero(fit.std > 0.0):
         fit = fit.widened_over(
             slice(place, place + 1),
             (float(fit.model.vector[place]), float(fit.std[place])),

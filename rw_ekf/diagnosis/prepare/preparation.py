@@ -20,6 +20,7 @@ from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
 from rw_ekf.likelihood.robust_fit import likelier_along_filter, read_trajectory, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work
@@ -124,6 +125,11 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     channels = frozenset(name for name, there in (("temperature_degC", warm), ("angle_rad", turned)) if there)
     starts = tuple(float(course.time_s[i]) for i in np.flatnonzero(np.diff(log_of) > 0) + 1)
     facts = facts_of(course, base, everything, channels, source.timing_doubt_s, starts)
+    if setup.stribeck_speed_std > 0.0:
+        base = likeliest_stribeck_speed(base, facts.top_speed_rad_s)
+        facts = replace(
+            facts_of(course, base, everything, channels, source.timing_doubt_s, starts), stribeck_is_open=True
+        )
     fit_part, heldout = (
         Record.of(course, mask, setup.constants, work, log_of, torque_noise, angle_is_integrated=not turned)
         for mask in (split.fit, split.heldout)

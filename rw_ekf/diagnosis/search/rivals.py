@@ -105,7 +105,7 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             fits = [fit for fit in fits if fit.model.possible(effect.id, search.facts)]
             if not fits:
                 continue
-            rival = max(fits, key=lambda item: item.likelihood.value)
+            rival = search.with_open_speed(max(fits, key=lambda item: item.likelihood.value))
             constructed = _same_by_construction(search, less, final, rival, name, effect)
             if constructed:
                 selection.constructed.setdefault(name, set()).add(effect.id)

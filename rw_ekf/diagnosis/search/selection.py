@@ -17,11 +17,12 @@ from rw_ekf.diagnosis.search.held_numbers import knows_size
 from rw_ekf.diagnosis.search.laws import by_likeliest_law
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
+from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
@@ -77,8 +78,10 @@ class Selection:
 
     def without(self, name: str) -> Fit:
         """The final model without an effect; the search may have fitted that already."""
-        ids = [item for item in self.final.model.effects.ids if item != name]
-        known = (fit for fit, _ in self.searched if list(fit.model.effects.ids) == ids)
+        ids, stribeck = [item for item in self.final.model.effects.ids if item != name], self.final.model.stribeck
+        known = (
+            fit for fit, _ in self.searched if list(fit.model.effects.ids) == ids and fit.model.stribeck == stribeck
+        )
         return next(known, None) or self.final.without(name)
 
     def scores_beside(self, fit: Fit, effects: list[type[Effect]], facts: RecordFacts) -> dict[str, Score]:
@@ -134,7 +137,7 @@ class Search:
                 break
             fit, trial = added
             fit = by_likeliest_law(current, fit, trial.effect.id, self.facts)
-            fit = likelier_along_filter(fit, current, fit.model)
+            fit = self.with_open_speed(likelier_along_filter(fit, current, fit.model))
             if trial.effect.local_in_time:
                 fit = with_other_laws(fit, trial.effect.id, self.facts)
             current = self.pruned(fit, selection)
@@ -142,6 +145,15 @@ class Search:
                 break
             selection.final = current
         return selection
+
+    def with_open_speed(self, fit: Fit) -> Fit:
+        """The fit at the likeliest Stribeck speed beside what it has, where nobody gave one."""
+        if not self.facts.stribeck_is_open or STRIBECK.id in fit.model.effects.ids:
+            return fit
+        if not self.work.has(work.SEARCH):
+            self.work.leave_out(f"other Stribeck speeds beside {', '.join(fit.model.effects.ids)}")
+            return fit
+        return likeliest_stribeck_speed(fit, self.facts.top_speed_rad_s)
 
     def _open(self, model: Model) -> list[type[Effect]]:
         """Effects that may still enter: a periodic one at another order or frequency, any other once."""
