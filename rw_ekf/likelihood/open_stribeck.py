@@ -15,12 +15,14 @@ from rw_ekf.identify.record_scale import STRIBECK_SHARE_OF_TOP_SPEED
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.work import MOST_UNITS
+from rw_ekf.model.state import MOTOR_GAIN, STATIC
 
 _RATIOS = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0, 4.0)  # of the share of the top speed that is guessed first
 _NEIGHBOURS = (0.5, 2.0)  # of the best of those
 _EXCESS = 1.15  # break-away over Coulomb friction, where a fit is begun once more
 _EXCESSES = (1.03, 1.07, 1.11, 1.2, 1.3)  # and at the best speed
 _LEAST_EXCESS = 0.97  # as little as noise makes of none
+_SURELY = 2.0  # sigma
 _NO_FRICTION = 1.0e6
 _BETTER = 1.0  # log-likelihood by which another place must be likelier
 _BEYOND = 3.0  # log-likelihood by which a speed that no wheel has must be likelier
@@ -55,7 +57,8 @@ def likeliest_stribeck_speed(fit: Fit, top_speed_rad_s: float) -> Fit:
     best = sketches.best
     best_rad_s = best.model.stribeck.omega_s
     for ratio in _NEIGHBOURS:
-        sketches.add(_at(best, ratio * best_rad_s))
+        if _RATIOS[0] * guess <= ratio * best_rad_s <= _RATIOS[-1] * guess:
+            sketches.add(_at(best, ratio * best_rad_s))
     for excess in _EXCESSES:
         sketches.add(_begun(best.model, best_rad_s, excess))
     best, least = sketches.best, _worth(fit) + (_BETTER if usual else -_BEYOND)
@@ -132,9 +135,10 @@ def _begun(model: Model, omega_s: float, excess: float) -> Model:
 
 
 def _worth(fit: Fit) -> float:
-    """Its likelihood; what breaks away more easily than it slides is no friction, however well it fits."""
+    """Its likelihood; what surely breaks away more easily than it slides is no friction, however well it fits."""
     static, coulomb = fit.model.parameters.static, fit.model.parameters.coulomb
-    return _value(fit) - (0.0 if static >= _LEAST_EXCESS * coulomb else _NO_FRICTION)
+    most = static + _SURELY * float(fit.std[STATIC - MOTOR_GAIN])
+    return _value(fit) - (0.0 if most >= _LEAST_EXCESS * coulomb else _NO_FRICTION)
 
 
 def _value(fit: Fit) -> float:
