@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
+import shlex
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -46,7 +49,7 @@ def settle(configuration: Configuration, args: argparse.Namespace) -> int:
     sys.stderr.write(plan.text() + "\n")
     path = write_motion(plan)
     command = configuration.command.model_copy(update={"profile": "log", "log": str(path)})
-    logs = " ".join(plan.scene.standing.logs)
+    logs = " ".join(_from_here(log, args.settle) for log in plan.scene.standing.logs)
     return run_and_report(
         configuration.model_copy(update={"command": command, "compensation": CompensationSection()}),
         args,
@@ -56,6 +59,13 @@ def settle(configuration: Configuration, args: argparse.Namespace) -> int:
             lambda log: f"  both together: rw-ekf diagnose {logs} {log}",
         ),
     )
+
+
+def _from_here(log: str, diagnosis: str) -> str:
+    """A log as this folder sees it: a diagnosis names it as seen from where it was made, which may be above it."""
+    folder = Path(diagnosis).absolute().parent
+    found = (place / log for place in (Path(), folder.parent, folder) if (place / log).is_file())
+    return shlex.quote(os.path.relpath(path) if (path := next(found, None)) else log)
 
 
 def _designed(scene: Scene, bounds: Bounds, limits: MotionLimits, seed: int | None) -> Plan:

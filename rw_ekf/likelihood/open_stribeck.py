@@ -23,7 +23,7 @@ _EXCESS = 1.15  # break-away over Coulomb friction, where a fit is begun once mo
 _EXCESSES = (1.03, 1.07, 1.11, 1.2, 1.3)  # and at the best speed
 _LEAST_EXCESS = 0.97  # as little as noise makes of none
 _SURELY = 2.0  # sigma
-_NO_FRICTION = 1.0e6
+_NO_FRICTION = 30.0  # log-likelihood by which that must be likelier
 _BETTER = 1.0  # log-likelihood by which another place must be likelier
 _BEYOND = 3.0  # log-likelihood by which a speed that no wheel has must be likelier
 _UNFINISHED = 10.0  # log-likelihood that a full fit may add to a sketch
@@ -135,7 +135,7 @@ def _begun(model: Model, omega_s: float, excess: float) -> Model:
 
 
 def _worth(fit: Fit) -> float:
-    """Its likelihood; what surely breaks away more easily than it slides is no friction, however well it fits."""
+    """Its likelihood; what surely breaks away more easily than it slides has to be much likelier."""
     static, coulomb = fit.model.parameters.static, fit.model.parameters.coulomb
     most = static + _SURELY * float(fit.std[STATIC - MOTOR_GAIN])
     return _value(fit) - (0.0 if most >= _LEAST_EXCESS * coulomb else _NO_FRICTION)

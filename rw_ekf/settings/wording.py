@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_MOST_SHOWN = 60  # characters of a value: a log given for a configuration is one long text
+
 
 def suggestion(word: object, known: Iterable[str]) -> str:
     """Advice after an unknown name: the nearest known one, or all of them."""
@@ -23,4 +25,6 @@ def shown(value: object) -> str:
         return "a table of keys"
     if isinstance(value, list | tuple):
         return "a list"
+    if isinstance(value, str) and len(value) > _MOST_SHOWN:
+        return f"a text of {len(value)} characters that begins {value[:_MOST_SHOWN]!r}"
     return f"the text {value!r}" if isinstance(value, str) else f"{value}"

@@ -45,7 +45,7 @@ class Plan:
     def at_the_end(self) -> float:
         """Expected probability of the true explanation, whichever that is."""
         prior = np.array([item.posterior for item in self.scene.standing.explanations])
-        return float(prior @ self.probabilities[:, -1])
+        return float(prior @ (prior if self.design.alike.all() else self.probabilities[:, -1]))
 
     @property
     def separates(self) -> bool:
@@ -55,6 +55,8 @@ class Plan:
     @property
     def settled_s(self) -> list[float | None]:
         """Time at which each explanation, if true, is expected to have a probability of 0.95 [s]."""
+        if self.design.alike.all():  # counted together they are certain, and nothing is settled
+            return [None] * len(self.scene.standing.explanations)
         step = self.scene.checks * self.scene.period_s
         reached = [np.flatnonzero(row >= SETTLED) for row in self.probabilities]
         return [None if at.size == 0 else float(step * (at[0] + 1)) for at in reached]
@@ -90,7 +92,7 @@ class Plan:
                 {
                     "effects": list(item.effects),
                     "posterior": item.posterior,
-                    "expected_posterior": float(row[-1]),
+                    "expected_posterior": item.posterior if self.design.alike.all() else float(row[-1]),
                     "settled_s": time_s,
                 }
                 for item, row, time_s in zip(items, self.probabilities, self.settled_s, strict=True)
@@ -126,6 +128,8 @@ class Plan:
         for group in said["alike"]:
             names = " and ".join("+".join(effects) or "none" for effects in group)
             lines.append(f"  {names}: one and the same to every motion at this rate, and counted together")
+        if self.design.alike.all():
+            return "\n".join([*lines, f"  {self.refusal()}"])
         lines += ["", "  motion, from rest"]
         lines += [f"    {move['begins_s']:6.1f} s  {move['text']}" for move in said["moves"]]
         most = said["most"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -34,6 +36,22 @@ def test_what_cannot_be_served_is_refused(
     assert errors.startswith("rw-ekf: error: ")
     assert errors.count("\n") == 1
     assert not (tmp_path / "wheel").is_symlink()
+
+
+@pytest.mark.parametrize("listing", ["--effects", "--faults"])
+def test_a_full_disk_under_a_listing_is_no_traceback(listing: str) -> None:
+    """What argparse prints while it parses fails like any other output: status 1, one sentence."""
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "rw_ekf", "simulate", listing],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            check=False,
+            text=True,
+        )
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("rw-ekf: error: standard output")
+    assert ended.stderr.count("\n") == 1
 
 
 @pytest.mark.slow

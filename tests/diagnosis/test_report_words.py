@@ -11,6 +11,7 @@ import pytest
 
 from rw_ekf.diagnosis.judge.conclude import in_words
 from rw_ekf.diagnosis.report.markup import commands
+from rw_ekf.diagnosis.report.page import next_steps
 from rw_ekf.diagnosis.report.residual import _marked
 from rw_ekf.diagnosis.report.words import gain_text, percent_text
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -83,3 +84,15 @@ def test_commands_of_the_report_work_from_anywhere(tmp_path: Path, monkeypatch: 
     assert lines[0] == ["rw-ekf", "replay", str(here / "log.csv"), "--columns", "columns-emps.yaml", "--model", model]
     assert lines[1][:3] == ["rw-ekf", "diagnose", str(here / "log.csv")]
     assert lines[2] == ["rw-ekf", "run", "--config", "my-wheel.yaml", "--model", model]
+
+
+@pytest.mark.parametrize(("kind", "first"), [("effect", "Run with the augmented model"), ("adequate", "Several")])
+def test_what_is_open_leads_to_the_experiment_that_settles_it(kind: str, first: str) -> None:
+    """Where two explanations stand the next step is `excite --settle`; a model beside one is no "nothing to add"."""
+    entries = [{"effects": ["offset_torque"], "posterior": 0.47}, {"effects": [], "posterior": 0.5}]
+    steps = next_steps({"verdict": {"kind": kind}, "explanations": entries})
+    assert steps[0].startswith(first)
+    assert "offset_torque 47 %, nothing beyond the model 50 %" in steps[-1]
+    assert "excite --settle" in steps[-1]
+    alone = next_steps({"verdict": {"kind": kind}, "explanations": entries[1:]})
+    assert not any("settle" in step for step in alone)

@@ -33,6 +33,13 @@ def findings(tmp_path: Path, text: str) -> list[str]:
     return [finding.removeprefix(f"{tmp_path}/") for finding in caught.value.findings]
 
 
+def test_a_log_given_for_a_configuration_is_not_printed(tmp_path: Path) -> None:
+    """A file without any key is one long text to YAML: its length and its begin are told."""
+    (found,) = findings(tmp_path, "time_s,speed_rad_s\n" + "0.1,2.5\n" * 20_000)
+    assert "characters that begins 'time_s,speed_rad_s 0.1,2.5" in found
+    assert len(found) < 400
+
+
 def test_everything_but_port_and_current_limit_has_a_default(tmp_path: Path) -> None:
     """Proves the defaults of the contract."""
     configuration = load(tmp_path, LEAST)

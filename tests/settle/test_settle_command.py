@@ -10,6 +10,7 @@ import pytest
 
 from drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.cli import main
+from rw_ekf.commands.settle import _from_here
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settle.explanations import standing_of_document
@@ -117,6 +118,37 @@ def test_what_no_motion_tells_apart_is_not_run(tmp_path: Path, capsys: pytest.Ca
     out, errors = capsys.readouterr()
     assert out == ""
     assert "no motion within the limits" in errors
+
+
+def test_what_no_motion_tells_apart_is_not_called_settled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Shown without a move: no time, no better chances, no two minutes of motion to look at."""
+    same = diagnosis((0.5, LAG), (0.5, LAG))
+    config = str(write_config(tmp_path, str(tmp_path / "nowhere"), **SLOW))
+    path = write(tmp_path / "diagnosis.json", same)
+    assert main(["excite", "--settle", path, "--config", config, "--dry-run", "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    check_document(document)
+    assert not document["separates"]
+    assert [item["settled_s"] for item in document["explanations"]] == [None, None]
+    assert [item["expected_posterior"] for item in document["explanations"]] == [0.5, 0.5]
+    assert document["expected_probability"] == 0.5
+    assert main(["excite", "--settle", path, "--config", config, "--dry-run"]) == 1
+    said = capsys.readouterr().out
+    assert "motion, from rest" not in said
+    assert said.count("not settled") == 2
+
+
+def test_the_command_at_the_end_names_logs_as_this_folder_sees_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Diagnosed in one folder and settled in another: the path of the first log is turned, a blank in it quoted."""
+    (tmp_path / "made" / "found").mkdir(parents=True)
+    (tmp_path / "made" / "a log.csv").touch()
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    diagnosed = str(tmp_path / "made" / "found" / "diagnosis.json")
+    assert _from_here("a log.csv", diagnosed) == "'../made/a log.csv'"
+    assert _from_here("gone.csv", diagnosed) == "gone.csv"
 
 
 @pytest.mark.slow

@@ -106,7 +106,8 @@ def verdict_on(
                 text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
                 break
     if posterior.get(SOMETHING_ELSE, 0.0) >= 0.5:
-        text += f" But that something else is behind this, or beside it, has {chance_text(posterior[SOMETHING_ELSE])}."
+        chance = chance_text(posterior[SOMETHING_ELSE])
+        text += f" The chance that something else is behind this, or beside it: {chance}."
     return Verdict("effect", names, groups, posterior, text)
 
 

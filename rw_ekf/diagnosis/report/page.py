@@ -29,7 +29,7 @@ from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import standing_of
 from rw_ekf.documents import inertia_text
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.numbers import number_text
+from rw_ekf.numbers import chance_text, number_text
 
 
 def page(
@@ -177,6 +177,7 @@ def _next(diagnosis: Diagnosis, directory: Path, options: Sequence[str]) -> str:
     return found
 
 
+_OPEN = 0.05  # probability of an explanation that is worth settling
 _FIRST = {
     "adequate": "Nothing needs to be added: the model may go on as it is.",
     "effect": "Run with the augmented model. The effect's coefficient is then estimated online, with a sigma of its "
@@ -194,8 +195,11 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
     given = verdict.get("advice") or document.get("advice") or ()
     steps = [given] if isinstance(given, str) else [str(step) for step in given]
     kind = str(verdict.get("kind"))
-    if kind in _FIRST and not (kind == "adequate" and document.get("torque_noise")):
+    open_ones = [item for item in document.get("explanations") or () if item["posterior"] >= _OPEN]
+    if kind in _FIRST and not (kind == "adequate" and (document.get("torque_noise") or len(open_ones) > 1)):
         steps.append(_FIRST[kind])
+    if len(open_ones) > 1:
+        steps.append(_settle(open_ones))
     noise = document.get("torque_noise")
     if noise:
         steps.append(
@@ -212,6 +216,16 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
         for reason, effects in untestable_reasons(document.get("candidates") or ()).items():
             steps.append(f"{_listed(effects)} could not be tested: {reason}.")
     return steps
+
+
+def _settle(explanations: Sequence[Mapping[str, Any]]) -> str:
+    """The experiment that decides between explanations that stand."""
+    names = [("+".join(item["effects"]) or "nothing beyond the model", item["posterior"]) for item in explanations]
+    listed = ", ".join(f"{name} {chance_text(posterior)}" for name, posterior in names)
+    return (
+        f"Several explanations stand ({listed}). `rw-ekf excite --settle diagnosis.json --config wheel.yaml` designs "
+        "the two minutes that tell them apart, and runs them; `rw-ekf diagnose` of both logs together then decides."
+    )
 
 
 def excitation_of(document: Mapping[str, Any]) -> dict[str, str]:

@@ -237,4 +237,5 @@ def _dress(axis: Any, panel: Panel, row: list[BinnedMeans], units: Units, extent
     axis.set_title(panel.title, fontsize=10, loc="left", y=1.0, color=INK, weight="bold" if marked else "normal")
     places = int(np.clip(2 - np.floor(np.log10(extent)), 0, 9))
     sizes = " → ".join(f"{found.structure:.{places}f}" for found in row)
-    axis.set_title(f"{sizes} {units.residual}", fontsize=8.5, loc="right", y=1.0, color=GREY)
+    told = f"{sizes} {units.residual}" if all(np.isfinite(found.structure) for found in row) else "too few samples"
+    axis.set_title(told, fontsize=8.5, loc="right", y=1.0, color=GREY)

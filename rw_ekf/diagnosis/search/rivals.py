@@ -20,6 +20,7 @@ _ROOM = 1.5  # by which the evidence of a linear effect that was only scored may
 _HOPELESS = 0.4  # of the log-likelihood gained: a sketch of a rival with less is not completed
 _SECANT_SHARE = 0.05  # of what was gained: a secant falls short of a curve, but not by as much as this
 _AS_WELL = 2.0  # log-likelihood by which one effect may be behind two
+_TWIN_RATIOS = (0.5, 1.0, 2.0)  # of what was chosen: a mean over a window is half as late as it is long
 _TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
@@ -79,7 +80,7 @@ def _find_rivals(search: Search, selection: Selection) -> None:
         near += [] if timeless else _events_near(search, selection, name)
         if not near:
             continue
-        if not search.work.has(work.RIVALS):
+        if not any(_has_work(search, name, effect) for effect in near):
             search.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
             continue
         search.advance(f"comparing rivals of {name}")
@@ -90,7 +91,7 @@ def _find_rivals(search: Search, selection: Selection) -> None:
         law = quantity_of(CATALOGUE[name])
         timed = law != "time" and may_confound(less, law, "time")  # evidence does not decide between the two
         for effect in _worth_a_fit(near, scores, mine, gained, timed=timed):
-            if not search.work.has(work.RIVALS):
+            if not _has_work(search, name, effect):
                 search.work.leave_out(f"rivals of {name} ({effect.id})")
                 continue
             score = scores.get(effect.id)
@@ -101,7 +102,11 @@ def _find_rivals(search: Search, selection: Selection) -> None:
                 if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
                     starts.append(Term.at(effect, Candidate(value)))
                 models = [less.model.with_terms(term) for term in starts]
-                fits = [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
+                if search.work.has(work.RIVALS):
+                    fits = [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
+                else:
+                    near_it = [Term.at(effect, Candidate(ratio * value)) for ratio in _TWIN_RATIOS]
+                    fits = [less.sketched(less.model.with_terms(term)) for term in near_it]
             fits = [fit for fit in fits if fit.model.possible(effect.id, search.facts)]
             if not fits:
                 continue
@@ -112,6 +117,16 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             evidence = _evidence(score if score is not None else scores.get(name), less, rival)
             if constructed or mine - evidence < INDISTINGUISHABLE:
                 selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
+
+
+def _has_work(search: Search, name: str, rival: type[Effect]) -> bool:
+    """Whether there is room for a rival, if only for sketches of a twin."""
+    return search.work.has(work.FITS if _is_twin(name, rival) else work.RIVALS)
+
+
+def _is_twin(name: str, rival: type[Effect]) -> bool:
+    """Whether a rival is another way of being late, which most records have as one with what was chosen."""
+    return rival.id in CATALOGUE[name].confounded and not rival.linear and not rival.flow_kind
 
 
 def _worth_a_fit(
