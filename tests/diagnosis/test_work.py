@@ -15,7 +15,7 @@ from rw_ekf.likelihood.work import Work
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from tests.commands.logs import write_log
-from tests.diagnosis.simulated import simulated
+from tests.diagnosis.simulated import log_of, simulated
 
 
 class Clock:
@@ -88,6 +88,20 @@ def test_a_spent_budget_ends_in_a_verdict_that_says_so(log: WheelLog, monkeypatc
     for item in document["left_out"]:
         assert any(item in warning for warning in document["warnings"])
         assert item in text
+
+
+def test_ways_of_being_late_are_weighed_when_the_budget_is_nearly_spent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lag that an average imitates, two thirds of the work gone: both stand, and the truth is no less likely.
+
+    Left out they had no probability, and hours of a lag were an average with 99 %.
+    """
+    run = simulated(["actuator_lag:time_constant_s=0.06"], seed=41, samples=3000, profile="P2")
+    monkeypatch.setattr(preparation, "Work", lambda: Work(6.0e8, 1.0, Clock()))
+    document = diagnose_log(log_of(run)).document
+    posterior = document["verdict"]["posterior"]
+    assert document["left_out"]
+    assert posterior["actuator_lag"] > 0.3
+    assert posterior["speed_averaging"] + posterior["transport_delay"] > 0.1
 
 
 def test_powers_are_those_of_the_sum_written_out() -> None:
