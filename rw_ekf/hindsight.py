@@ -14,12 +14,15 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.course.course import Course
+from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.second_look import log_likelihood, second_look, was_reset
-from rw_ekf.starting_point import FilterSetup
+from rw_ekf.identify.record_scale import top_speed_of
+from rw_ekf.likelihood.record_stribeck import stribeck_hypotheses
+from rw_ekf.starting_point import LEAST_NOISE_RATIO, FilterSetup, note_of_foreign_machine
 
 _CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
 _ASTRAY = 10.0  # log-likelihood: other noises may cost some of it, a filter that went astray more
@@ -37,9 +40,38 @@ def run_of_log(
     return filtered(course, setup, keep_states=keep_states, keep_history=keep_history), setup
 
 
+def with_stribeck_speeds(course: Course, setup: FilterSetup) -> FilterSetup:
+    """The setup at the likeliest Stribeck speed, with all that are possible.
+
+    Unchanged where somebody gave one, and where the record is so odd that no fit comes about at another.
+    """
+    if setup.stribeck_speed_std == 0.0 or setup.fit_of_record is None:
+        return setup
+    try:
+        fit, hypotheses = stribeck_hypotheses(setup.fit_of_record, top_speed_of(course))
+    except (FilterError, np.linalg.LinAlgError):
+        return setup
+    noises = fit.noises
+    least = LEAST_NOISE_RATIO * noises.speed_noise_rad_s
+    constants = (
+        setup.constants.with_stribeck_speed(fit.stribeck_speed_rad_s)
+        .with_speed_noise(noises.speed_noise_rad_s)
+        .with_acceleration_noise(max(noises.acceleration_noise, least))
+    )
+    return replace(
+        setup,
+        constants=constants,
+        notes=(note_of_foreign_machine(course, fit.parameters, constants),),
+        fit_of_record=fit,
+        stribeck_speed_std=fit.stribeck_speed_std,
+        stribeck_hypotheses=tuple(hypotheses),
+        acceleration_noises=tuple(float(noise) for noise in noises.acceleration_noise_quantiles),
+    )
+
+
 def belief_of_log(course: Course, setup: FilterSetup, run: FilterRun) -> Belief:
     """What is believed at the end: the moments of a mixture over what is not known beside the parameters."""
-    return _mixture(list(_parts(course, setup, run)))
+    return _mixture(list(_over_stribeck_speeds(course, setup)) or list(_parts(course, setup, run)))
 
 
 def belief_of_fit(course: Course, setup: FilterSetup, fitted: Belief, noises: Sequence[float]) -> Belief:
@@ -49,9 +81,13 @@ def belief_of_fit(course: Course, setup: FilterSetup, fitted: Belief, noises: Se
     biases it by more than a sigma. A filter predicts each reading from those before it. setup: with the speed noise
     that the fit found; noises: torque noises of equal weight. The fit's own word where the filter has none.
     """
+    setup = replace(setup, constants=without_drift(setup.constants))
+    over = list(_over_stribeck_speeds(course, setup))
+    if over:
+        return _mixture(over)
     parts = []
     for noise in noises:
-        constants = without_drift(setup.constants).with_acceleration_noise(noise)
+        constants = setup.constants.with_acceleration_noise(noise)
         again = second_look(course, constants, setup.prior, fitted, setup.effects)
         if again is None:
             return fitted
@@ -70,21 +106,27 @@ def _mixture(parts: Sequence[tuple[float, Belief]]) -> Belief:
     return Belief(mean, covariance)
 
 
-def _parts(course: Course, setup: FilterSetup, run: FilterRun) -> Iterator[tuple[float, Belief]]:
-    """Beliefs and their weights: one for each torque noise or Stribeck speed that may be the record's.
+def _over_stribeck_speeds(course: Course, setup: FilterSetup) -> Iterator[tuple[float, Belief]]:
+    """Beliefs and weights, one for each Stribeck speed and torque noise; none where somebody gave the speed."""
+    found = []
+    for hypothesis in setup.stribeck_hypotheses:
+        constants = setup.constants.with_stribeck_speed(hypothesis.omega_s)
+        if constants.wanders:  # where a run ended, not what fits all of it
+            run = filtered(course, replace(setup, constants=constants))
+            found.append((hypothesis.probability, Belief(run.mean, run.covariance)))
+            continue
+        for noise in setup.acceleration_noises:
+            there = constants.with_acceleration_noise(noise)
+            again = second_look(course, there, setup.prior, hypothesis.fitted, setup.effects)
+            if again is not None:
+                found.append((hypothesis.probability, again[0]))
+    total = math.fsum(weight for weight, _ in found)
+    yield from ((weight / total, belief) for weight, belief in found)
 
-    Torque noise: five values of equal weight (`noise_posterior`). A Stribeck speed that was not given: three, those of
-    Gauss and Hermite's rule for its logarithm (0 and +- sqrt(3) sigma, weights 2/3 and 1/6).
-    """
+
+def _parts(course: Course, setup: FilterSetup, run: FilterRun) -> Iterator[tuple[float, Belief]]:
+    """Beliefs and their weights: one for each torque noise, five values of equal weight (`noise_posterior`)."""
     constants = setup.constants
-    if setup.stribeck_speed_std > 0.0:
-        spread = min(setup.stribeck_speed_std / constants.stribeck.omega_s, 0.5)
-        for weight, sigmas in ((2.0 / 3.0, 0.0), (1.0 / 6.0, -math.sqrt(3.0)), (1.0 / 6.0, math.sqrt(3.0))):
-            omega_s = constants.stribeck.omega_s * math.exp(sigmas * spread)
-            there = replace(setup, constants=constants.with_stribeck_speed(omega_s)) if sigmas else setup
-            first = filtered(course, there) if sigmas else run
-            yield weight, _looked_at_again(course, there, first)
-        return
     noises = setup.acceleration_noises or (constants.acceleration_noise,)
     for noise in noises:
         there = replace(setup, constants=constants.with_acceleration_noise(noise))

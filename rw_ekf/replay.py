@@ -21,7 +21,7 @@ from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
-from rw_ekf.hindsight import belief_of_log, filtered, run_of_log
+from rw_ekf.hindsight import belief_of_log, filtered, run_of_log, with_stribeck_speeds
 from rw_ekf.identify.least_squares import least_squares
 from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.identify.record_scale import busiest
@@ -99,6 +99,7 @@ def replay_log(
         )
     with _blaming(model, log.name):
         if with_hindsight:
+            setup = with_stribeck_speeds(course, setup)
             run, setup = run_of_log(course, setup, keep_states=with_columns, keep_history=smooth)
         if online:
             run = _online(log, setup, advance)

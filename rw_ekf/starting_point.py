@@ -28,9 +28,11 @@ if TYPE_CHECKING:
     from rw_ekf.identify.record_scale import RecordScale
     from rw_ekf.likelihood.log_fit import LogFit
     from rw_ekf.likelihood.noise_posterior import NoisePosterior
+    from rw_ekf.likelihood.record_stribeck import StribeckHypothesis
     from rw_ekf.settings.schema import Configuration
 
 DEFAULT_INERTIA_KG_M2 = 1.5e-3
+LEAST_NOISE_RATIO = 1e-3  # of torque noise [1/sqrt(s)] to the readings' own, of a machine that nobody described
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class FilterSetup:
     stribeck_speed_std: float = 0.0  # where the record had to tell the Stribeck speed; 0: it is given
     acceleration_noises: tuple[float, ...] = ()  # of equal weight, where the record had to tell it [rad/s per sqrt(s)]
     lowest_loss: FrictionParameters | None = None  # of the free run, where it was sought over the whole record
+    stribeck_hypotheses: tuple[StribeckHypothesis, ...] = ()  # where the record told them (`rw_ekf.hindsight`)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -200,20 +203,28 @@ def model_of(
 
 def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterSetup:
     """Noises, prior and Stribeck speed from the record of a machine that is not the default wheel; says so."""
-    from rw_ekf.identify.units_guess import question_of_units, times
     from rw_ekf.likelihood.record_noise import noise_of_record
 
-    constants, parameters, spread = scale.constants, scale.rough, 0.0
-    found = noise_of_record(course, constants, scale.prior, guessed_stribeck=True)
-    if found is not None:
-        parameters, spread = found.fit.parameters, found.stribeck_speed_std
-        constants = filter_constants(
-            found.stribeck_speed_rad_s,
-            speed_noise_rad_s=found.speed_noise_rad_s,
-            acceleration_noise=max(found.acceleration_noise, 1e-3 * found.speed_noise_rad_s),
-            scale=parameters,
-            nominal_period_s=period,
-        )
+    found = noise_of_record(course, scale.constants, scale.prior, guessed_stribeck=True)
+    if found is None:
+        said = note_of_foreign_machine(course, scale.rough, scale.constants)
+        return FilterSetup(scale.constants, scale.prior, None, (said,))
+    constants = filter_constants(
+        found.stribeck_speed_rad_s,
+        speed_noise_rad_s=found.speed_noise_rad_s,
+        acceleration_noise=max(found.acceleration_noise, LEAST_NOISE_RATIO * found.speed_noise_rad_s),
+        scale=found.fit.parameters,
+        nominal_period_s=period,
+    )
+    said = note_of_foreign_machine(course, found.fit.parameters, constants)
+    spread = found.stribeck_speed_std
+    return FilterSetup(constants, scale.prior, None, (said,), fit_of_record=found.fit, stribeck_speed_std=spread)
+
+
+def note_of_foreign_machine(course: Course, parameters: FrictionParameters, constants: FilterConstants) -> str:
+    """What a person is told of a record that is not the default wheel's, and that nobody described."""
+    from rw_ekf.identify.units_guess import question_of_units, times
+
     noise, omega_s = constants.speed_noise_rad_s, constants.stribeck.omega_s
     driven = bool(np.any(course.pieces.current_A))
     gain, coulomb = (parameters.motor_gain / CK13_STATISTICAL.motor_gain, parameters.coulomb / CK13_STATISTICAL.coulomb)
@@ -221,12 +232,10 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
     if driven and gain > 0.0:
         sizes = f"the gain is {times(gain)} a wheel's, {sizes}"
     question = question_of_units(parameters, driven=driven)
-    said = (
+    return (
         f"the record does not look like the default wheel ({sizes}){': ' + question if question else '.'} "
         "Noise, prior and Stribeck speed were taken from the record itself "
         f"(speed noise {noise:.3g} rad/s = {rpm_from_rad_s(noise):.3g} rpm, "
         f"Stribeck speed {omega_s:.3g} rad/s), so that a wrong unit would not show in them; torques are not given, "
         "because its inertia is not known. `--config` settles them otherwise."
     )
-    fit = None if found is None else found.fit
-    return FilterSetup(constants, scale.prior, None, (said,), fit_of_record=fit, stribeck_speed_std=spread)

@@ -62,6 +62,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
     from rw_ekf.filter.operating_points import OperatingPoints
+    from rw_ekf.hindsight import with_stribeck_speeds
     from rw_ekf.identify.noise_colour import independent_readings
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
@@ -85,7 +86,7 @@ def execute(args: argparse.Namespace) -> int:
     augmented = prior_model if prior_model is not None and prior_model.effects.terms else None
     make_ready(compile_ahead.FIT if augmented is None else compile_ahead.DIAGNOSIS)
     course, colour = independent_readings(course)
-    setup = setup_of_record(course, configuration, prior_model)
+    setup = with_stribeck_speeds(course, setup_of_record(course, configuration, prior_model))
     if augmented is not None:
         refuse_runaway_model(log.name, course, setup, augmented)
         course = with_conditions(course)
@@ -210,9 +211,8 @@ def _least_squares(
         (*found.parameters, *found.effects.values), covariance, size, speed_variance=setup.constants.speed_variance
     )
     noises = _without_reading_effects(found.noises, setup)
-    if setup.stribeck_speed_std == 0.0:  # one that was fitted with the rest is in the fit's sigmas alone
-        told = replace(setup, constants=setup.constants.with_speed_noise(noises.speed_noise_rad_s))
-        belief = belief_of_fit(course, told, belief, noises.acceleration_noise_quantiles.tolist())
+    told = replace(setup, constants=setup.constants.with_speed_noise(noises.speed_noise_rad_s))
+    belief = belief_of_fit(course, told, belief, noises.acceleration_noise_quantiles.tolist())
     return belief, noises, quality, said
 
 

@@ -44,8 +44,7 @@ def measure(course: Course) -> RecordScale:
     rough = rough_parameters(course, speed_noise)
     if rough is None or _like_default(rough, speed_noise):
         return default_scale(speed_noise, course.period_s, rough)
-    finite = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
-    top = float(np.quantile(np.abs(finite), 0.99))
+    top = top_speed_of(course)
     sigma = speed_noise or 1.0e-3 * max(top, 1.0e-9)
     return RecordScale(
         filter_constants(
@@ -59,6 +58,11 @@ def measure(course: Course) -> RecordScale:
         False,
         rough,
     )
+
+
+def top_speed_of(course: Course) -> float:
+    """The largest |speed| [rad/s], the hundredth of the readings beyond it left out; some must be finite."""
+    return float(np.quantile(np.abs(course.speed_rad_s[np.isfinite(course.speed_rad_s)]), 0.99))
 
 
 def default_scale(speed_noise: float | None, period_s: float, rough: FrictionParameters | None = None) -> RecordScale:

@@ -220,7 +220,8 @@ class Fit:
         size, std = self._size(effect_id)
         room = 1.0 + ROOM_SIGMAS * std / max(size, 1.0e-300)
         return terms[0].effect.matters(
-            [replace(term, values=tuple(room * value for value in term.values)) for term in terms], facts
+            [replace(term, values=tuple(room * value for value in term.values)) for term in terms],
+            self.model.seen_by(terms[0].effect, facts),
         )
 
     def _size(self, effect_id: str) -> tuple[float, float]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter.belief import Belief
-from rw_ekf.model.effect import RecordFacts, Shape, Term
+from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
+from rw_ekf.model.effect_kinds import StribeckEffect
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, STATE_SIZE, FrictionParameters
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
@@ -100,7 +101,17 @@ class Model:
     def matters(self, effect_id: str, facts: RecordFacts) -> bool:
         """Whether an effect in the model is large enough to matter in practice."""
         terms = self.of(effect_id)
-        return bool(terms) and (facts.any_size or terms[0].effect.matters(terms, facts))
+        return bool(terms) and (facts.any_size or terms[0].effect.matters(terms, self.seen_by(terms[0].effect, facts)))
+
+    def seen_by(self, effect: type[Effect], facts: RecordFacts) -> RecordFacts:
+        """What a record offers an effect of this model: where nobody gave a Stribeck speed, at the model's own.
+
+        A Stribeck curve itself is measured by the base model's.
+        """
+        if not facts.stribeck_is_open or issubclass(effect, StribeckEffect):
+            return facts
+        own = [term.values[0] for term in self.terms if issubclass(term.effect, StribeckEffect)]
+        return replace(facts, stribeck_speed_rad_s=own[0] if own else self.stribeck.omega_s)
 
     def possible(self, effect_id: str, facts: RecordFacts) -> bool:
         """Whether an effect in the model has a size and shape that a machine can have."""

@@ -18,6 +18,7 @@ from rw_ekf.likelihood.work import MOST_UNITS
 from rw_ekf.model.state import MOTOR_GAIN, STATIC
 
 _RATIOS = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0, 4.0)  # of the share of the top speed that is guessed first
+_USUAL_FIRST = (0.25, 1.0 / 16.0, 1.0, 1.0 / 64.0, 4.0)  # where a share of the work is not enough for all
 _NEIGHBOURS = (0.5, 2.0)  # of the best of those
 _EXCESS = 1.15  # break-away over Coulomb friction, where a fit is begun once more
 _EXCESSES = (1.03, 1.07, 1.11, 1.2, 1.3)  # and at the best speed
@@ -48,12 +49,12 @@ def likeliest_stribeck_speed(fit: Fit, top_speed_rad_s: float) -> Fit:
     guess, own = STRIBECK_SHARE_OF_TOP_SPEED * top_speed_rad_s, fit.model.stribeck.omega_s
     usual = _RATIOS[0] * guess <= own <= _RATIOS[-1] * guess
     sketches = _Sketches(fit)
+    for ratio in _USUAL_FIRST:
+        sketches.add(_begun(fit.model, ratio * guess, _EXCESS))
     for way in ([r for r in _RATIOS if r * guess > own], [r for r in reversed(_RATIOS) if r * guess <= own]):
         last = fit
         for ratio in way:
             last = sketches.add(_at(last, ratio * guess)) or last
-    for ratio in _RATIOS:
-        sketches.add(_begun(fit.model, ratio * guess, _EXCESS))
     best = sketches.best
     best_rad_s = best.model.stribeck.omega_s
     for ratio in _NEIGHBOURS:

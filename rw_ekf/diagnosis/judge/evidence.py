@@ -54,7 +54,7 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
     for term, at in model.placed:
         if term.id in effects:
             total += 0.5 * len(term.values) * math.log(2.0 * math.pi)
-            total += _log_prior(term, values[at], covariance[at, at], facts)
+            total += _log_prior(term, values[at], covariance[at, at], model.seen_by(term.effect, facts))
     return total - len(effects) * math.log(max(len(testable(facts)), 1))
 
 

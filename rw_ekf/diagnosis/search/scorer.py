@@ -84,7 +84,7 @@ class Scorer(Profiled):
         """The best place of each effect, by id; its evidence is averaged over all of them."""
         places, among = [], {}
         for effect in effects:
-            found = effect.candidates(facts) if effect.in_state else []
+            found = effect.candidates(self.linearised.model.seen_by(effect, facts)) if effect.in_state else []
             among[effect.id] = len(found)
             places += [(effect, c) for c in (self._screened(found) if effect.clocked else found)]
         return self._best(facts, places, among)

@@ -141,9 +141,11 @@ class Search:
             if trial.effect.local_in_time:
                 fit = with_other_laws(fit, trial.effect.id, self.facts)
             current = self.pruned(fit, selection)
-            if _inventory(current.model) == _inventory(selection.final.model):
+            nothing_new = _inventory(current.model) == _inventory(selection.final.model)
+            if not nothing_new or current.likelihood.value > selection.final.likelihood.value:
+                selection.final = current
+            if nothing_new:
                 break
-            selection.final = current
         return selection
 
     def with_open_speed(self, fit: Fit) -> Fit:
@@ -237,6 +239,8 @@ class Search:
             selection.trials[name] = trial
             if not local and trial.p_value >= self._enough_for(effect):
                 continue
+            if not fit.may_matter(name, self.facts):
+                fit = self.with_open_speed(fit)  # its scale may be that of a curve bent for want of it
             if not (fit.may_matter(name, self.facts) and knows_size(fit, name, _LEAST_SIGMAS)):
                 trial.decision = TOO_SMALL
                 continue
@@ -262,7 +266,7 @@ class Search:
             for name in fit.model.effects.ids:
                 if CATALOGUE[name].local_in_time:
                     continue
-                less = fit.without(name)
+                less = self._without(fit, name)
                 statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
                 losses.append((statistic, name, less))
             if not losses:
@@ -275,6 +279,17 @@ class Search:
                 selection.trials[name].decision = less.model.effects.ids or NOT_SIGNIFICANT
             fit = less
         return fit
+
+    def _without(self, fit: Fit, name: str) -> Fit:
+        """The same without an effect; where nobody gave a Stribeck speed, the likeliest one by the base model's law."""
+        if name != STRIBECK.id or not self.facts.stribeck_is_open:
+            return fit.without(name)
+        curve = fit.model.of(name)[0]
+        if curve.shape[0] != self.facts.stribeck_law:
+            by_base_law = replace(curve, shape=(float(self.facts.stribeck_law), 0.0, 0.0))
+            fit = fit.refitted(fit.model.changed(curve, by_base_law))
+        less, speed = fit.model.without(name), fit.model.of(name)[0].values[0]
+        return fit.refitted(replace(less, stribeck=less.stribeck._replace(omega_s=speed)))
 
 
 def _inventory(model: Model) -> set[tuple[str, float]]:

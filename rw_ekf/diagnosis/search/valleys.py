@@ -21,7 +21,7 @@ _DEEPER = 0.5  # log-likelihood by which another valley must be deeper
 def in_deepest_valleys(selection: Selection, facts: RecordFacts) -> None:
     """Fit what was chosen and has several valleys again from all of them; what lies deeper stands in its place."""
     for name in selection.new_ids:
-        starts = CATALOGUE[name].valleys(facts)
+        starts = CATALOGUE[name].valleys(selection.final.model.seen_by(CATALOGUE[name], facts))
         record = selection.final.linearised.record
         if not starts:
             continue
