@@ -24,6 +24,7 @@ MOST = 5  # explanations that a motion is designed for, the most probable
 _WRITE = "name the diagnosis.json that `rw-ekf diagnose LOG --out DIR` writes"
 _NOISE, _TORQUE_NOISE = RAD_S_PER_RPM, 0.02 * RAD_S_PER_RPM  # where the document says nothing
 _MOST_BYTES = 20_000_000
+_LATEST_S = 1.0e10  # three centuries: beyond it the time of a sample says nothing of its period
 
 
 @dataclass(frozen=True)
@@ -68,14 +69,19 @@ def standing_of_document(path: str, document: dict[str, Any]) -> Standing:
     found = [_explanation(path, i, entry) for i, entry in enumerate(entries)]
     _refuse_settled(path, document, found)
     ended = document.get("ended")
-    ended = ended if isinstance(ended, dict) else {}
+    ended_s = _number(ended.get("time_s")) if isinstance(ended, dict) else None
+    if not isinstance(ended, dict) or ended_s is None or abs(ended_s) > _LATEST_S:
+        raise BadInputError(
+            f"{path}: `ended.time_s`, when the log ended, is {'missing' if ended_s is None else f'{ended_s:g} s'}: the "
+            f"motion goes on from there; {_WRITE}"
+        )
     parts = document.get("logs")
     logs = parts if isinstance(parts, list) else [document]
     return Standing(
         path=path,
         logs=tuple(str(part.get("log")) for part in logs if isinstance(part, dict)),
         explanations=most_probable(found),
-        ended_s=_number(ended.get("time_s")) or 0.0,
+        ended_s=ended_s,
         temperature_degC=_number(ended.get("temperature_degC")),
         warming=Warming.of(ended.get("warming")),
     )
@@ -134,6 +140,9 @@ def _explanation(path: str, number: int, entry: Any) -> Explanation:
     if posterior is None or not 0.0 < posterior <= 1.0:
         raise BadInputError(f"{path}: {at}.posterior is {entry.get('posterior')!r}; a probability is needed: {_WRITE}")
     wheel = model_from_data(entry.get("model"), lambda keys: f"{path}: {at}.model{''.join(f'.{key}' for key in keys)}")
+    absent = [str(name) for name in entry["effects"] if str(name) not in wheel.effects.ids]
+    if absent:
+        raise BadInputError(f"{path}: {at}.effects names {', '.join(absent)[:60]}, which its model has not: {_WRITE}")
     return Explanation(
         effects=tuple(str(name) for name in entry["effects"]),
         posterior=posterior,

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.slow
         ("id-5rpm-012-friction_lag", 19, "friction_lag"),  # its fit stood where it began: a bristle 13 less likely
         ("p12-1rpm-017-external_torque", 19, "external_torque"),  # half a line off a harmonic: not even looked at
         ("p12-1rpm-038-external_torque", 6, "external_torque"),  # near a harmonic of the current; was torque noise
+        ("elsewhere-038-external_torque", 23, "external_torque"),  # was a friction that wanders, with a chance of .0009
     ],
 )
 def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:

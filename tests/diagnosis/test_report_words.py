@@ -13,7 +13,7 @@ from rw_ekf.diagnosis.judge.conclude import in_words
 from rw_ekf.diagnosis.report.markup import commands
 from rw_ekf.diagnosis.report.page import next_steps
 from rw_ekf.diagnosis.report.residual import _marked
-from rw_ekf.diagnosis.report.words import gain_text, percent_text
+from rw_ekf.diagnosis.report.words import Units, gain_text, headline_of, percent_text
 from rw_ekf.effects.catalogue import CATALOGUE
 
 PANELS: Any = [SimpleNamespace(title=t) for t in ("time", "speed", "low speed", "current", "angle", "temperature")]
@@ -96,3 +96,13 @@ def test_what_is_open_leads_to_the_experiment_that_settles_it(kind: str, first: 
     assert "excite --settle" in steps[-1]
     alone = next_steps({"verdict": {"kind": kind}, "explanations": entries[1:]})
     assert not any("settle" in step for step in alone)
+
+
+def test_a_headline_does_not_say_which_of_what_cannot_be_told_apart() -> None:
+    """Both names where the log cannot tell, the likelier first; one where it can."""
+    verdict = {"kind": "effect", "effects": ["transport_delay"], "posterior": {"transport_delay": 0.4}}
+    units = Units(wheel=True, inertia_kg_m2=None)
+    assert headline_of({"verdict": verdict}, units) == "The model lacks transport delay"
+    verdict["posterior"] = {"transport_delay": 0.4, "actuator_lag": 0.6}
+    verdict["indistinguishable"] = [["transport_delay", "actuator_lag"]]
+    assert headline_of({"verdict": verdict}, units) == "The model lacks actuator lag or transport delay"

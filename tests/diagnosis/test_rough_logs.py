@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.prepare.split import split_record
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.errors import LogError
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
@@ -100,3 +102,12 @@ def test_the_loop_closes(tmp_path: Path, name: str) -> None:
     document = diagnosed(log, read_model(path))
     assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
     assert document["before"]["free_run_rms_rpm"] < 1.3
+
+
+def test_a_log_given_twice_is_refused_and_two_runs_of_one_motion_are_not() -> None:
+    """The same rows under another name would count twice; other noise on the same motion is another run."""
+    first = log_of(simulated(["offset_torque"], seed=1, profile="P1"))
+    again, other = replace(first, name="copy.csv"), log_of(simulated(["offset_torque"], seed=2, profile="P1"))
+    with pytest.raises(LogError, match=r"copy\.csv: 3000 of its 3000 rows are rows of"):
+        source_of([first, again])
+    assert source_of([first, other]).samples == len(first) + len(other)

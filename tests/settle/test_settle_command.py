@@ -49,6 +49,9 @@ BAD: dict[str, tuple[Any, str]] = {
     "a number beyond all": (first_with(posterior=10**400), "explanations[0].posterior"),
     "no model": (first_with(model=None), "explanations[0].model"),
     "a model of nothing": (first_with(model={"schema": "rw_ekf.model/1"}), "explanations[0].model"),
+    "an effect that its model has not": (first_with(effects=["magic"]), "explanations[0].effects names magic"),
+    "no end": (spoilt(ended=None), "`ended.time_s`, when the log ended, is missing"),
+    "an end beyond all time": (spoilt(ended={"time_s": 1e308}), "is 1e+308 s"),
     "an effect unknown": (first_with(model={**LAG.document(), "effects": [{"effect": "magic"}]}), "'magic'"),
 }
 

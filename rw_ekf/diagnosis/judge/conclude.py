@@ -12,8 +12,8 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.warming import ended
 from rw_ekf.diagnosis.judge.event import percent_gained
 from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, weighed_explanations
+from rw_ekf.diagnosis.judge.found import Found, augmented_model
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, percent_better, performance, performance_read
-from rw_ekf.diagnosis.judge.investigation import Found, augmented_model
 from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import left_over, residual_tests

@@ -13,7 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.evidence import log_evidence
-from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.search.group import evidence_of_random
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.effects.catalogue import CATALOGUE

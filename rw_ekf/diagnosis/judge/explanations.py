@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.diagnosis.judge.evidence import log_evidence, testable
-from rw_ekf.diagnosis.judge.investigation import Found, model_of_fit
+from rw_ekf.diagnosis.judge.found import Found, model_of_fit
 from rw_ekf.diagnosis.search.selection import Rival, Selection
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from rw_ekf.diagnosis.judge.explanations import TEMPERATURE, Explanation
-from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.torque_noise import NoiseFinding
 from rw_ekf.effects.catalogue import GRID

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.heldout import performance
-from rw_ekf.diagnosis.judge.investigation import Found, investigate
+from rw_ekf.diagnosis.judge.investigation import investigate
 from rw_ekf.diagnosis.judge.lattice import Lattice, coarse_grid, find_lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.effects.catalogue import GRID

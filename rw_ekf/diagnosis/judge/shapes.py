@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.judge.investigation import Found
+from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.residual_map import Cover, Kind, covers_of, p_value_of
 from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.group import GroupFit, fit_group

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from rw_ekf.diagnosis.judge.drifting import drifts_otherwise
 from rw_ekf.diagnosis.judge.evidence import log_evidence
-from rw_ekf.diagnosis.judge.investigation import MAP_P, Found
+from rw_ekf.diagnosis.judge.found import MAP_P, Found
 from rw_ekf.diagnosis.judge.residual_map import covers_of, residual_map
 from rw_ekf.diagnosis.search.group import evidence_of_random
 from rw_ekf.diagnosis.search.profiled import Profiled

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.heldout import Performance
-from rw_ekf.diagnosis.judge.investigation import Found
 from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.posterior import NONE, SOMETHING_ELSE
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Complex128Array, Float64Array, Int64Array
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.split import running_time
+from rw_ekf.errors import LogError
 from rw_ekf.identify.record_scale import speed_noise_of
 from rw_ekf.logs.joined import joined
 from rw_ekf.logs.sampling import mended, sampling_of
@@ -23,6 +25,8 @@ _MOST_SHARE = 0.1  # more than so many are no errors but the record itself
 _NOISE_OF_MEDIAN = 1.0 / 0.6745
 _LEAST_READINGS = 100
 _LEAST_SECONDS = 10.0
+_MISSING = 1.0e300  # in place of a speed, where rows are compared
+_SAME_ROWS = 0.9  # of the shorter of two logs: two runs of one motion do not read the same noise
 _LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
 
 
@@ -48,7 +52,11 @@ class Source:
 
 
 def source_of(logs: Sequence[WheelLog]) -> Source:
-    """Look at the rows of each log, mend what is lost, and join them. Raises LogError for wild values."""
+    """Look at the rows of each log, mend what is lost, and join them.
+
+    Raises LogError for wild values, and for a log that is given twice.
+    """
+    _refuse_twice(logs)
     seen = [sampling_of(log) for log in logs]
     whole = joined([mended(log, sampling) for log, sampling in zip(logs, seen, strict=True)])
     several = len(logs) > 1
@@ -76,6 +84,22 @@ def source_of(logs: Sequence[WheelLog]) -> Source:
     )
 
 
+def _refuse_twice(logs: Sequence[WheelLog]) -> None:
+    """Raise LogError where nearly all rows of a log are rows of another: what it says would count twice."""
+    for one, other in combinations(logs, 2):
+        shared, least = int(np.isin(_rows(other), _rows(one)).sum()), min(len(one), len(other))
+        if least >= _LEAST_READINGS and shared >= _SAME_ROWS * least:
+            raise LogError(
+                f"{other.name}: {shared} of its {len(other)} rows are rows of {one.name}, time and speed: what they "
+                "say would count twice; name one of the two"
+            )
+
+
+def _rows(log: WheelLog) -> Complex128Array:
+    """Time and speed of each row as one number that can be sorted; a missing speed is like any other."""
+    return log.time_s + 1j * np.where(np.isfinite(log.speed_rad_s), log.speed_rad_s, _MISSING)
+
+
 def _with_running_time(log: WheelLog) -> WheelLog:
     """The log in a time that only grows: where a segment restarts its clock, it follows on the one before."""
     time = log.time_s
@@ -89,7 +113,7 @@ def _unfit(log: WheelLog, course: Course) -> str | None:
     speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
     if speed.size < _LEAST_READINGS or log.duration_s < _LEAST_SECONDS:
         return (
-            f"the log has {speed.size} speed readings over {log.duration_s:.3g} s; "
+            f"the log has {speed.size} speed reading{'' if speed.size == 1 else 's'} over {log.duration_s:.3g} s; "
             f"{_LEAST_READINGS} readings over {_LEAST_SECONDS:g} s are the least that can be judged"
         )
     low, high = np.quantile(speed, (0.01, 0.99))

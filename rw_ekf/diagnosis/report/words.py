@@ -134,7 +134,7 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
     """The verdict in one line: what was found, and what it is worth."""
     verdict = document.get("verdict") or {}
     kind, _, statement = verdict_of(document)
-    effects = [plain_name(str(name)) for name in verdict.get("effects") or ()]
+    effects = [_or_another(str(name), verdict) for name in verdict.get("effects") or ()]
     if kind == "adequate":
         uneven = ", but its torque noise is not the same everywhere" if document.get("torque_noise") else ""
         return f"The model explains this log{uneven}"
@@ -149,6 +149,14 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
         return f"The model lacks {named}"
     gain = f"{number_text(free_run.before)} -> {number_text(free_run.after)} {free_run.unit}"
     return f"The model lacks {named}: free-run error {gain}"
+
+
+def _or_another(effect: str, verdict: Mapping[str, Any]) -> str:
+    """An effect that was named, and what the log cannot tell from it, the most probable first."""
+    chances = verdict.get("posterior") or {}
+    group = next((list(group) for group in verdict.get("indistinguishable") or () if effect in group), [effect])
+    alike = sorted(group, key=lambda name: -(number_of(chances.get(name)) or 0.0))
+    return " or ".join(plain_name(str(name)) for name in alike)
 
 
 def ranked(candidates: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

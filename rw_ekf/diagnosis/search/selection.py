@@ -16,7 +16,7 @@ from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event
 from rw_ekf.diagnosis.search.held_numbers import knows_size
 from rw_ekf.diagnosis.search.laws import by_likeliest_law
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_SIGNIFICANT, TOO_SMALL
+from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_BESIDE_MOTION, NOT_SIGNIFICANT, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
@@ -200,7 +200,7 @@ class Search:
             strong = [score for score in strong if score.effect.id != name]
         for score in [score for score in strong if score.effect.clocked]:
             if beside_motion(current, self.facts, score) >= SIGNIFICANT_P:
-                selection.trials[score.effect.id].decision = "nothing beside smooth laws of the motion"
+                selection.trials[score.effect.id].decision = NOT_BESIDE_MOTION
                 strong.remove(score)
         return sorted(strong, key=lambda score: -score.evidence)
 
@@ -232,7 +232,8 @@ class Search:
             else:
                 needed = 0.5 * threshold(effect, self.facts, self._enough_for(effect))
                 fit = fitted_at(current, score, needed - _ANOTHER_WAY)
-            statistic = score.statistic if local else 2.0 * (fit.likelihood.value - current.likelihood.value)
+            gain = 2.0 * (fit.likelihood.value - current.likelihood.value)
+            statistic = score.statistic if local else max(gain, 0.0)  # without it is a model with it
             p = p_value(effect, statistic, self.facts)
             evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
             trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence)

@@ -1,0 +1,67 @@
+"""A dry friction that wanders with time, in no particular shape: the last that is asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rw_ekf.diagnosis.judge.evidence import log_evidence
+from rw_ekf.diagnosis.judge.found import MAP_P, Found, mapped
+from rw_ekf.diagnosis.search.confounding import one_and_the_same
+from rw_ekf.diagnosis.search.selection import LOCAL_P, Search
+from rw_ekf.diagnosis.search.wander import wandering
+from rw_ekf.diagnosis.standing import ADDED, NOT_BESIDE_MOTION
+from rw_ekf.effects.catalogue import WANDERING
+
+_GOES_WITH_TIME = ("time", "temperature")
+
+
+def with_wandering_friction(found: Found, search: Search) -> Found:
+    """The same with a dry friction that wanders, if that leaves nothing but what goes with time.
+
+    A given model's own drift is not touched.
+    """
+    prepared, selection = found.prepared, found.selection
+    if WANDERING.id in selection.base.model.effects.ids or one_and_the_same(found.fit, "time", "speed"):
+        return found  # no smooth function of time is seen beside one of speed
+    if found.left and found.left[0].name not in _GOES_WITH_TIME:
+        return found  # whatever it is, time does not show it best
+    # Where the map shows something of time already, that it is a walk needs no more evidence than that.
+    tried = wandering(prepared, selection.final, MAP_P if found.left else LOCAL_P)
+    if tried is None or not tried.fit.may_matter(WANDERING.id, prepared.facts):
+        return found
+    if not found.left and tried.gain < 0.0:
+        return found
+    if not tried.fit.model.possible(WANDERING.id, prepared.facts):
+        return found
+    trials = {**selection.trials, WANDERING.id: tried.trial}
+    changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
+    changed.final = search.pruned(changed.final, changed)
+    if WANDERING.id not in changed.final.model.effects.ids:
+        return found
+    changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
+    other = mapped(prepared, changed)
+    worst = max((item.statistic for item in found.left), default=0.0)
+    better = all(item.name in _GOES_WITH_TIME and item.statistic < 0.5 * worst for item in other.left)
+    return _with_a_clock(found, other) or other if better else found
+
+
+def _with_a_clock(found: Found, walk: Found) -> Found | None:
+    """With what has a clock in the place of a walk, where it makes the record likelier and leaves nothing; else None.
+
+    Set aside in the search because smooth laws of the motion together say as much. They are many numbers, and so is a
+    walk; once something has to be named, the likeliest is.
+    """
+    facts = found.prepared.facts
+    waiting = [t for t in found.selection.trials.values() if t.decision == NOT_BESIDE_MOTION and t.terms]
+    for trial in sorted(waiting, key=lambda item: -item.evidence):
+        name = trial.effect.id
+        fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
+        if not (fit.may_matter(name, facts) and fit.model.possible(name, facts)):
+            continue
+        if log_evidence(fit, (*found.new_ids, name), facts) < log_evidence(walk.fit, tuple(walk.new_ids), facts):
+            continue
+        trials = {**found.selection.trials, name: replace(trial, decision=ADDED)}
+        clocked = mapped(found.prepared, replace(found.selection, final=fit, trials=trials))
+        if not clocked.left:
+            return clocked
+    return None
