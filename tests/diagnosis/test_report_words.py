@@ -100,7 +100,11 @@ def test_what_is_open_leads_to_the_experiment_that_settles_it(kind: str, first: 
 
 def test_a_headline_does_not_say_which_of_what_cannot_be_told_apart() -> None:
     """Both names where the log cannot tell, the likelier first; one where it can."""
-    verdict = {"kind": "effect", "effects": ["transport_delay"], "posterior": {"transport_delay": 0.4}}
+    verdict: dict[str, Any] = {
+        "kind": "effect",
+        "effects": ["transport_delay"],
+        "posterior": {"transport_delay": 0.4},
+    }
     units = Units(wheel=True, inertia_kg_m2=None)
     assert headline_of({"verdict": verdict}, units) == "The model lacks transport delay"
     verdict["posterior"] = {"transport_delay": 0.4, "actuator_lag": 0.6}
