@@ -35,7 +35,11 @@ def run_of_log(
     steady = replace(setup, constants=without_drift(setup.constants))
     run = filtered(course, steady, keep_states=keep_states, keep_history=keep_history)
     gate = setup.constants.gate
-    if log_likelihood(filtered(course, setup), gate) < log_likelihood(run, gate) + _CLEARLY:
+    likelihoods = [log_likelihood(run, gate)]
+    for hypothesis in setup.stribeck_hypotheses[:1]:  # a first pass may have lost its way where nothing is known at all
+        again = second_look(course, steady.constants, setup.prior, hypothesis.fitted, setup.effects)
+        likelihoods += [] if again is None else [again[1]]
+    if log_likelihood(filtered(course, setup), gate) < max(likelihoods) + _CLEARLY:
         return run, steady
     return filtered(course, setup, keep_states=keep_states, keep_history=keep_history), setup
 
