@@ -110,7 +110,7 @@ def test_every_stribeck_speed_that_a_record_leaves_possible_has_its_say() -> Non
 
 @pytest.mark.slow
 def test_a_first_pass_that_lost_its_way_is_no_wheel_that_ages() -> None:
-    """A fast wheel that nobody described and that stays as it is: drift, which lets a filter find back, is not its own."""
+    """A fast wheel that nobody described: drift, which lets a filter find back, is not the wheel's own."""
     time_s = np.arange(0.0, 2000.0, 0.1)
     current = 0.08 * np.sin(2.0 * np.pi * time_s / 40.0) * np.sin(time_s / 700.0)
     wheel = PlantParameters(motor_gain=150.0, viscous=0.02, coulomb=5.0, static=5.6, stribeck_speed_rad_s=0.5)
