@@ -5,8 +5,10 @@ from __future__ import annotations
 import array
 import contextlib
 import fcntl
+import itertools
 import os
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -62,7 +64,10 @@ def test_one_who_reads_all_the_same_costs_samples_and_no_more(bench: Bench, whee
     thread.start()
     speeds: list[float] = []
     try:
-        for _ in range(40):
+        patience_end_s = time.monotonic() + 120.0  # who is first is the machine's affair: until both have won
+        for count in itertools.count():
+            if (count >= 40 and missed and stolen) or time.monotonic() > patience_end_s:
+                break
             try:
                 sample = wheel.read(0.2)
             except DriverError as error:  # pyserial: readable, and nothing to read
