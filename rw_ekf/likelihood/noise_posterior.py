@@ -1,10 +1,10 @@
 """A fit with the noises integrated out: what is not known of the process noise is in the parameters' sigmas.
 
 The restricted likelihood L(rho) of the ratio rho = q dt / R (docs/diagnosis.md eq. 6a) is, but for a constant, that of
-the readings with parameters and R integrated out [Patterson & Thompson 1971]. With a prior flat in sqrt(q), the torque
-noise in units of its standard deviation [Gelman 2006: proper as soon as there are a few readings, and never zero],
+the readings with parameters and R integrated out [Patterson & Thompson 1971]. With a prior flat in q^(1/4), half-way
+between flat in the torque noise sqrt(q) [Gelman 2006] and flat in its logarithm, which would put all weight at zero,
 
-    w(rho) ~ L(rho) sqrt(rho) d log rho,   mean = sum w m(rho),   cov = sum w [C(rho) + (m(rho) - mean)(...)'].
+    w(rho) ~ L(rho) rho^(1/4) d log rho,   mean = sum w m(rho),   cov = sum w [C(rho) + (m(rho) - mean)(...)'].
 
 "No process noise can be seen" then means a wide distribution below some limit, not the number 0.
 """
@@ -22,6 +22,9 @@ from rw_ekf.likelihood.linearisation import Linearisation, Noise
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, Likelihood, Rows, at_ratio
 
+# Any power above 0 is proper at zero. At 1/2 (flat in sqrt(q)) sigmas are too wide where there is little torque noise,
+# and below 1/4 too narrow where there is some: docs/decisions/0020.
+_PRIOR_POWER = 0.25
 _STEP = 0.4  # of log ratio between two points of the grid
 _DROP = 9.0  # log-likelihood below the top where the grid ends
 _MIDDLES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of fifths of the distribution
@@ -83,8 +86,8 @@ def noise_posterior(fit: Fit) -> NoisePosterior:
 
 
 def _density(item: Likelihood) -> float:
-    """Log of the density of log ratio: its likelihood, and the prior flat in sqrt(q)."""
-    return item.restricted + 0.5 * math.log(item.noise.ratio)
+    """Log of the density of log ratio: its likelihood, and the prior flat in q^(1/4)."""
+    return item.restricted + _PRIOR_POWER * math.log(item.noise.ratio)
 
 
 def _grid(linearised: Linearisation, known: Rows | None, noise: Noise) -> list[Likelihood]:

@@ -32,11 +32,11 @@ def separates(other: Quantity) -> str:
     """What would tell an effect of time from one of another quantity, where a record has them as one."""
     if other == "temperature":
         return (
-            "temperature and time are one and the same in this record: one in which the temperature falls again, or "
+            "temperature goes with time in this record: one in which the temperature falls again, or "
             "another from another temperature (`rw-ekf diagnose LOG LOG`)"
         )
     return (
-        "speed and time are one and the same in this record: a second coast-down from another speed (`rw-ekf diagnose "
+        "speed goes with time in this record: a second coast-down from another speed (`rw-ekf diagnose "
         "LOG LOG`), a dwell or a reversal"
     )
 
