@@ -17,7 +17,7 @@ from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.search.excitation import information
-from rw_ekf.diagnosis.search.selection import Search
+from rw_ekf.diagnosis.search.stepwise import Search
 from rw_ekf.logs.wheel_log import WheelLog
 
 if TYPE_CHECKING:

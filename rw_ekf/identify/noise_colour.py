@@ -22,12 +22,14 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.course import Course
+from rw_ekf.course.grid import grid_of
 from rw_ekf.identify.record_scale import rough_parameters, speed_noise_of
 
 _SAMPLES = 40_000
 _BLOCK = 128  # readings of a stretch
 _LOWEST = 3  # of its frequencies: below, what a wheel does and the model does not know
 _FEWEST_BLOCKS, _MOST_BLOCKS = 8, 200
+_COARSE = 2.0  # noises: rounding to a grid is noise of 0.29 of it
 _MOVING = 8.0  # speed noises: slower, friction changes with the speed
 _STRIDES = (1, 4, 16, 64)  # readings a step: a slow filter shows in every so many
 _NEIGHBOURS = 1.5  # frequencies that count as one, of Hann's window
@@ -64,10 +66,18 @@ class NoiseColour:
 def independent_readings(course: Course) -> tuple[Course, NoiseColour | None]:
     """The course with so many readings left out that the noises of those left are independent; None: all are."""
     speed_noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment)
-    colour = None if speed_noise is None else noise_colour(course, speed_noise)
+    if speed_noise is None or _is_rounding(course.speed_rad_s, speed_noise):
+        return course, None
+    colour = noise_colour(course, speed_noise)
     if colour is None:
         return course, None
     return course.only(np.arange(course.samples) % colour.stride == 0), colour
+
+
+def _is_rounding(speed_rad_s: Float64Array, speed_noise_rad_s: float) -> bool:
+    """Whether most of the noise is that of a grid: a slow wheel stays in its cell, and no filter is behind that."""
+    grid = grid_of(speed_rad_s)
+    return grid is not None and grid > _COARSE * speed_noise_rad_s
 
 
 def noise_colour(course: Course, speed_noise_rad_s: float) -> NoiseColour | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.report.words import Units, headline_of
 from tools.proof.marks import case_called
 from tools.proof.plants import log_of
 
@@ -27,6 +28,9 @@ pytestmark = pytest.mark.slow
         ("p12-1rpm-017-external_torque", 19, "external_torque"),  # half a line off a harmonic: not even looked at
         ("p12-1rpm-038-external_torque", 6, "external_torque"),  # near a harmonic of the current; was torque noise
         ("elsewhere-038-external_torque", 23, "external_torque"),  # was a friction that wanders, with a chance of .0009
+        ("elsewhere-038-external_torque", 24, "external_torque"),  # the same, of 90 s: neither half predicts the other
+        ("elsewhere-061-drag_bump", 24, "drag_bump"),  # "adequate", with a chance of less than 1 % that it is
+        ("elsewhere-039-speed_quantisation", 24, "speed_quantisation"),  # taken for a filter in the sensor
     ],
 )
 def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
@@ -59,3 +63,23 @@ def test_what_one_effect_does_as_well_as_two_is_a_law_before_it_is_an_event() ->
     """A friction that runs in from the log's start is no spike in its first second, though one fits by 1 better."""
     verdict = diagnose_log(log_of(case_called("id-1rpm-036-coulomb_drift", 11))).document["verdict"]
     assert verdict["effects"] == ["coulomb_drift"]
+
+
+def test_a_bump_that_shrank_to_what_no_reading_resolves_is_fitted_from_a_wider_place() -> None:
+    """Where noise makes a narrow one likelier by 1, what is found is the wide one that there is, within two sigma."""
+    document = diagnose_log(log_of(case_called("id-5rpm-019-drag_bump", 24))).document
+    assert document["verdict"]["effects"] == ["drag_bump"]
+    found = next(item for item in document["candidates"] if item["effect"] == "drag_bump")["parameters"]
+    for name, truth in (("amplitude_rad_s2", 0.0377), ("speed_rad_s", 45.6), ("width_rad_s", 24.1)):
+        assert abs(found[name]["value"] - truth) < 2.0 * found[name]["std"], name
+
+
+def test_a_model_that_is_all_but_ruled_out_is_not_adequate() -> None:
+    """No drag stood every test in 90 s of one-way turning; that there is none has a chance of less than 1 %."""
+    document = diagnose_log(log_of(case_called("elsewhere-045-cubic_drag", 23))).document
+    verdict = document["verdict"]
+    assert verdict["kind"] == "unexplained"
+    assert verdict["posterior"]["none"] < 0.01
+    assert "quadratic_drag" in verdict["statement"]
+    assert {tuple(item["effects"]) for item in document["explanations"]} >= {("quadratic_drag",), ("cubic_drag",)}
+    assert "quadratic drag or cubic drag" in headline_of(document, Units(wheel=True, inertia_kg_m2=None))

@@ -1,4 +1,4 @@
-"""How well a model predicts what it was not fitted to, parameters frozen, and which effects do not stand that.
+"""How well a model predicts what it was not fitted to, parameters frozen.
 
 The figures are those of docs/contract.md#diagnosis.
 """
@@ -14,14 +14,9 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
-from rw_ekf.diagnosis.judge.cross_fit import parts_agree
-from rw_ekf.diagnosis.judge.event import agrees_with_itself
 from rw_ekf.diagnosis.judge.lattice import Lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
-from rw_ekf.diagnosis.search.selection import Selection
-from rw_ekf.diagnosis.standing import NOT_CONFIRMED
-from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
@@ -176,73 +171,6 @@ def _scaled(value: float, factor: float) -> float | None:
     return None if math.isnan(value) else factor * value
 
 
-Figures = dict[str, Any]
-
-_VETOED = (
-    ("one_step_rms_rpm", "one-step error"),
-    ("horizon_1s_rms_rpm", "error 1 s ahead"),
-    ("horizon_20s_rms_rpm", "error 20 s ahead"),
-    ("free_run_rms_rpm", "free-run error"),
-)
-# Share by which a held-out figure may grow, and factor by which NIS may be further from 1: for an effect whose free run
-# gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
-_WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
-_REAL_GAIN = 0.05
-_UNDOUBTED = 1.0e-8  # p-value on the whole record
-
-
-def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
-    """Drop effects on whose size the two parts do not agree.
-
-    An event in time is in one of them only, and is not asked for there.
-    """
-    for name in names:
-        if CATALOGUE[name].local_in_time:
-            continue
-        if not parts_agree(selection.final, name, prepared.split.fit):
-            selection.trials[name].decision = f"{NOT_CONFIRMED}: the two parts of the record do not agree on it"
-            selection.final = selection.final.without(name)
-
-
-def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
-    """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first.
-
-    What the record leaves no doubt of goes only where that is so whichever part is held out. One that hardly shows the
-    motor gain, say, may have it several sigma off, and figures in which torque noise hides nothing are worse for it.
-    """
-    other_way = prepared.exchanged()
-    for name in reversed(names):
-        less = selection.final.without(name)
-        worse = _worse(prepared, less, selection.final)
-        if worse is not None and selection.trials[name].p_value < _UNDOUBTED:
-            worse = _worse(other_way, less, selection.final)
-        if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
-            worse = "every other 5 s inside it and the rest do not agree on its size"
-        if worse is not None:
-            selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"
-            selection.final = less
-
-
-def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
-    """Which held-out figure gets clearly worse from one model to the next, in words."""
-    before, after = performance(prepared, less).figures, performance(prepared, more).figures
-    free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
-    gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
-    return worsened(before, after, *(_WORST if gained else _WORSE))
-
-
-def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:
-    """Which held-out figure an effect makes worse, by more than a share, or NIS by more than a factor; in words."""
-    for key, words in _VETOED:
-        old, new = before.get(key), after.get(key)
-        if old and new and new > (1.0 + share) * old:
-            return f"the {words} grows by {100.0 * (new / old - 1.0):.2g} %"
-    old, new = before.get("nis_mean"), after.get("nis_mean")
-    if old and new and abs(math.log(new)) > abs(math.log(old)) + math.log(nis):
-        return f"NIS goes from {old:.3g} to {new:.3g}"
-    return None
-
-
 def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
     """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller.
 
@@ -251,7 +179,7 @@ def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
     return percent_better(performance(prepared, less).figures, performance(prepared, more).figures)
 
 
-def percent_better(before: Figures, after: Figures) -> float | None:
+def percent_better(before: dict[str, Any], after: dict[str, Any]) -> float | None:
     """Percent by which the free-run error, or that 20 s ahead where there is none, is smaller."""
     key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
     if not before[key] or after[key] is None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from rw_ekf.diagnosis.judge.confirmation import confirm, veto
 from rw_ekf.diagnosis.judge.found import Found, mapped
-from rw_ekf.diagnosis.judge.heldout import confirm, veto
 from rw_ekf.diagnosis.judge.open_law import with_open_law
 from rw_ekf.diagnosis.judge.walking import with_wandering_friction
 from rw_ekf.diagnosis.judge.widths import (
@@ -21,7 +21,8 @@ from rw_ekf.diagnosis.search.confounding import one_and_the_same
 from rw_ekf.diagnosis.search.laws import has_laws
 from rw_ekf.diagnosis.search.lost_angle import with_open_order
 from rw_ekf.diagnosis.search.rivals import weigh_rivals
-from rw_ekf.diagnosis.search.selection import Search, Selection
+from rw_ekf.diagnosis.search.selection import Selection
+from rw_ekf.diagnosis.search.stepwise import Search
 from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, TOO_SMALL
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING

@@ -31,6 +31,7 @@ _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 _LEAST_TOLD = 0.01  # probability of another effect that is named beside one
 _SURE = 0.95  # probability of an order beside which no other is told
 _ORDERS_TOLD = 4
+_RULED_OUT = 0.01  # probability of no effect at all, with which a model is not called adequate
 _GROUP = 3  # at most so many are named together
 _DOUBTFUL = 0.1  # probability of an effect that is mentioned where none was named
 
@@ -73,6 +74,15 @@ def verdict_on(
                 f"of the catalogue explains{partly}; see the map of the residual for its shape."
             ),
         )
+    if not names and lattice is None and _is_ruled_out(posterior):
+        return Verdict(
+            "unexplained",
+            posterior=posterior,
+            statement=(
+                f"This log wants more than the model, and does not settle what: {_doubts(found.selection, posterior)};"
+                f" the residual itself looks like noise of {_noise_text(found)}."
+            ),
+        )
     if not names and lattice is None:
         given, kept = found.selection.base.model.effects.ids, found.selection.final.model.effects.ids
         note = " (nothing was added to the model given)" if given else ""
@@ -97,6 +107,12 @@ def verdict_on(
         where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
     better = _improvement(before.figures, after.figures, heldout_s, wheel_units=found.prepared.in_rpm)
     text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
+    unjudged = [name for name in found.selection.unjudged if name in names]
+    if unjudged:
+        text += (
+            f" The held-out error is no measure of {', '.join(unjudged)}: either part of this record alone knows too"
+            " little of the numbers to predict the other."
+        )
     if groups:
         text += f" {_separation(groups[0], posterior, found.selection)}."
     elif any(_goes_with_time(name) for name in names):
@@ -111,15 +127,32 @@ def verdict_on(
     return Verdict("effect", names, groups, posterior, text)
 
 
+def _is_ruled_out(posterior: dict[str, float]) -> bool:
+    """Whether an effect that may not be named is all but certain beside the model to which nothing was added."""
+    rest = 1.0 - posterior.get(SOMETHING_ELSE, 0.0)
+    return bool(_effects_in(posterior)) and posterior.get(NONE, 1.0) < _RULED_OUT * rest
+
+
 def _doubt(selection: Selection, posterior: dict[str, float]) -> str:
     """What speaks against a model to which nothing was added, where its own probability is below a half."""
-    effects = [name for name in posterior if name not in {NONE, SOMETHING_ELSE} and posterior[name] >= _DOUBTFUL]
-    if not effects or posterior.get(NONE, 1.0) >= 0.5:
-        return ""
+    likeliest = max((posterior[name] for name in _effects_in(posterior)), default=0.0)
+    doubted = likeliest >= _DOUBTFUL and posterior.get(NONE, 1.0) < 0.5
+    return f"; but {_doubts(selection, posterior)}" if doubted else ""
+
+
+def _doubts(selection: Selection, posterior: dict[str, float]) -> str:
+    """How probable it is that nothing is missing, and what is likeliest to be, with why it was not named."""
+    first, *others = _effects_in(posterior)
+    effects = [first, *(name for name in others if posterior[name] >= _DOUBTFUL)]
     chances = ", ".join(f"{name} {chance_text(posterior[name])}" for name in effects[:_GROUP])
     trial = selection.trials.get(effects[0])
     why = f"; {effects[0]} is {trial.decision}" if trial is not None and isinstance(trial.decision, str) else ""
-    return f"; but the probability that nothing is missing is {chance_text(posterior[NONE])} ({chances}{why})"
+    return f"the probability that nothing is missing is {chance_text(posterior[NONE])} ({chances}{why})"
+
+
+def _effects_in(posterior: dict[str, float]) -> list[str]:
+    """The ids of effects, the most probable first."""
+    return [name for name in posterior if name not in {NONE, SOMETHING_ELSE}]
 
 
 def _goes_with_time(name: str) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from rw_ekf.diagnosis.judge.evidence import log_evidence
 from rw_ekf.diagnosis.judge.found import MAP_P, Found, mapped
 from rw_ekf.diagnosis.search.confounding import one_and_the_same
-from rw_ekf.diagnosis.search.selection import LOCAL_P, Search
+from rw_ekf.diagnosis.search.stepwise import LOCAL_P, Search
 from rw_ekf.diagnosis.search.wander import wandering
 from rw_ekf.diagnosis.standing import ADDED, NOT_BESIDE_MOTION
 from rw_ekf.effects.catalogue import WANDERING

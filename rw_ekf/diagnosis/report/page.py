@@ -188,6 +188,11 @@ _FIRST = {
     "(`rw-ekf excite identification --config wheel.yaml`), and diagnose that log.",
 }
 
+_UNSETTLED = (
+    "Something is missing here, and no effect stood every test in this log: record a longer one, slow and fast, both "
+    "ways (`rw-ekf excite identification`), and diagnose the two together (`rw-ekf diagnose LOG LOG`)."
+)
+
 
 def next_steps(document: Mapping[str, Any]) -> list[str]:
     """Sentences, most important first; code in backticks. The document's own `advice` goes before everything."""
@@ -196,7 +201,9 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
     steps = [given] if isinstance(given, str) else [str(step) for step in given]
     kind = str(verdict.get("kind"))
     open_ones = [item for item in document.get("explanations") or () if item["posterior"] >= _OPEN]
-    if kind in _FIRST and not (kind == "adequate" and (document.get("torque_noise") or len(open_ones) > 1)):
+    if kind == "unexplained" and open_ones:
+        steps.append(_UNSETTLED)
+    elif kind in _FIRST and not (kind == "adequate" and (document.get("torque_noise") or len(open_ones) > 1)):
         steps.append(_FIRST[kind])
     if len(open_ones) > 1:
         steps.append(_settle(open_ones))

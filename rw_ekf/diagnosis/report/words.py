@@ -140,6 +140,12 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
         return f"The model explains this log{uneven}"
     if kind == "insufficient_excitation":
         return "This log cannot show what a model lacks"
+    likely = [item for item in document.get("explanations") or () if item.get("effects")]
+    if kind == "unexplained" and likely:
+        perhaps = " or ".join(
+            dict.fromkeys(" with ".join(plain_name(name) for name in i["effects"]) for i in likely[:3])
+        )
+        return f"The model lacks something that this log does not settle, perhaps {perhaps}"
     if kind == "unexplained" or not effects:
         left = "".join(f": {shape['sentence']}" for shape in list(document.get("shapes") or ())[:1])
         return f"The model lacks something that no effect of the catalogue explains{left}" if statement else ""

@@ -8,7 +8,8 @@ from dataclasses import replace
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
 from rw_ekf.diagnosis.search.event import settled_event
-from rw_ekf.diagnosis.search.selection import ALIAS_SHARE, MOST_TRIED, Rival, Search, Selection
+from rw_ekf.diagnosis.search.selection import Rival, Selection
+from rw_ekf.diagnosis.search.stepwise import ALIAS_SHARE, MOST_TRIED, Search
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit

@@ -1,38 +1,14 @@
-"""Effects enter and leave a model by likelihood, jointly (docs/diagnosis.md, "Selection").
-
-In every turn the best place of each effect is scored beside all that the model has; the strongest few are fitted in
-full, shapes and all, and the best fit enters. Then each effect already in the model must still be missed when it is
-left out, or goes: an offset that vanishes once viscous friction is split by direction explained nothing.
-"""
+"""What a search holds: each effect's best candidate and what became of it, rivals, the model chosen."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value, threshold
-from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
-from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
-from rw_ekf.diagnosis.search.held_numbers import knows_size
-from rw_ekf.diagnosis.search.laws import by_likeliest_law
+from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_BESIDE_MOTION, NOT_SIGNIFICANT, TOO_SMALL
-from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
-from rw_ekf.likelihood import work
-from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
-from rw_ekf.likelihood.model import Model
-from rw_ekf.likelihood.one_step import Record
-from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
-from rw_ekf.likelihood.robust_fit import likelier_along_filter
+from rw_ekf.diagnosis.standing import NOT_SIGNIFICANT
+from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts, Term
-
-LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
-_MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
-MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
-_WORTH_A_FIT_P = 1.0e-2
-ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
-_LEAST_SIGMAS = 2.5
-_ANOTHER_WAY = 2.0  # log-likelihood that another path may still bring to what one path left below significance
 
 
 @dataclass
@@ -74,6 +50,7 @@ class Selection:
     trials: dict[str, Trial] = field(default_factory=dict)
     rivals: dict[str, list[Rival]] = field(default_factory=dict)  # by the id that was chosen
     constructed: dict[str, set[str]] = field(default_factory=dict)  # chosen id -> rivals no likelihood decides about
+    unjudged: list[str] = field(default_factory=list)  # chosen ids that neither part, held out, can say anything about
     searched: list[tuple[Fit, dict[str, Score]]] = field(default_factory=list)  # beside each model of the search
 
     def without(self, name: str) -> Fit:
@@ -100,199 +77,3 @@ class Selection:
         """Effects of another fit's model that the base did not have."""
         before = set(self.base.model.effects.ids)
         return [name for name in fit.model.effects.ids if name not in before]
-
-
-class Search:
-    """Finds the effects that a record asks for."""
-
-    def __init__(
-        self,
-        record: Record,
-        facts: RecordFacts,
-        advance: Callable[[str], object],
-        *,
-        stationary_first: bool = True,
-    ) -> None:
-        """All of the record is searched; what goes with time waits where time goes with speed or temperature."""
-        self.work = record.work
-        self.facts = facts
-        self.advance = advance
-        self.stationary_first = stationary_first
-        self.set_aside = False  # something had to wait
-        self.effects = [effect for effect in CATALOGUE.values() if effect.untestable(facts) is None and effect.in_state]
-
-    def run(self, base: Fit) -> Selection:
-        """Add effects to the base until nothing more is asked for."""
-        selection = Selection(base, base)
-        current = base
-        for turn in range(_MOST_TURNS):
-            if turn > 0 and not self.work.has(work.SEARCH):
-                said = ", ".join(current.model.effects.ids) or "the model"
-                self.work.leave_out(f"the search for more than {said}")
-                break
-            self.advance("searching the catalogue")
-            contenders = self._contenders(current, selection)
-            added = self._best_fit(current, contenders, selection) if contenders else None
-            if added is None:
-                break
-            fit, trial = added
-            fit = by_likeliest_law(current, fit, trial.effect.id, self.facts)
-            fit = self.with_open_speed(likelier_along_filter(fit, current, fit.model))
-            if trial.effect.local_in_time:
-                fit = with_other_laws(fit, trial.effect.id, self.facts)
-            current = self.pruned(fit, selection)
-            nothing_new = _inventory(current.model) == _inventory(selection.final.model)
-            if not nothing_new or current.likelihood.value > selection.final.likelihood.value:
-                selection.final = current
-            if nothing_new:
-                break
-        return selection
-
-    def with_open_speed(self, fit: Fit) -> Fit:
-        """The fit at the likeliest Stribeck speed beside what it has, where nobody gave one."""
-        if not self.facts.stribeck_is_open or STRIBECK.id in fit.model.effects.ids:
-            return fit
-        if not self.work.has(work.SEARCH):
-            self.work.leave_out(f"other Stribeck speeds beside {', '.join(fit.model.effects.ids)}")
-            return fit
-        return likeliest_stribeck_speed(fit, self.facts.top_speed_rad_s)
-
-    def _open(self, model: Model) -> list[type[Effect]]:
-        """Effects that may still enter: a periodic one at another order or frequency, any other once."""
-        present = set(model.effects.ids)
-        full, memory = len(present) >= _MOST_EFFECTS, any(term.effect.flow_kind for term in model.terms)
-        return [
-            effect
-            for effect in self.effects
-            if ((effect.id not in present and not full) or (effect.repeats and effect.id in present))
-            and not (effect.flow_kind and memory)
-        ]
-
-    def _contenders(self, current: Fit, selection: Selection) -> list[Score]:
-        """Scores that are significant and large enough, the most evident first; others are noted as not significant."""
-        effects = self._open(current.model)
-        anywhere = [effect for effect in effects if not effect.local_in_time]
-        scores = Scorer(current).best_of_each(self.facts, anywhere)
-        everything = dict(scores)
-        local = [effect for effect in effects if effect.local_in_time]
-        # Where time goes with speed an event waits for what holds at any time.
-        laws = any(self._significant(s) and quantity_of(s.effect) != "time" for s in scores.values())
-        if local and not (laws and may_confound(current, "time", "speed")):
-            here = event_scores(current, local, self.facts)
-            everything |= here
-            if any(self._significant(score) for score in here.values()):
-                # Whatever else is likelier than an event goes first: by evidence, since an event has many places to be.
-                best = max((s.evidence for s in scores.values()), default=0.0)
-                here = {name: s for name, s in here.items() if s.evidence > best}
-                if here:
-                    scores = {name: s for name, s in scores.items() if not self._significant(s)}
-            scores |= here
-        selection.searched.append((current, everything))
-        for name, score in everything.items():
-            if name not in selection.trials or selection.trials[name].statistic < score.statistic:
-                selection.trials[name] = Trial.of(score)
-        strong = [score for score in scores.values() if self._significant(score)]
-        for name, other in (
-            deferred(current, strong, self.facts, SIGNIFICANT_P).items() if self.stationary_first else ()
-        ):
-            selection.trials[name].decision = f"nothing beside a smooth effect of the {other}"
-            self.set_aside = True
-            strong = [score for score in strong if score.effect.id != name]
-        for score in [score for score in strong if score.effect.clocked]:
-            if beside_motion(current, self.facts, score) >= SIGNIFICANT_P:
-                selection.trials[score.effect.id].decision = NOT_BESIDE_MOTION
-                strong.remove(score)
-        return sorted(strong, key=lambda score: -score.evidence)
-
-    def _enough_for(self, effect: type[Effect]) -> float:
-        """The p-value at which an effect may enter."""
-        return LOCAL_P if effect.local_in_time else SIGNIFICANT_P
-
-    def _significant(self, score: Score) -> bool:
-        """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
-        effect = score.effect
-        enough = self._enough_for(effect) if effect.linear else _WORTH_A_FIT_P
-        large = self.facts.any_size or score.size + ROOM_SIGMAS * score.std >= effect.smallest(self.facts)
-        return score.p_value < enough and (large or not effect.linear)
-
-    def _best_fit(self, current: Fit, contenders: list[Score], selection: Selection) -> tuple[Fit, Trial] | None:
-        """Fit the strongest few in full, each from its own start; the best that stands enters."""
-        best: tuple[Fit, Trial] | None = None
-        local = contenders[0].effect.local_in_time
-        for score in contenders[:MOST_TRIED]:
-            effect, name = score.effect, score.effect.id
-            if best is not None and not self.work.has(work.SEARCH):
-                self.work.leave_out(f"a full fit of {name}")
-                continue
-            if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
-                continue
-            self.advance(f"fitting {name}")
-            if local:
-                fit = settled_event(current, score, self.facts)
-            else:
-                needed = 0.5 * threshold(effect, self.facts, self._enough_for(effect))
-                fit = fitted_at(current, score, needed - _ANOTHER_WAY)
-            gain = 2.0 * (fit.likelihood.value - current.likelihood.value)
-            statistic = score.statistic if local else max(gain, 0.0)  # without it is a model with it
-            p = p_value(effect, statistic, self.facts)
-            evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
-            trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence)
-            selection.trials[name] = trial
-            if not local and trial.p_value >= self._enough_for(effect):
-                continue
-            if not fit.may_matter(name, self.facts):
-                fit = self.with_open_speed(fit)  # its scale may be that of a curve bent for want of it
-            if not (fit.may_matter(name, self.facts) and knows_size(fit, name, _LEAST_SIGMAS)):
-                trial.decision = TOO_SMALL
-                continue
-            if not fit.model.possible(name, self.facts):
-                trial.decision = IMPOSSIBLE
-                continue
-            if best is None or evidence > best[1].evidence:
-                best = fit, trial
-        return best
-
-    def told(self, fit: Fit, name: str) -> Fit:
-        """The record fitted with an effect that is known to be there; unchanged where the log cannot show it."""
-        effect = CATALOGUE[name]
-        score = Scorer(fit).best_of_each(self.facts, [effect]).get(name)
-        if score is None:
-            return fit
-        return fitted_event(fit, score, self.facts) if effect.local_in_time else fitted_at(fit, score)
-
-    def pruned(self, fit: Fit, selection: Selection, least: int = 1) -> Fit:
-        """Leave out, one by one, what is no longer missed or no longer matters, down to `least` effects."""
-        while len(fit.model.effects.ids) > least:
-            losses = []
-            for name in fit.model.effects.ids:
-                if CATALOGUE[name].local_in_time:
-                    continue
-                less = self._without(fit, name)
-                statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
-                losses.append((statistic, name, less))
-            if not losses:
-                break
-            statistic, name, less = min(losses, key=lambda item: item[0])
-            missed = p_value(CATALOGUE[name], statistic, self.facts) < self._enough_for(CATALOGUE[name])
-            if missed and fit.may_matter(name, self.facts):
-                break
-            if name in selection.trials:  # else the model given had it
-                selection.trials[name].decision = less.model.effects.ids or NOT_SIGNIFICANT
-            fit = less
-        return fit
-
-    def _without(self, fit: Fit, name: str) -> Fit:
-        """The same without an effect; where nobody gave a Stribeck speed, the likeliest one by the base model's law."""
-        if name != STRIBECK.id or not self.facts.stribeck_is_open:
-            return fit.without(name)
-        curve = fit.model.of(name)[0]
-        if curve.shape[0] != self.facts.stribeck_law:
-            by_base_law = replace(curve, shape=(float(self.facts.stribeck_law), 0.0, 0.0))
-            fit = fit.refitted(fit.model.changed(curve, by_base_law))
-        less, speed = fit.model.without(name), fit.model.of(name)[0].values[0]
-        return fit.refitted(replace(less, stribeck=less.stribeck._replace(omega_s=speed)))
-
-
-def _inventory(model: Model) -> set[tuple[str, float]]:
-    """What is in a model: ids, each order or frequency of a periodic one for itself."""
-    return {(term.id, round(term.shape[0], 6) if term.effect.repeats else 0.0) for term in model.terms}

@@ -1,0 +1,91 @@
+"""Which effects do not stand what the two parts of a record say of each other."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rw_ekf.arrays import BoolArray
+from rw_ekf.diagnosis.judge.cross_fit import expected_excess, parts_agree
+from rw_ekf.diagnosis.judge.event import agrees_with_itself
+from rw_ekf.diagnosis.judge.heldout import performance
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.search.selection import Selection
+from rw_ekf.diagnosis.standing import NOT_CONFIRMED
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
+
+Figures = dict[str, Any]
+
+_VETOED = (
+    ("one_step_rms_rpm", "one-step error"),
+    ("horizon_1s_rms_rpm", "error 1 s ahead"),
+    ("horizon_20s_rms_rpm", "error 20 s ahead"),
+    ("free_run_rms_rpm", "free-run error"),
+)
+# Share by which a held-out figure may grow, and factor by which NIS may be further from 1: for an effect whose free run
+# gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
+_WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
+_REAL_GAIN = 0.05
+_BLIND = 0.1  # share by which squared errors would grow for want of knowledge alone: as much as _WORST and _WORSE ask
+_UNDOUBTED = 1.0e-8  # p-value on the whole record
+
+
+def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
+    """Drop effects on whose size the two parts do not agree.
+
+    An event in time is in one of them only, and is not asked for there.
+    """
+    for name in names:
+        if CATALOGUE[name].local_in_time:
+            continue
+        if not parts_agree(selection.final, name, prepared.split.fit):
+            selection.trials[name].decision = f"{NOT_CONFIRMED}: the two parts of the record do not agree on it"
+            selection.final = selection.final.without(name)
+
+
+def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
+    """Drop whatever makes one of the held-out figures clearly worse, an event too, the last to enter first.
+
+    What the record leaves no doubt of goes only where that is so whichever part is held out. One that hardly shows the
+    motor gain, say, may have it several sigma off, and figures in which torque noise hides nothing are worse for it.
+    A part that knows so little of the numbers that errors elsewhere would grow by that alone has no say then.
+    """
+    for name in reversed(names):
+        less, more = selection.final.without(name), selection.final
+        worse = _worse(prepared, less, more)
+        if worse is not None and selection.trials[name].p_value < _UNDOUBTED:
+            ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way.split.fit, less, more)]
+            said = [_worse(way, less, more) for way in ways]
+            worse = said[-1] if said and None not in said else None
+            selection.unjudged += [] if ways else [name]
+        if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
+            worse = "every other 5 s inside it and the rest do not agree on its size"
+        if worse is not None:
+            selection.trials[name].decision = f"{NOT_CONFIRMED}: on the held-out part {worse}"
+            selection.final = less
+
+
+def _can_tell(part: BoolArray, less: Fit, more: Fit) -> bool:
+    """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
+    return max(expected_excess(less, part), expected_excess(more, part)) < _BLIND
+
+
+def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
+    """Which held-out figure gets clearly worse from one model to the next, in words."""
+    before, after = performance(prepared, less).figures, performance(prepared, more).figures
+    free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
+    gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
+    return worsened(before, after, *(_WORST if gained else _WORSE))
+
+
+def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:
+    """Which held-out figure an effect makes worse, by more than a share, or NIS by more than a factor; in words."""
+    for key, words in _VETOED:
+        old, new = before.get(key), after.get(key)
+        if old and new and new > (1.0 + share) * old:
+            return f"the {words} grows by {100.0 * (new / old - 1.0):.2g} %"
+    old, new = before.get("nis_mean"), after.get("nis_mean")
+    if old and new and abs(math.log(new)) > abs(math.log(old)) + math.log(nis):
+        return f"NIS goes from {old:.3g} to {new:.3g}"
+    return None

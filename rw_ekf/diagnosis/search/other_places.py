@@ -1,0 +1,39 @@
+"""A fit that ran to where no machine is: the same effect from the other places where it was nearly as likely.
+
+A bump that noise makes likeliest where it is narrow shrinks there until no reading resolves it, however likely a wide
+one beside it is.
+"""
+
+from __future__ import annotations
+
+from rw_ekf.diagnosis.search.candidates import Score
+from rw_ekf.diagnosis.search.event import fitted_at
+from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect import RecordFacts
+
+_NEARLY = 0.7  # of the strongest place's statistic
+_FITTED = 2
+_APART = 1.5  # factor between shape constants of two places that are not one
+
+
+def possible_fit(current: Fit, gone_astray: Fit, score: Score, facts: RecordFacts) -> Fit:
+    """The likeliest possible fit from other places of an effect, or the one that went astray where there is none."""
+    effect = score.effect
+    if not effect.refined or effect.local_in_time:
+        return gone_astray
+    bank = Scorer(current).all_at(facts, [(effect, candidate) for candidate in effect.candidates(facts)])
+    tried = [score]
+    for place in sorted(bank, key=lambda item: -item.statistic):
+        if len(tried) <= _FITTED and place.statistic > _NEARLY * score.statistic:
+            tried += [place] if all(_apart(place, other) for other in tried) else []
+    fits = [fitted_at(current, place) for place in tried[1:]]
+    possible = [fit for fit in fits if fit.model.possible(effect.id, facts)]
+    return max(possible, key=lambda fit: fit.likelihood.value, default=gone_astray)
+
+
+def _apart(one: Score, other: Score) -> bool:
+    """Whether two places differ in the last shape constant that a fit moves: that of scale, such as a width."""
+    last = one.effect.refined[-1]
+    a, b = one.candidate.shape[last], other.candidate.shape[last]
+    return max(a, b) > _APART * min(a, b)
