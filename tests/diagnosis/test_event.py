@@ -96,7 +96,7 @@ def test_what_a_part_does_not_know_costs_the_rest_what_it_does_in_draws() -> Non
 
 @pytest.mark.parametrize(("samples", "tells"), [(6000, True), (400, False)])
 def test_half_of_a_minute_predicts_nothing_and_half_of_ten_does(samples: int, tells: bool) -> None:
-    """Identification, its first 40 s or all of it: what half leaves open adds over a tenth to squared errors, or 1 %."""
+    """Identification, its first 40 s or all: what half leaves open adds over a tenth to squared errors, or 1 %."""
     run = simulated([], seed=5, samples=samples)
     base = prepare(source_of([log_of(run)]), None, None, "blocks").base
     excess = expected_excess(base, np.arange(samples) < samples // 2)
