@@ -40,8 +40,8 @@ class ViscousTemperature(StaticEffect):
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:
-        """20 % per kelvin: a cold lubricant halves its viscosity in 7 K (ASTM D341), 10 % per kelvin."""
-        return 0.2
+        """50 % per kelvin: a cold lubricant loses 10 % (ASTM D341), and a thermometer nearby sees a fifth of its warmth."""
+        return 0.5
 
     @staticmethod
     def contribution(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.judge.cross_fit import _asked, _excess, _said, expected_excess, parts_agree
 from rw_ekf.diagnosis.judge.event import agrees_with_itself, percent_gained
+from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -87,17 +89,30 @@ def test_what_a_part_does_not_know_costs_the_rest_what_it_does_in_draws() -> Non
     rng = np.random.default_rng(8)
     rows = rng.standard_normal((200, 4)) * np.array([1.0, 30.0, 1.0e-3, 5.0])
     rows[30:, 2] *= 4.0  # shown less by the part than by the rest
-    chosen = np.arange(200) < 30
     noise = rng.standard_normal((30, 4000))
-    missed = rows[~chosen] @ np.linalg.lstsq(rows[chosen], noise, rcond=None)[0]
-    assert _excess(rows, np.zeros((0, 4)), chosen) == pytest.approx(float(np.mean(missed**2)), rel=0.05)
-    assert _excess(rows, np.zeros((0, 4)), np.ones(200, dtype=bool)) == 0.0
+    missed = rows[30:] @ np.linalg.lstsq(rows[:30], noise, rcond=None)[0]
+    covariance = np.linalg.inv(rows[:30].T @ rows[:30])
+    assert _excess(rows[30:], covariance) == pytest.approx(float(np.mean(missed**2)), rel=0.05)
+    assert _excess(rows[:0], covariance) == 0.0
 
 
 @pytest.mark.parametrize(("samples", "tells"), [(6000, True), (400, False)])
 def test_half_of_a_minute_predicts_nothing_and_half_of_ten_does(samples: int, tells: bool) -> None:
-    """Identification, its first 40 s or all: what half leaves open adds over a tenth to squared errors, or 1 %."""
-    run = simulated([], seed=5, samples=samples)
-    base = prepare(source_of([log_of(run)]), None, None, "blocks").base
-    excess = expected_excess(base, np.arange(samples) < samples // 2)
-    assert excess < 0.01 if tells else excess > 0.1
+    """Identification, its first 40 s or all: what half leaves open adds over a tenth to squared errors, or 2 %."""
+    prepared = prepare(source_of([log_of(simulated([], seed=5, samples=samples))]), None, None, "blocks")
+    excess = expected_excess(prepared.base, by_fit_part(prepared, prepared.base), prepared.split.fit)
+    assert excess < 0.025 if tells else excess > 0.1
+
+
+@pytest.mark.slow
+def test_the_expected_excess_is_that_of_wheels_without_torque_noise() -> None:
+    """Twelve wheels, either half predicting the other: NIS beyond 1 is as expected, within 3 errors of its mean."""
+    beyond, expected = [], []
+    for seed in range(12):
+        prepared = prepare(source_of([log_of(simulated([], seed=100 + seed, samples=3000))]), None, None, "blocks")
+        for way in (prepared, prepared.exchanged()):
+            beyond.append(performance(way, way.base).figures["nis_mean"] - 1.0)
+            expected.append(expected_excess(way.base, by_fit_part(way, way.base), way.split.fit))
+    error = np.std(beyond) / math.sqrt(len(beyond))
+    assert abs(np.mean(beyond) - np.mean(expected)) < 3.0 * error
+    assert error < 2.0 * np.mean(expected)

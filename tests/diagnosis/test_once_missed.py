@@ -30,6 +30,9 @@ pytestmark = pytest.mark.slow
         ("elsewhere-038-external_torque", 23, "external_torque"),  # was a friction that wanders, with a chance of .0009
         ("elsewhere-038-external_torque", 24, "external_torque"),  # the same, of 90 s: neither half predicts the other
         ("elsewhere-061-drag_bump", 24, "drag_bump"),  # "adequate", with a chance of less than 1 % that it is
+        ("id-1rpm-214-viscous_temperature", 61, "viscous_temperature"),  # refused: no noise is left to its model
+        ("p12-1rpm-004-viscous_temperature", 61, "viscous_temperature"),  # 34 % per kelvin: a dry friction, and a bump
+        ("id-5rpm-015-coulomb_drift", 25, "coulomb_drift"),  # wandered while the wheel warmed up: a law of temperature
         ("elsewhere-039-speed_quantisation", 24, "speed_quantisation"),  # taken for a filter in the sensor
     ],
 )

@@ -22,7 +22,7 @@ from rw_ekf.diagnosis.judge.torque_noise import noise_finding
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
 from rw_ekf.diagnosis.judge.widths import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
-from rw_ekf.diagnosis.search.candidates import threshold
+from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, threshold
 from rw_ekf.diagnosis.search.laws import LAW, has_laws
 from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.diagnosis.standing import (
@@ -187,7 +187,7 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)
-                if trial.decision == NOT_SIGNIFICANT and trial.p_value < 1.0e-5:
+                if trial.decision == NOT_SIGNIFICANT and trial.p_value < SIGNIFICANT_P:
                     entry["decision"] = tuple(found.new_ids) or TOO_SMALL
             for group in verdict.indistinguishable:
                 if name in group[1:]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rw_ekf.arrays import BoolArray
 from rw_ekf.diagnosis.judge.cross_fit import expected_excess, parts_agree
 from rw_ekf.diagnosis.judge.event import agrees_with_itself
-from rw_ekf.diagnosis.judge.heldout import performance
+from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED
@@ -27,7 +26,9 @@ _VETOED = (
 # gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
 _WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
 _REAL_GAIN = 0.05
-_BLIND = 0.1  # share by which squared errors would grow for want of knowledge alone: as much as _WORST and _WORSE ask
+# Share by which squared errors would grow for want of knowledge alone, on average. One number decides, or two, so that
+# by chance it is four times as much: about what _WORST and _WORSE ask for.
+_BLIND = 0.025
 _UNDOUBTED = 1.0e-8  # p-value on the whole record
 
 
@@ -55,10 +56,10 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
         less, more = selection.final.without(name), selection.final
         worse = _worse(prepared, less, more)
         if worse is not None and selection.trials[name].p_value < _UNDOUBTED:
-            ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way.split.fit, less, more)]
+            ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
             said = [_worse(way, less, more) for way in ways]
             worse = said[-1] if said and None not in said else None
-            selection.unjudged += [] if ways else [name]
+            selection.unjudged += [] if ways or _gains(prepared, less, more) else [name]
         if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
             worse = "every other 5 s inside it and the rest do not agree on its size"
         if worse is not None:
@@ -66,17 +67,21 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
             selection.final = less
 
 
-def _can_tell(part: BoolArray, less: Fit, more: Fit) -> bool:
+def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
     """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
-    return max(expected_excess(less, part), expected_excess(more, part)) < _BLIND
+    return all(expected_excess(fit, by_fit_part(way, fit), way.split.fit) < _BLIND for fit in (less, more))
 
 
 def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words."""
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
-    free = [figures.get("free_run_rms_rpm") for figures in (before, after)]
-    gained = bool(free[0] and free[1] and free[1] < (1.0 - _REAL_GAIN) * free[0])
-    return worsened(before, after, *(_WORST if gained else _WORSE))
+    return worsened(before, after, *(_WORST if _gains(prepared, less, more) else _WORSE))
+
+
+def _gains(prepared: Prepared, less: Fit, more: Fit) -> bool:
+    """Whether the free run over the held-out part is clearly nearer."""
+    old, new = (performance(prepared, fit).figures.get("free_run_rms_rpm") for fit in (less, more))
+    return bool(old and new and new < (1.0 - _REAL_GAIN) * old)
 
 
 def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:

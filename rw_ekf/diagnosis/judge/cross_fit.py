@@ -38,28 +38,23 @@ def parts_agree(fit: Fit, name: str, part: BoolArray) -> bool:
     return _asked(u, J) + _asked(v, K) - together < _DISPUTED * together
 
 
-def expected_excess(fit: Fit, part: BoolArray) -> float:
+def expected_excess(fit: Fit, by_part: Fit, part: BoolArray) -> float:
     """What numbers that `part` (n,) alone gives add to squared errors in the rest, on average, in units of the noise.
 
-    The trace of A C A^T over the rest's whitened rows A, C the covariance of the model's vector by the part's rows and
-    the prior: with ten numbers known from half of a long record next to nothing, and more than the noise itself where
-    the part does not show what the rest asks.
+    by_part: the same model fitted to that part, its speed free wherever a stretch of it begins. The trace of A C A^T
+    over the rest's whitened rows A along the whole record, C the covariance of the model's vector by that fit
+    (eq. 10e): next to nothing where torque noise hides most, a tenth where a model leaves none and the speed of half a
+    record has to be told from the other half's friction, and more than the noise itself where the part does not show
+    what the rest asks.
     """
-    linearised, model = fit.linearised, fit.model
+    linearised, known = fit.linearised, fit.model.known
     _, A, _ = linearised.whitened(fit.noise.ratio, fit.noise.variance, linearised.jacobian, linearised.memory_jacobian)
-    pull = np.zeros((0, model.vector.size)) if fit.prior is None else prior_rows(fit.prior, model)[0]
-    return _excess(A, pull, part[linearised.innovation_at])
+    return _excess(A[~part[linearised.innovation_at], :known], by_part.likelihood.covariance[:known, :known])
 
 
-def _excess(rows: Float64Array, pull: Float64Array, chosen: BoolArray) -> float:
-    """The mean of a C a^T over rows (n, m) that are not chosen, C by the chosen ones and those of the prior."""
-    if np.all(chosen):
-        return 0.0
-    scale = np.maximum(np.linalg.norm(rows, axis=0), 1.0e-300)
-    known = np.vstack((rows[chosen], pull)) / scale
-    covariance = np.linalg.pinv(known.T @ known, hermitian=True)
-    rest = rows[~chosen] / scale
-    return float(np.mean(np.einsum("ij,jk,ik->i", rest, covariance, rest)))
+def _excess(rest: Float64Array, covariance: Float64Array) -> float:
+    """The mean of a C a^T over rows (n, m)."""
+    return float(np.mean(np.einsum("ij,jk,ik->i", rest, covariance, rest))) if rest.size else 0.0
 
 
 def _said(

@@ -35,9 +35,8 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
     """
     pieces = list(fit.model.of(WANDERING.id))
     if len(pieces) > 1 and WANDERING.id in effects:
-        less, rest = fit.without(WANDERING.id), tuple(name for name in effects if name != WANDERING.id)
-        factor = evidence_of_wandering(less, pieces) - math.log(max(len(testable(facts)), 1))
-        return log_evidence(less, rest, facts) + factor
+        rest = tuple(name for name in effects if name != WANDERING.id)
+        return log_evidence_with_walk(fit.without(WANDERING.id), rest, pieces, facts)
     model = replace(
         fit.model,
         effects=replace(fit.model.effects, terms=tuple(replace(t, settled=True) for t in fit.model.effects.terms)),
@@ -56,6 +55,12 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
             total += 0.5 * len(term.values) * math.log(2.0 * math.pi)
             total += _log_prior(term, values[at], covariance[at, at], model.seen_by(term.effect, facts))
     return total - len(effects) * math.log(max(len(testable(facts)), 1))
+
+
+def log_evidence_with_walk(less: Fit, effects: tuple[str, ...], pieces: list[Term], facts: RecordFacts) -> float:
+    """The same of a model with a friction that wanders over these pieces beside the effects, which `less` has alone."""
+    factor = evidence_of_wandering(less, pieces) - math.log(max(len(testable(facts)), 1))
+    return log_evidence(less, effects, facts) + factor
 
 
 def _integrated(linearised: Linearisation, fit: Fit) -> tuple[float, Float64Array, Float64Array]:

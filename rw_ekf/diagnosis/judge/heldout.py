@@ -44,12 +44,17 @@ def performance(prepared: Prepared, fit: Fit) -> Performance:
 
     The model is fitted to the other part anew and run, frozen, over the record.
     """
-    return prepared.remembered(fit, lambda: _performance(prepared, fit.on_part(prepared.fit_part), None))
+    return prepared.remembered("figures", fit, lambda: _performance(prepared, by_fit_part(prepared, fit), None))
+
+
+def by_fit_part(prepared: Prepared, fit: Fit) -> Fit:
+    """The model of a fit of the whole record fitted to the part that is not held out; worked out once a fit."""
+    return prepared.remembered("fit", fit, lambda: fit.on_part(prepared.fit_part))
 
 
 def performance_read(prepared: Prepared, fit: Fit, lattice: Lattice) -> Performance:
     """The same, the readings predicted being those that a grid makes of the speed."""
-    return _performance(prepared, fit.on_part(prepared.fit_part), lattice)
+    return _performance(prepared, by_fit_part(prepared, fit), lattice)
 
 
 def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Performance:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from rw_ekf.diagnosis.judge.confirmation import confirm, veto
 from rw_ekf.diagnosis.judge.found import Found, mapped
 from rw_ekf.diagnosis.judge.open_law import with_open_law
-from rw_ekf.diagnosis.judge.walking import with_wandering_friction
+from rw_ekf.diagnosis.judge.walking import weighed_against_a_walk, with_wandering_friction
 from rw_ekf.diagnosis.judge.widths import (
     with_free_shapes,
     with_open_noise,
@@ -17,7 +17,7 @@ from rw_ekf.diagnosis.judge.widths import (
     with_profiled_widths,
 )
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.search.confounding import one_and_the_same
+from rw_ekf.diagnosis.search.confounding import one_and_the_same, quantity_of
 from rw_ekf.diagnosis.search.laws import has_laws
 from rw_ekf.diagnosis.search.lost_angle import with_open_order
 from rw_ekf.diagnosis.search.rivals import weigh_rivals
@@ -63,7 +63,7 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
     search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
     because there a curve of time would take the place of whatever law of speed is missing. Nor is an effect beyond
     doubt too small to matter where nothing else leaves noise. A friction that wanders in no particular shape, which
-    follows anything that goes with time, is the last to be asked.
+    follows anything that goes with time, is the last to be asked, and a rival of whatever follows the temperature.
     """
     search = Search(prepared.record, prepared.facts, advance)
     found = _searched(prepared, search, advance)
@@ -74,13 +74,14 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
         if other.new_ids and not other.left:
             found, search = other, impatient
     found, search = _with_what_is_small(found, search, advance)
-    if not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids):
+    law = not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids)
+    if law and not any(quantity_of(CATALOGUE[name]) == "temperature" for name in found.new_ids):
         return found
     if not prepared.record.work.has(work.WANDER):
         prepared.record.work.leave_out("a dry friction that wanders with time")
         return found
     advance(f"fitting {WANDERING.id}, wandering")
-    return with_wandering_friction(found, search)
+    return weighed_against_a_walk(found) if law else with_wandering_friction(found, search)
 
 
 def _with_what_is_small(found: Found, search: Search, advance: Advance) -> tuple[Found, Search]:

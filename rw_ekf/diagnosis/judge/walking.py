@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rw_ekf.diagnosis.judge.evidence import log_evidence
+from rw_ekf.diagnosis.judge.evidence import log_evidence, log_evidence_with_walk
 from rw_ekf.diagnosis.judge.found import MAP_P, Found, mapped
-from rw_ekf.diagnosis.search.confounding import one_and_the_same
+from rw_ekf.diagnosis.search.confounding import one_and_the_same, quantity_of
+from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE
+from rw_ekf.diagnosis.search.selection import Rival
 from rw_ekf.diagnosis.search.stepwise import LOCAL_P, Search
-from rw_ekf.diagnosis.search.wander import wandering
+from rw_ekf.diagnosis.search.wander import pieces, wandering
 from rw_ekf.diagnosis.standing import ADDED, NOT_BESIDE_MOTION
-from rw_ekf.effects.catalogue import WANDERING
+from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 
 _GOES_WITH_TIME = ("time", "temperature")
 
@@ -65,3 +67,36 @@ def _with_a_clock(found: Found, walk: Found) -> Found | None:
         if not clocked.left:
             return clocked
     return None
+
+
+def weighed_against_a_walk(found: Found) -> Found:
+    """The same with a dry friction that wanders beside each law of the temperature, as its rival or in its place.
+
+    To a record whose temperature only rises a walk is easily one of those. What holds at any time stands, unless the
+    walk makes the record likelier by more than chance and leaves nothing.
+    """
+    for law in found.new_ids:
+        if quantity_of(CATALOGUE[law]) == "temperature" and WANDERING.id not in found.new_ids:
+            found = _or_a_walk(found, law)
+    return found
+
+
+def _or_a_walk(found: Found, law: str) -> Found:
+    prepared, selection = found.prepared, found.selection
+    facts, less = prepared.facts, selection.without(law)
+    rest = tuple(name for name in found.new_ids if name != law)
+    own = log_evidence(found.fit, tuple(found.new_ids), facts)
+    ahead = log_evidence_with_walk(less, rest, pieces(prepared), facts) - own
+    tried = wandering(prepared, less, LOCAL_P) if ahead > -INDISTINGUISHABLE else None
+    if tried is None or not tried.fit.may_matter(WANDERING.id, facts):
+        return found
+    if not tried.fit.model.possible(WANDERING.id, facts):
+        return found
+    others = {name: fits for name, fits in selection.rivals.items() if name != law}
+    if ahead < INDISTINGUISHABLE:
+        rivals = [*selection.rivals.get(law, ()), Rival(WANDERING.id, tried.fit, ahead)]
+        return replace(found, selection=replace(selection, rivals={**others, law: rivals}))
+    trials = {**selection.trials, WANDERING.id: tried.trial}
+    trials[law] = replace(trials[law], decision=(WANDERING.id,))
+    walk = mapped(prepared, replace(selection, final=tried.fit, trials=trials, rivals=others))
+    return found if walk.left else walk

@@ -66,17 +66,17 @@ class Prepared:
     kept: BoolArray  # (samples of the log,) those looked at; all arrays above are of these alone
     notes: tuple[str, ...]  # for the user
     in_rpm: bool  # speeds are told in rpm: of a wheel, and of any plant whose log has them so
-    _of_fit: dict[int, tuple[Fit, Any]] = field(default_factory=dict)  # by id: a fit of the record, what it gave
+    _of_fit: dict[tuple[str, int], tuple[Fit, Any]] = field(default_factory=dict)  # what, of which fit (its id)
 
     def exchanged(self) -> Prepared:
         """The same with the roles of the two parts exchanged."""
         return replace(self, split=self.split.exchanged(), fit_part=self.heldout, heldout=self.fit_part, _of_fit={})
 
-    def remembered(self, fit: Fit, work_out: Callable[[], _Given]) -> _Given:
+    def remembered(self, what: str, fit: Fit, work_out: Callable[[], _Given]) -> _Given:
         """What a fit of the whole record gives on the two parts, worked out once."""
-        if id(fit) not in self._of_fit:
-            self._of_fit[id(fit)] = fit, work_out()
-        given: _Given = self._of_fit[id(fit)][1]
+        if (what, id(fit)) not in self._of_fit:
+            self._of_fit[what, id(fit)] = fit, work_out()
+        given: _Given = self._of_fit[what, id(fit)][1]
         return given
 
 

@@ -50,7 +50,7 @@ class Selection:
     trials: dict[str, Trial] = field(default_factory=dict)
     rivals: dict[str, list[Rival]] = field(default_factory=dict)  # by the id that was chosen
     constructed: dict[str, set[str]] = field(default_factory=dict)  # chosen id -> rivals no likelihood decides about
-    unjudged: list[str] = field(default_factory=list)  # chosen ids that neither part, held out, can say anything about
+    unjudged: list[str] = field(default_factory=list)  # chosen ids of which no held-out figure says anything
     searched: list[tuple[Fit, dict[str, Score]]] = field(default_factory=list)  # beside each model of the search
 
     def without(self, name: str) -> Fit:
