@@ -40,7 +40,7 @@ class ViscousTemperature(StaticEffect):
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:
-        """50 % per kelvin: a cold lubricant loses 10 % (ASTM D341), a thermometer near it sees a fifth of its warmth."""
+        """50 % per kelvin: a cold lubricant loses 10 % (ASTM D341), a thermometer near it sees some of its warmth."""
         return 0.5
 
     @staticmethod
