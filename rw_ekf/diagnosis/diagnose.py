@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
+from rw_ekf.diagnosis.judge.confirmation import BLIND, for_want_of_knowledge
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.rounding import investigated
 from rw_ekf.diagnosis.judge.unnamed import weighed_against_unnamed
@@ -54,14 +55,21 @@ def diagnose_log(
 
 
 def richer_part(prepared: Prepared) -> Prepared:
-    """Exchange the parts where the one that is held out can say more; halves are taken as they are."""
+    """Exchange the parts where the one that is held out can say more; halves are taken as they are.
+
+    A part without a break-away, say, knows the static friction from its prior alone, and figures of the other one would
+    be of that: the part is fitted then whose knowledge of the base model carries further.
+    """
     if prepared.split.kind == "halves":
         return prepared
     if int(prepared.split.heldout.sum()) > 2 * int(prepared.split.fit.sum()):
         return prepared.exchanged()
     here, there = (information(prepared.base, part, prepared.facts) for part in (prepared.fit_part, prepared.heldout))
     ratios = [math.log(there[name] / here[name]) for name in here if here[name] > 0.0 < there[name]]
-    return prepared.exchanged() if ratios and sum(ratios) > 0.0 else prepared
+    richer = prepared.exchanged() if ratios and sum(ratios) > 0.0 else prepared
+    if for_want_of_knowledge(richer, prepared.base) < BLIND:
+        return richer
+    return min(richer, richer.exchanged(), key=lambda way: for_want_of_knowledge(way, prepared.base))
 
 
 def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") -> float | None:

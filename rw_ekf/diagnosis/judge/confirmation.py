@@ -28,7 +28,7 @@ _WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
 _REAL_GAIN = 0.05
 # Share by which squared errors would grow for want of knowledge alone, on average. One number decides, or two, so that
 # by chance it is four times as much: about what _WORST and _WORSE ask for.
-_BLIND = 0.025
+BLIND = 0.025
 _UNDOUBTED = 1.0e-8  # p-value on the whole record
 
 
@@ -69,7 +69,12 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
 
 def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
     """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
-    return all(expected_excess(fit, by_fit_part(way, fit), way.split.fit) < _BLIND for fit in (less, more))
+    return all(for_want_of_knowledge(way, fit) < BLIND for fit in (less, more))
+
+
+def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
+    """The share by which squared errors on the held-out part grow because the other part knows the numbers so well."""
+    return expected_excess(fit, by_fit_part(way, fit), way.split.fit)
 
 
 def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:

@@ -183,9 +183,11 @@ class Search:
             p = p_value(effect, statistic, self.facts)
             evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
             trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence)
-            selection.trials[name] = trial
+            if selection.trials[name].statistic <= score.statistic:  # else it was worth more in an earlier turn
+                selection.trials[name] = trial
             if not local and trial.p_value >= self._enough_for(effect):
                 continue
+            selection.trials[name] = trial
             if not fit.may_matter(name, self.facts):
                 fit = self.with_open_speed(fit)  # its scale may be that of a curve bent for want of it
             if not (fit.may_matter(name, self.facts) and knows_size(fit, name, _LEAST_SIGMAS)):
