@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.measures import LONGEST_LAG_S, dry_scale, lacks_reversal
+from rw_ekf.effects.measures import LONGEST_LAG_S, dry_scale, lacks_slow_motion
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import FrictionMemoryEffect
 from rw_ekf.model.friction import FrictionCurve
@@ -21,7 +21,7 @@ class FrictionLag(FrictionMemoryEffect):
     equation = "tau dF/dt = sgn(omega) [c + (s - c) g(|omega|/omega_s)] - F"
     source = "[L17 (7)]; Walrath 1984"
     coefficient = Coefficient("time_constant_s", "s", 0.0, _LONGEST_S, "time constant with which dry friction follows")
-    lacking = (lacks_reversal,)  # friction that never changes has nothing to lag behind
+    lacking = (lacks_slow_motion,)  # friction that never changes has nothing to lag behind
     excitation = "reversals, fast ones and creep through zero: `rw-ekf excite identification`"
     confounded: ClassVar[dict[str, str]] = {
         "presliding_hysteresis": "creep through zero: a bristle yields by an angle, a lag by a time",

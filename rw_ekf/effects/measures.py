@@ -9,6 +9,7 @@ STEADY_SHARE = 0.005  # of dry friction: a steady effect below it changes nothin
 SOUGHT_SHARE = 0.01  # the same for effects found by searching many onsets, orders or frequencies
 SMALLEST_RANGE_K = 1.0
 LONGEST_LAG_S = 10.0
+_LEAST_SLOW = 10  # samples of slow motion: one fast start from rest has less and says nothing
 _TINY = 1.0e-12
 
 
@@ -61,6 +62,13 @@ def lacks_temperature(facts: RecordFacts) -> str | None:
 def lacks_reversal(facts: RecordFacts) -> str | None:
     """Why a record that turns one way only shows nothing; None if it turns both ways."""
     return None if facts.reversals >= 1 else "needs a reversal; the record turns one way only"
+
+
+def lacks_slow_motion(facts: RecordFacts) -> str | None:
+    """Why a record that neither reverses nor turns slowly, from rest or back to it, shows nothing; None if it does."""
+    if facts.reversals >= 1 or facts.slow_samples >= _LEAST_SLOW:
+        return None
+    return "needs a reversal, or a start or a stop; the record is of a wheel that turns fast, one way only"
 
 
 def lacks_current(facts: RecordFacts) -> str | None:

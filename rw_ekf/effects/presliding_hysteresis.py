@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rw_ekf.effects.measures import dry_scale, lacks_reversal
+from rw_ekf.effects.measures import dry_scale, lacks_slow_motion
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import FrictionMemoryEffect
 from rw_ekf.model.friction import FrictionCurve
@@ -33,7 +33,7 @@ class PreslidingHysteresis(FrictionMemoryEffect):
     coefficient = Coefficient("deflection_rad", "rad", 0.0, _LARGEST, "deflection of the bristle at break-away")
     constants = (Coefficient("damping", "", 0.0, 10.0, "damping ratio of the wheel on its bristle"),)
     refined = (0,)  # but for Dahl's
-    lacking = (lacks_reversal,)  # a wheel that never passes zero keeps its bristle bent
+    lacking = (lacks_slow_motion,)  # a wheel that is never near rest keeps its bristle bent
     excitation = "creep through zero and currents below break-away, both ways: `rw-ekf excite identification`"
     confounded: ClassVar[dict[str, str]] = {
         "friction_lag": "creep through zero: a bristle yields by an angle, a lag by a time",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_reversal
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, lacks_slow_motion
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term, size_of
 from rw_ekf.model.effect_kinds import StribeckEffect
 from rw_ekf.model.friction import LAW_CODES
@@ -28,7 +28,7 @@ class StribeckShape(StribeckEffect):
     source = "[CK13 (1)], [F12, introduction]"
     coefficient = Coefficient("speed_rad_s", "rad/s", 1.0e-9, 1.0e6, "Stribeck speed, in place of the configured one")
     constants = (Coefficient("law", "", 0.0, 2.0, "code of the law: 0 gauss, 1 tustin, 2 lorentz", whole=True),)
-    lacking = (lacks_reversal,)
+    lacking = (lacks_slow_motion,)
     excitation = "dwells at half to five Stribeck speeds (2 to 20 rpm of a wheel): `rw-ekf excite identification`"
     confounded: ClassVar[dict[str, str]] = {
         "presliding_hysteresis": "dwells at half to five Stribeck speeds without reversal: a bristle is at rest there",

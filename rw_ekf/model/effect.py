@@ -57,6 +57,7 @@ class RecordFacts:
     stribeck_law: int
     speed_noise_rad_s: float
     reversals: int = 0
+    slow_samples: int = 0  # at which the wheel turns within ten Stribeck speeds of rest
     temperature_range_K: float | None = None  # None: not logged
     angle: bool = False  # logged, or integrated where that is meaningful
     channels: frozenset[str] = field(default_factory=frozenset)

@@ -66,6 +66,16 @@ def test_a_size_that_no_machine_has_or_no_record_shows_is_refused(
     assert TRUTH.with_terms(term).possible(name, WHEEL) is expected
 
 
+@pytest.mark.parametrize("name", ["stribeck_shape", "presliding_hysteresis", "friction_lag"])
+def test_what_shows_near_rest_needs_a_reversal_or_slow_motion(name: str) -> None:
+    """Starts and stops of a wheel that turns one way only show it; one that is never near rest does not."""
+    fast = replace(WHEEL, reversals=0, slow_samples=3)
+    assert "a start or a stop" in (CATALOGUE[name].untestable(fast) or "")
+    assert CATALOGUE[name].untestable(replace(fast, slow_samples=80)) is None
+    assert CATALOGUE["offset_torque"].untestable(replace(fast, slow_samples=80)) is not None
+    assert CATALOGUE[name].untestable(replace(fast, reversals=1)) is None
+
+
 def test_worse_figures_are_told() -> None:
     """One-step errors 7.6 % larger, or a NIS that leaves 1, are named; better ones are not."""
     before = {"one_step_rms_rpm": 1.0, "free_run_rms_rpm": 5.0, "nis_mean": 1.02}

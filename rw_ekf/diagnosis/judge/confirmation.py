@@ -9,6 +9,7 @@ from rw_ekf.diagnosis.judge.cross_fit import expected_excess, parts_agree
 from rw_ekf.diagnosis.judge.event import agrees_with_itself
 from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -26,10 +27,13 @@ _VETOED = (
 # gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
 _WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
 _REAL_GAIN = 0.05
+# Share of what the free run gains by which another figure may grow: a model that leaves no torque noise predicts one
+# step as its free run does, and a wrong number of the other part, which torque noise would hide, shows in all figures.
+_FOR_GAIN = 0.25
 # Share by which squared errors would grow for want of knowledge alone, on average. One number decides, or two, so that
 # by chance it is four times as much: about what _WORST and _WORSE ask for.
 BLIND = 0.025
-_UNDOUBTED = 1.0e-8  # p-value on the whole record
+_UNDOUBTED = 1.0e-6  # p-value on the whole record
 
 
 def confirm(prepared: Prepared, selection: Selection, names: list[str]) -> None:
@@ -55,11 +59,11 @@ def veto(prepared: Prepared, selection: Selection, names: list[str]) -> None:
     for name in reversed(names):
         less, more = selection.final.without(name), selection.final
         worse = _worse(prepared, less, more)
-        if worse is not None and selection.trials[name].p_value < _UNDOUBTED:
+        if worse is not None and selection.trials[name].p_value < _UNDOUBTED and knows_size(more, name, LEAST_SIGMAS):
             ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
             said = [_worse(way, less, more) for way in ways]
             worse = said[-1] if said and None not in said else None
-            selection.unjudged += [] if ways or _gains(prepared, less, more) else [name]
+            selection.unjudged += [] if ways or _gain(prepared, less, more) > _REAL_GAIN else [name]
         if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(selection.final, name):
             worse = "every other 5 s inside it and the rest do not agree on its size"
         if worse is not None:
@@ -80,13 +84,17 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
 def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words."""
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
-    return worsened(before, after, *(_WORST if _gains(prepared, less, more) else _WORSE))
+    gain = _gain(prepared, less, more)
+    if gain <= _REAL_GAIN:
+        return worsened(before, after, *_WORSE)
+    share, nis = _WORST
+    return worsened(before, after, max(share, _FOR_GAIN * gain), nis)
 
 
-def _gains(prepared: Prepared, less: Fit, more: Fit) -> bool:
-    """Whether the free run over the held-out part is clearly nearer."""
+def _gain(prepared: Prepared, less: Fit, more: Fit) -> float:
+    """Share by which the free run over the held-out part is nearer; 0 where there is none."""
     old, new = (performance(prepared, fit).figures.get("free_run_rms_rpm") for fit in (less, more))
-    return bool(old and new and new < (1.0 - _REAL_GAIN) * old)
+    return 1.0 - new / old if old and new else 0.0
 
 
 def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
-
-import numpy as np
+from dataclasses import dataclass, field
 
 from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.heldout import Performance
 from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.posterior import NONE, SOMETHING_ELSE
+from rw_ekf.diagnosis.judge.sentences import (
+    improvement,
+    measured_by_little,
+    noise_text,
+    or_another_law,
+    or_another_order,
+    sentence_of,
+    separation,
+)
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
-from rw_ekf.diagnosis.search.laws import has_laws
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
-from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.model.effect import RecordFacts
-from rw_ekf.model.effect_kinds import WanderingEffect
-from rw_ekf.numbers import chance_text, number_text
-from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
+from rw_ekf.numbers import chance_text
 
-_FIGURES = (
-    ("free_run_rms_rpm", "free-run error"),
-    ("horizon_20s_rms_rpm", "error 20 s ahead"),
-    ("one_step_rms_rpm", "one-step error"),
-)
-_TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
 _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 _LEAST_TOLD = 0.01  # probability of another effect that is named beside one
-_SURE = 0.95  # probability of an order beside which no other is told
-_ORDERS_TOLD = 4
 _RULED_OUT = 0.01  # probability of no effect at all, with which a model is not called adequate
 _GROUP = 3  # at most so many are named together
 _DOUBTFUL = 0.1  # probability of an effect that is mentioned where none was named
@@ -80,7 +73,7 @@ def verdict_on(
             posterior=posterior,
             statement=(
                 f"This log wants more than the model, and does not settle what: {_doubts(found.selection, posterior)};"
-                f" the residual itself looks like noise of {_noise_text(found)}."
+                f" the residual itself looks like noise of {noise_text(found)}."
             ),
         )
     if not names and lattice is None:
@@ -92,11 +85,14 @@ def verdict_on(
             "adequate",
             posterior=posterior,
             statement=(
-                f"The model explains this log: what is left is noise of {_noise_text(found)}{note}"
+                f"The model explains this log: what is left is noise of {noise_text(found)}{note}"
                 f"{_doubt(found.selection, posterior)}."
             ),
         )
-    said = [_sentence(found.told, name, facts) + _open_order(found, name) + _open_law(found, name) for name in names]
+    said = [
+        sentence_of(found.told, name, facts) + or_another_order(found, name) + or_another_law(found, name)
+        for name in names
+    ]
     if lattice is not None:
         names = [*names, GRID.id]
         said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
@@ -105,16 +101,11 @@ def verdict_on(
     where = ""
     if any(CATALOGUE[name].local_in_time for name in names):
         where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
-    better = _improvement(before.figures, after.figures, heldout_s, wheel_units=found.prepared.in_rpm)
+    better = improvement(before.figures, after.figures, heldout_s, wheel_units=found.prepared.in_rpm)
     text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
-    unjudged = [name for name in found.selection.unjudged if name in names]
-    if unjudged:
-        text += (
-            f" The held-out error is no measure of {', '.join(unjudged)}: either part of this record alone knows too"
-            " little of the numbers to predict the other."
-        )
+    text += measured_by_little(found, names)
     if groups:
-        text += f" {_separation(groups[0], posterior, found.selection)}."
+        text += f" {separation(groups[0], posterior, found.selection)}."
     elif any(_goes_with_time(name) for name in names):
         for other in _CONFUSED_WITH_TIME:
             if one_and_the_same(found.fit, "time", other):
@@ -160,85 +151,19 @@ def _goes_with_time(name: str) -> bool:
     return quantity_of(CATALOGUE[name]) == "time" and not CATALOGUE[name].local_in_time
 
 
-def _noise_text(found: Found) -> str:
-    noise, period = found.fit.noise, found.prepared.course.period_s
-    sigma, wander = float(np.sqrt(noise.variance)), float(np.sqrt(noise.ratio * noise.variance / period))
-    unit = "rad/s (or m/s)"
-    if found.prepared.in_rpm:
-        sigma, wander, unit = rpm_from_rad_s(sigma), rpm_from_rad_s(wander), "rpm"
-    if noise.ratio < _TOLD_RATIO:
-        return f"{sigma:.3g} {unit}"
-    return f"{sigma:.3g} {unit}, and a torque noise that moves the speed by {wander:.2g} in a second"
-
-
-def _sentence(fit: Fit, name: str, facts: RecordFacts) -> str:
-    """What was found of one effect, its size as a share of the friction that the final model has."""
-    facts = replace(facts, friction=fit.model.parameters)
-    effect, terms = CATALOGUE[name], fit.terms_of(name)
-    if issubclass(effect, WanderingEffect) and len(terms) > 1:
-        return effect.sentence_of_pieces([item.term for item in terms], facts)
-    if effect.repeats:
-        terms.sort(key=lambda item: -item.term.size)
-    return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
-
-
-def _open_law(found: Found, name: str) -> str:
-    """Which laws an effect may follow instead, in brackets, where it has several and one is not sure."""
-    if not has_laws(name) or max(found.laws.values(), default=1.0) > _SURE:
-        return ""
-    others = [f"{law} ({chance_text(chance)})" for law, chance in [*found.laws.items()][1:]]
-    return f" (its law may also be {', '.join(others)})" if others else ""
-
-
-def _open_order(found: Found, name: str) -> str:
-    """Which orders a ripple may have instead, in brackets, where the angle is not logged and one is not sure."""
-    if not CATALOGUE[name].angular or max(found.orders.values(), default=1.0) > _SURE:
-        return ""
-    told = [f"{order:g} ({chance_text(probability)})" for order, probability in found.orders.items()]
-    more = f" and {len(told) - _ORDERS_TOLD} others" if len(told) > _ORDERS_TOLD else ""
-    return f" (without a logged angle its order may be {', '.join(told[:_ORDERS_TOLD])}{more})"
-
-
 def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float]) -> list[list[str]]:
-    """Each effect with those that the data cannot tell from it."""
+    """Each effect with those that the data cannot tell from it, the most probable of them."""
     groups: list[list[str]] = []
     for name in chosen:
-        rivals = []
-        told = {other for group in groups for other in group} & selection.constructed.get(name, set())
-        for rival in selection.rivals.get(name, []):
-            probable = posterior.get(rival.name, 0.0) >= _LEAST_TOLD or rival.name in selection.constructed.get(
-                name, set()
-            )
-            rivals += [rival.name] if probable and rival.name not in chosen and rival.name not in told else []
+        constructed = selection.constructed.get(name, set())
+        told = {other for group in groups for other in group} & constructed
+        rivals = [
+            rival.name
+            for rival in selection.rivals.get(name, [])
+            if posterior.get(rival.name, 0.0) >= _LEAST_TOLD or rival.name in constructed
+            if rival.name not in chosen and rival.name not in told
+        ]
         if rivals:
+            rivals.sort(key=lambda other: -posterior.get(other, 0.0))
             groups.append([name, *dict.fromkeys(rivals)][:_GROUP])
     return groups
-
-
-def _separation(group: list[str], posterior: dict[str, float], selection: Selection) -> str:
-    """What would tell the members of a group apart."""
-    first, *others = group
-    same = selection.constructed.get(first, set())
-    ways = dict.fromkeys(
-        separates(quantity_of(CATALOGUE[first]))
-        if other in same
-        else CATALOGUE[first].confounded.get(other)
-        or CATALOGUE[other].confounded.get(first)
-        or CATALOGUE[other].excitation
-        for other in others
-    )
-    chances = ", ".join(f"{name} {chance_text(posterior.get(name, 0.0))}" for name in group)
-    return f"How probable each is: {chances}; what separates them: {'; '.join(ways)}"
-
-
-def _improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
-    """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
-    for key, words in _FIGURES:
-        if before.get(key) is None or after.get(key) is None:
-            continue
-        old, new = before[key], after[key]
-        if wheel_units:
-            return f"{words} {number_text(old)} -> {number_text(new)} rpm on {seconds:.0f} s held out"
-        change = f"{number_text(rad_s_from_rpm(old))} -> {number_text(rad_s_from_rpm(new))}"
-        return f"{words} {change} rad/s (or m/s) on {seconds:.0f} s held out"
-    return f"nothing held out to judge it by in {seconds:.0f} s"

@@ -41,6 +41,7 @@ _CLEAN, _LEAST_NOISE = 1.5e-5, 3.0e-5
 _LEAST_SQUARES_SAMPLES = 20_000
 _TURN_PER_SAMPLE = 2.0  # rad: an angle is integrated where the wheel is slow enough for some of the record
 _SLOW_SHARE = 0.02
+_AT_REST, _SLOW = 0.25, 10.0  # Stribeck speeds
 _WIDENED, _AGEING = 3.0, 0.2
 _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known exactly
 
@@ -245,12 +246,19 @@ def facts_of(
         stribeck_law=model.stribeck.law,
         speed_noise_rad_s=speed_noise_rad_s,
         reversals=reversals(course.speed_rad_s[part], speed_noise_rad_s),
+        slow_samples=int(np.count_nonzero(slow_motion(base.trajectory.speed[part], model.stribeck.omega_s))),
         temperature_range_K=float(np.ptp(warmth)) if "temperature_degC" in channels else None,
         angle="angle_rad" in channels or bool(slow > _SLOW_SHARE),
         channels=channels,
         timing_doubt_s=timing_doubt_s,
         log_starts_s=log_starts_s,
     )
+
+
+def slow_motion(speed_rad_s: Float64Array, stribeck_speed_rad_s: float) -> BoolArray:
+    """At which of smoothed speeds (n,) a wheel turns, within ten Stribeck speeds of rest."""
+    ratio = np.abs(speed_rad_s) / stribeck_speed_rad_s
+    return (ratio > _AT_REST) & (ratio < _SLOW)
 
 
 def part_of(course: Course, current_A: Float64Array, delay_s: Float64Array, part: BoolArray) -> Course:

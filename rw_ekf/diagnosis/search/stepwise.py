@@ -14,7 +14,7 @@ from dataclasses import replace
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value, threshold
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
-from rw_ekf.diagnosis.search.held_numbers import knows_size
+from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
 from rw_ekf.diagnosis.search.laws import by_likeliest_law
 from rw_ekf.diagnosis.search.other_places import possible_fit
 from rw_ekf.diagnosis.search.scorer import Scorer
@@ -34,7 +34,6 @@ _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
 ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
-_LEAST_SIGMAS = 2.5
 _OWN_GAIN = 0.5  # share of an effect's gain: with less of it its own, the model before had not been fitted to the end
 _ANOTHER_WAY = 2.0  # log-likelihood that another path may still bring to what one path left below significance
 
@@ -190,7 +189,7 @@ class Search:
             selection.trials[name] = trial
             if not fit.may_matter(name, self.facts):
                 fit = self.with_open_speed(fit)  # its scale may be that of a curve bent for want of it
-            if not (fit.may_matter(name, self.facts) and knows_size(fit, name, _LEAST_SIGMAS)):
+            if not (fit.may_matter(name, self.facts) and knows_size(fit, name, LEAST_SIGMAS)):
                 trial.decision = TOO_SMALL
                 continue
             if not fit.model.possible(name, self.facts):

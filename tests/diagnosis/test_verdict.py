@@ -1,0 +1,29 @@
+"""What a verdict is called, by what was found and by how probable it is."""
+
+from __future__ import annotations
+
+from rw_ekf.diagnosis.judge.heldout import performance
+from rw_ekf.diagnosis.judge.investigation import investigate
+from rw_ekf.diagnosis.judge.verdict import verdict_on
+from rw_ekf.diagnosis.prepare.preparation import prepare
+from rw_ekf.diagnosis.prepare.source import source_of
+from tests.diagnosis.simulated import log_of, simulated
+
+
+def test_a_model_that_is_all_but_ruled_out_is_not_adequate() -> None:
+    """A record with no finding is called unexplained where its own probabilities leave "nothing" less than 1 %."""
+    prepared = prepare(source_of([log_of(simulated(seed=5, samples=1200))]), None, None, "blocks")
+    found = investigate(prepared, lambda _: None)
+    figures = performance(prepared, found.selection.base)
+    assert found.new_ids == []
+
+    def called(none: float) -> tuple[str, str]:
+        posterior = {"quadratic_drag": 0.9 - none, "none": none, "something_else": 0.1}
+        verdict = verdict_on(found, None, posterior, figures, figures, 60.0)
+        return verdict.kind, verdict.statement
+
+    assert called(0.8)[0] == "adequate"
+    assert called(0.02)[0] == "adequate"
+    kind, statement = called(0.004)
+    assert kind == "unexplained"
+    assert "quadratic_drag 90 %" in statement
