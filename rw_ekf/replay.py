@@ -31,7 +31,6 @@ from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import sampling_of
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
-from rw_ekf.settings.load import configuration_of
 from rw_ekf.starting_point import (
     FilterSetup,
     setup_of_configuration,
@@ -129,6 +128,8 @@ def setup_of_run(log: Path) -> FilterSetup:
     Without a start model from what the configuration says. Raises LogError without metadata, ConfigError where they
     cannot be taken.
     """
+    from rw_ekf.settings.load import configuration_of  # pydantic takes a tenth of a second, and few replays get here
+
     metadata = read_metadata(log)
     if metadata is None:
         raise LogError(f"{log}: has no {metadata_path(log).name} beside it, which says how its run started")

@@ -66,7 +66,8 @@ class ExternalTorque(PeriodicEffect):
         if count == _DENSE:
             ratio = top / last
             steps = min(_SPARSE, math.floor((top - last) / spacing))
-            frequencies += [last * ratio ** ((i + 1) / steps) for i in range(steps)]
+            sparse = {round(last * ratio ** ((i + 1) / steps) / spacing) for i in range(steps)}
+            frequencies += [spacing * multiple for multiple in sorted(sparse) if multiple > count + 2]
         return [Candidate(1.0, (frequency, 0.0, facts.first_s)) for frequency in frequencies]
 
     @classmethod

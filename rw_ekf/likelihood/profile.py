@@ -98,16 +98,16 @@ def at_ratio(
     r, A, logs = linearised.whitened(ratio, scale, linearised.jacobian, linearised.memory_jacobian)
     n = r.size
     size = A.shape[1]
-    weights = np.linalg.norm(A, axis=0)
-    weights[weights == 0.0] = 1.0
     if size == 0:
         variance = max(float(r @ r), 1.0e-12) / max(r.size, 1)
         value = -0.5 * (r.size * math.log(variance) + logs + r.size) + float(
             noise_term(linearised, scale * variance, ratio)
         )
         return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
-    normal = (A / weights).T @ (A / weights)
-    target = (A / weights).T @ r
+    gram = A.T @ A
+    weights = np.sqrt(np.diag(gram))
+    weights[weights == 0.0] = 1.0
+    normal, target = gram / np.outer(weights, weights), (A.T @ r) / weights
     pull, offset = np.zeros((size, size)), np.zeros(size)
     if known is not None:
         W, aim = known

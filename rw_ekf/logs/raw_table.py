@@ -54,7 +54,9 @@ class RawTable:
             )
         if pa.types.is_null(kind):
             return np.full(self.rows, np.nan)
-        values: Float64Array = column.cast(pa.float64(), safe=False).to_numpy()
+        if not pa.types.is_float64(column.type):  # to cast imports what arrow computes with, which takes a while
+            column = column.cast(pa.float64(), safe=False)
+        values: Float64Array = column.to_numpy()
         # An array that arrow lends is read-only, and compiled code would be built twice for it; of chunks it is a copy.
         return values if values.flags.writeable else values.copy()
 

@@ -11,7 +11,7 @@ from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE
 from rw_ekf.diagnosis.search.selection import Rival
 from rw_ekf.diagnosis.search.stepwise import LOCAL_P, Search
 from rw_ekf.diagnosis.search.wander import pieces, wandering
-from rw_ekf.diagnosis.standing import ADDED, NOT_BESIDE_MOTION
+from rw_ekf.diagnosis.standing import ADDED, NOT_BESIDE_MOTION, NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 
 _GOES_WITH_TIME = ("time", "temperature")
@@ -44,7 +44,27 @@ def with_wandering_friction(found: Found, search: Search) -> Found:
     other = mapped(prepared, changed)
     worst = max((item.statistic for item in found.left), default=0.0)
     better = all(item.name in _GOES_WITH_TIME and item.statistic < 0.5 * worst for item in other.left)
-    return _with_a_clock(found, other) or other if better else found
+    if not better or (not found.left and _refused_is_likelier(found, other)):
+        return found
+    return _with_a_clock(found, other) or other
+
+
+def _refused_is_likelier(found: Found, walk: Found) -> bool:
+    """Whether an effect that held-out errors refused makes the record likelier than a walk, which nothing refuses.
+
+    A walk does what many an effect does. What is not settled is then better left open than called a walk.
+    """
+    facts, own = found.prepared.facts, log_evidence(walk.fit, tuple(walk.new_ids), walk.prepared.facts)
+    refused = [
+        trial
+        for trial in found.selection.trials.values()
+        if isinstance(trial.decision, str) and trial.decision.startswith(NOT_CONFIRMED) and trial.terms
+    ]
+    for trial in refused:
+        fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
+        if log_evidence(fit, (*found.new_ids, trial.effect.id), facts) > own:
+            return True
+    return False
 
 
 def _with_a_clock(found: Found, walk: Found) -> Found | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,11 +29,37 @@ _DPI = 150
 _COMPRESSION = 4  # three quarters of the time of the usual 6, 3 % more bytes
 
 
-def new_figure(height_in: float) -> Figure:
-    """A figure of the report's width, outside pyplot and its global state."""
+def new_figure(height_in: float, *, measured: bool = True) -> Figure:
+    """A figure of the report's width, outside pyplot and its global state.
+
+    measured: axes leave the room that their labels turn out to need; else see `with_margins`.
+    """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH_IN, height_in), facecolor="white", layout="constrained")
+    return Figure(figsize=(WIDTH_IN, height_in), facecolor="white", layout="constrained" if measured else None)
+
+
+class Margins(NamedTuple):
+    """Room around axes, for labels, ticks and a legend above, and between their rows [inches]."""
+
+    above: float = 0.42
+    below: float = 0.5
+    left: float = 0.85
+    right: float = 0.12
+    rows: float = 0.0
+
+
+def with_margins(figure: Figure, margins: Margins, rows: int = 1) -> None:
+    """Place the axes where the margins leave room: to measure every label for it takes a third of the drawing."""
+    width, height = figure.get_figwidth(), figure.get_figheight()
+    each = (height - margins.above - margins.below - (rows - 1) * margins.rows) / rows
+    figure.subplots_adjust(
+        left=margins.left / width,
+        right=1.0 - margins.right / width,
+        bottom=margins.below / height,
+        top=1.0 - margins.above / height,
+        hspace=margins.rows / each,
+    )
 
 
 def plain(axis: Any) -> None:
@@ -70,8 +96,8 @@ def legend(figure: Figure, entries: list[tuple[Any, str]]) -> None:
     """One line above everything."""
     handles, labels = [handle for handle, _ in entries], [label for _, label in entries]
     figure.legend(
-        handles, labels, loc="outside upper left", ncols=len(entries), frameon=False, fontsize=9.5, labelcolor=INK,
-        handlelength=1.8, columnspacing=1.8,
+        handles, labels, loc="upper left", ncols=len(entries), frameon=False, fontsize=9.5, labelcolor=INK,
+        handlelength=1.8, columnspacing=1.8, borderaxespad=0.2,
     )  # fmt: skip
 
 
@@ -125,15 +151,16 @@ class TimeAxis:
         """Seconds of one unit."""
         return 3600.0 if self.unit == "h" else 1.0
 
-    def show_own(self, axis: Any) -> None:
-        """The log's own time stamps above an axis, where they are another time and fit there."""
+    def show_own(self, axis: Any) -> bool:
+        """The log's own time stamps above an axis, where they are another time and fit there; whether they do."""
         if self.start_s == 0.0 or not self.continuous or abs(self.start_s) > _CLOCK_S:
-            return
+            return False
         start = self.start_s / self.unit_s
         above = axis.secondary_xaxis("top", functions=(lambda t: t + start, lambda t: t - start))
         above.set_xlabel(f"the log's own time [{self.unit}]", fontsize=8.5, color=GREY)
         above.tick_params(labelsize=8, color="#aab0b8", labelcolor=GREY)
         above.spines["top"].set_visible(False)
+        return True
 
 
 def time_axis(log: WheelLog) -> TimeAxis:

@@ -12,6 +12,7 @@ from rw_ekf.diagnosis.report.canvas import (
     AFTER,
     GREY,
     INK,
+    Margins,
     broken,
     colour_of_first,
     ground,
@@ -23,6 +24,7 @@ from rw_ekf.diagnosis.report.canvas import (
     shade,
     thinned_line,
     time_axis,
+    with_margins,
 )
 from rw_ekf.diagnosis.report.words import (
     Units,
@@ -49,7 +51,7 @@ def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
     from matplotlib.ticker import MaxNLocator
 
     log, time = diagnosis.log, time_axis(diagnosis.log)
-    figure = new_figure(4.9)
+    figure = new_figure(4.9, measured=False)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 1.0])
     measured = log.speed_rad_s / units.speed_scale
     starts = _stretch_starts(log, diagnosis.heldout)
@@ -92,9 +94,10 @@ def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
         shade(axis, time, diagnosis.heldout)
         axis.margins(x=0.0)
         axis.yaxis.set_major_locator(MaxNLocator(5))
-    time.show_own(upper)
+    own = time.show_own(upper)
     legend(figure, entries)
     figure.align_ylabels([upper, lower])
+    with_margins(figure, Margins(above=0.86 if own else 0.42, rows=0.16), rows=2)
     return png(figure)
 
 
@@ -123,8 +126,7 @@ def evidence_picture(document: Mapping[str, Any]) -> bytes | None:
     rows = len(tested) + sum(len(effects) for effects in reasons.values())
     if rows == 0:
         return None
-    figure = new_figure(0.95 + 0.26 * rows)
-    figure.set_layout_engine("none")
+    figure = new_figure(0.95 + 0.26 * rows, measured=False)
     top, bottom = 0.36 / figure.get_figheight(), 0.5 / figure.get_figheight()
     axis = figure.add_axes((0.185, bottom, 0.27, 1.0 - top - bottom))
     statistics = [_drawn(candidate.get("statistic")) for candidate in tested]

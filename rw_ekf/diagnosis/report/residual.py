@@ -13,6 +13,7 @@ from rw_ekf.diagnosis.report.canvas import (
     GREY,
     INK,
     BinnedMeans,
+    Margins,
     binned_means,
     colour_of_first,
     correlation_samples,
@@ -24,6 +25,7 @@ from rw_ekf.diagnosis.report.canvas import (
     point_indices,
     shade,
     time_axis,
+    with_margins,
 )
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.effects.catalogue import CATALOGUE
@@ -40,6 +42,7 @@ _STRUCTURE_WINDOW_S = 20.0
 _TICKS, _TICKS_IN_TIME = 5, 9  # the panel of time is twice as wide
 _LOW_SPEED_RAD_S = 40.0 * RAD_S_PER_RPM  # of a wheel
 _LOW_STRIBECK_SPEEDS = 12.0
+_BETWEEN = 0.13  # of a panel's width, between neighbours
 _FEW_HELDOUT = 200  # below so many held-out samples the whole record is shown
 
 
@@ -79,8 +82,9 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     means = [[_means(panel, one, sign) for one in series] for panel in panels]
     if not any(found.count.size for row in means for found in row):
         return None
-    figure = new_figure(0.5 + 2.55 * len(_layout(len(panels))))
-    drawn: dict[str, Any] = figure.subplot_mosaic(_layout(len(panels)), sharey=True)  # type: ignore[arg-type]
+    layout = _layout(len(panels))
+    figure = new_figure(0.5 + 2.55 * len(layout), measured=False)
+    drawn: dict[str, Any] = figure.subplot_mosaic(layout, sharey=True)  # type: ignore[arg-type]
     axes = [drawn[str(number)] for number in range(len(panels))]
     marked = _marked(diagnosis, panels, means)
     extent = _extent(means)
@@ -101,6 +105,8 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     entries: list[tuple[Any, str]] = [(handle, one.label) for handle, one in zip(handles, series, strict=True)]
     entries.append((ground(), "held out"))
     legend(figure, entries)
+    with_margins(figure, Margins(above=0.66, rows=0.85), rows=len(layout))
+    figure.subplots_adjust(wspace=_BETWEEN)
     return png(figure)
 
 

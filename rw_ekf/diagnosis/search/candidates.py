@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Complex128Array, Float64Array
 from rw_ekf.filter.consistency import chi_square_tail
 from rw_ekf.likelihood.linearisation import Linearisation
 from rw_ekf.likelihood.one_step import predict
@@ -36,7 +36,8 @@ _CHUNK = 128
 _FEW = 16  # hypotheses of a pass each that are whitened together
 _SCREENED = 24
 _NEIGHBOURS = 41
-_BLOCK = 64  # frequencies at once
+_BLOCK, _BLOCKS = 64, 8  # neighbouring frequencies, and blocks of them that share a product
+_FEW_PLACES = 16  # of a block: with less of them the rest is not worked out
 _EVEN = 1.0e-9  # of their spacing
 
 
@@ -210,25 +211,35 @@ def screened(
 
 
 def powers(frequency_Hz: Float64Array, time_s: Float64Array, values: Float64Array) -> Float64Array:
-    """Power (k, m) of k series (k, n) at times (n,) in m frequencies [Hz].
+    """Power (k, m) of k series (k, n) at times (n,) in m frequencies [Hz], rising.
 
-    Where a block of frequencies is as evenly spaced as the one before, its phasors are those turned on: a product in
-    place of an exponential.
+    Multiples of the smallest step between them, if the first is one, share two tables of phasors, of 64 neighbours and
+    of every 64th: a product in place of an exponential.
     """
     used = np.any(values != 0.0, axis=0)
     time, series = time_s[used] - time_s[0], values[:, used].T.astype(np.complex128)
     power = np.empty((values.shape[0], frequency_Hz.size))
-    turn, shift, before = np.zeros((0, 0), np.complex128), 0.0, np.zeros(0)
-    on = np.zeros(0, np.complex128)
-    for first in range(0, frequency_Hz.size, _BLOCK):
-        block = frequency_Hz[first : first + _BLOCK]
-        apart = block - before if block.size == before.size else np.zeros(0)
-        if apart.size and np.ptp(apart) < _EVEN * apart[0]:
-            if apart[0] != shift:
-                shift, on = float(apart[0]), np.exp(-2j * math.pi * apart[0] * time)
-            turn *= on
-        else:
-            turn = np.exp(-2j * math.pi * np.outer(block, time))
-        before = block
-        power[:, first : first + _BLOCK] = (np.abs(turn @ series) ** 2).T
+    step = float(np.min(np.diff(frequency_Hz), initial=frequency_Hz[0]))
+    step = float(frequency_Hz[0]) / round(frequency_Hz[0] / step)  # a difference has lost digits
+    multiple = np.rint(frequency_Hz / step).astype(np.int64)
+    on_grid = np.abs(frequency_Hz - step * multiple) < _EVEN * step
+    for j in np.flatnonzero(~on_grid):
+        power[:, j] = np.abs(np.exp(-2j * math.pi * frequency_Hz[j] * time) @ series) ** 2
+    neighbours = np.exp(-2j * math.pi * step * np.outer(np.arange(_BLOCK), time))
+    blocks, places = np.divmod(multiple, _BLOCK)
+    inside = {int(b): np.flatnonzero(on_grid & (blocks == b)) for b in np.unique(blocks[on_grid])}
+
+    def turned(number: int) -> Complex128Array:
+        phasors: Complex128Array = np.exp(-2j * math.pi * step * _BLOCK * number * time)
+        return series * phasors[:, None]
+
+    for number, at in inside.items():
+        if at.size <= _FEW_PLACES:
+            power[:, at] = (np.abs(neighbours[places[at]] @ turned(number)) ** 2).T
+    dense = [number for number, at in inside.items() if at.size > _FEW_PLACES]
+    for first in range(0, len(dense), _BLOCKS):  # a product with many columns takes hardly longer than one with two
+        numbers = dense[first : first + _BLOCKS]
+        found = neighbours @ np.concatenate([turned(number) for number in numbers], axis=1)
+        for number, column in zip(numbers, np.split(found, len(numbers), axis=1), strict=True):
+            power[:, inside[number]] = (np.abs(column[places[inside[number]]]) ** 2).T
     return power
