@@ -23,13 +23,14 @@ _VETOED = (
     ("horizon_20s_rms_rpm", "error 20 s ahead"),
     ("free_run_rms_rpm", "free-run error"),
 )
+_FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
 # Share by which a held-out figure may grow, and factor by which NIS may be further from 1: for an effect whose free run
 # gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
 _WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
 _REAL_GAIN = 0.05
-# Share of what the free run gains by which another figure may grow: a model that leaves no torque noise predicts one
-# step as its free run does, and a wrong number of the other part, which torque noise would hide, shows in all figures.
-_FOR_GAIN = 0.25
+# Where the free run is nearer by so much, only errors far ahead count: a model that leaves no torque noise predicts one
+# step as its free run does, and what a number of the other part is off by, which torque noise would hide, shows there.
+_GREAT_GAIN = 0.5
 # Share by which squared errors would grow for want of knowledge alone, on average. One number decides, or two, so that
 # by chance it is four times as much: about what _WORST and _WORSE ask for.
 BLIND = 0.025
@@ -85,10 +86,9 @@ def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
     """Which held-out figure gets clearly worse from one model to the next, in words."""
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
     gain = _gain(prepared, less, more)
-    if gain <= _REAL_GAIN:
-        return worsened(before, after, *_WORSE)
-    share, nis = _WORST
-    return worsened(before, after, max(share, _FOR_GAIN * gain), nis)
+    if gain > _GREAT_GAIN:
+        before = {key: before[key] for key in _FAR_AHEAD}
+    return worsened(before, after, *(_WORST if gain > _REAL_GAIN else _WORSE))
 
 
 def _gain(prepared: Prepared, less: Fit, more: Fit) -> float:
