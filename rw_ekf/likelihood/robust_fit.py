@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rw_ekf.arrays import BoolArray
@@ -17,9 +19,10 @@ from rw_ekf.likelihood.gauss_newton import Problem, Start
 from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import LEAST_SPREAD, Record, Trajectory
-from rw_ekf.model.state import SPEED
+from rw_ekf.model.state import PARAMETER_NAMES, SPEED
 
 _FILTER_RATIO = 1.0e-3  # q dt / R
+_SURELY, _LATER = 3.0, 1.1  # sigmas of break-away friction, and times Coulomb friction
 
 
 def read_trajectory(course: Course, noise_rad_s: float) -> Trajectory:
@@ -66,6 +69,19 @@ def likelier_along_filter(fit: Fit, start: Fit, model: Model) -> Fit:
     path = smoothed_by_filter(record.course, part & ~start.omit, model, record.constants, noise)
     other = fit_model(start.problem, Start(model, path, start.noise))
     return max(fit, other, key=lambda item: item.likelihood.value)
+
+
+def with_later_break_away(fit: Fit) -> Fit:
+    """A fit, or a likelier one begun with more break-away than Coulomb friction, where it surely ended with less.
+
+    What an asymmetry or a torque does to the free run of least squares may be taken for a wheel that never sticks; no
+    trajectory smoothed with that leads out of it.
+    """
+    static, coulomb = fit.model.parameters.static, fit.model.parameters.coulomb
+    if static > coulomb - _SURELY * fit.std[PARAMETER_NAMES.index("static")]:
+        return fit
+    later = replace(fit.model, parameters=fit.model.parameters._replace(static=_LATER * coulomb))
+    return likelier_along_filter(fit, fit, later)
 
 
 def outliers(fit: Fit) -> BoolArray:

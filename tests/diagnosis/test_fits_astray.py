@@ -5,7 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from drivers.sim.plant_batch import simulate_run
+from drivers.sim.plant_effect_text import parse_effects
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
@@ -16,6 +20,7 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Trajectory
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis import simulated as plant
 from tests.diagnosis.simulated import fitted, record_of, simulated
 from tools.proof.marks import case_called
@@ -75,3 +80,30 @@ def test_a_verdict_that_names_nothing_says_what_speaks_against_it() -> None:
     assert verdict["posterior"]["none"] < 0.5
     assert "the probability that nothing is missing is" in verdict["statement"]
     assert "quadratic_drag is not significant" in verdict["statement"]
+
+
+@pytest.mark.slow
+def test_a_base_fit_that_took_the_wheel_for_one_that_never_sticks_begins_anew() -> None:
+    """Bursts and rests, viscous friction that differs by 80 %: least squares breaks the wheel away at .09 of .57."""
+    rng, rate_hz, samples = np.random.default_rng(83), 20.0, 8000
+    wheel = PlantParameters()._replace(motor_gain=19.3, viscous=0.0032, coulomb=0.475, static=0.571)
+    hold_A = wheel.coulomb / wheel.motor_gain
+    current_A, i = np.zeros(samples), 0
+    while i < samples:
+        burst = int(rng.uniform(2.0, 8.0) * rate_hz)
+        current_A[i : i + burst] = rng.uniform(1.1 * hold_A, 0.25) * rng.choice([-1.0, 1.0])
+        i += burst
+        if rng.random() < 0.5:
+            rest = int(rng.uniform(2.0, 6.0) * rate_hz)
+            current_A[i : i + rest] = rng.uniform(0.0, 0.9) * hold_A * rng.choice([-1.0, 1.0])
+            i += rest
+        i += int(rng.uniform(10.0, 60.0) * rate_hz)
+    effects = parse_effects(["viscous_asymmetry:difference_1_s=-0.0025"], wheel)
+    run = simulate_run(effects, current_A, np.arange(samples) / rate_hz, PlantNoise(RAD_S_PER_RPM, 0.0), seed=83)
+    document = diagnose_log(plant.log_of(run)).document
+    static = document["parameters"]["before"]["static"]
+    assert abs(static["value"] - wheel.static) < 0.05
+    assert document["verdict"]["effects"] == ["viscous_asymmetry"]
+    assert document["verdict"]["indistinguishable"] == []
+    found = document["candidates"][0]["parameters"]["difference_1_s"]
+    assert abs(found["value"] + 0.0025) < 2.5 * found["std"]

@@ -21,7 +21,13 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
-from rw_ekf.likelihood.robust_fit import likelier_along_filter, read_trajectory, robust_fit, smoothed_by_filter
+from rw_ekf.likelihood.robust_fit import (
+    likelier_along_filter,
+    read_trajectory,
+    robust_fit,
+    smoothed_by_filter,
+    with_later_break_away,
+)
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
@@ -118,7 +124,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     torque_noise = _torque_noise(setup, configuration, model)
     record = Record.of(course, everything, setup.constants, work, log_of, torque_noise)
     base = robust_fit(record, start, setup.prior, noise, paths)
-    base = likelier_along_filter(base, base, base.model)
+    base = with_later_break_away(likelier_along_filter(base, base, base.model))
     if not turned:
         course = course._replace(angle_rad=integrated_angle(course, base.trajectory.speed))
         record = replace(record, course=course, angle_is_integrated=True)
