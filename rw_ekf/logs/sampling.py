@@ -29,7 +29,7 @@ _FAR = 0.5  # share of the changes that must be further than that
 _STANDS = 4.0  # refresh periods without a change: the wheel, not the sensor, may stand still
 _TWICE = 1.7  # median runs: two readings in a row that happen to be alike
 _LEAST_RUNS = 20
-_DOUBT = 1.0  # speed noises that an unknown current may move the wheel by before the gap is not bridged
+_DOUBT = 0.2  # speed noises that an unknown current may move the wheel by, for good, before the gap is not bridged
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,8 @@ def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
     """The log as it should be read: lost rows as gaps, repeats as gaps, no belief in a current that is not known.
 
     The current of lost rows is taken to pass evenly from one row to the next. Where it might have moved the wheel by
-    more than the readings' noise if it changed at any other moment, the record is cut: a new segment begins.
+    more than a fifth of the readings' noise if it changed at any other moment, the record is cut: a new segment begins.
+    The speed keeps what moved it, so that a step far below the noise of one reading shows in the mean of many.
     """
     speed = np.where(sampling.held, np.nan, log.speed_rad_s)
     if sampling.lost == 0:
