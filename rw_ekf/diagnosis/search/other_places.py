@@ -1,4 +1,4 @@
-"""A fit that ran to where no machine is: the same effect from the other places where it was nearly as likely.
+"""A fit that ran to where no machine is: the same effect from other places, or the model before it from there.
 
 A bump that noise makes likeliest where it is narrow shrinks there until no reading resolves it, however likely a wide
 one beside it is.
@@ -6,15 +6,19 @@ one beside it is.
 
 from __future__ import annotations
 
+import math
+
 from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.event import fitted_at
 from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts
 
 _NEARLY = 0.7  # of the strongest place's statistic
 _FITTED = 2
 _APART = 1.5  # factor between shape constants of two places that are not one
+_OWN_GAIN = 0.5  # share of an effect's gain: with less of it its own, the model before had not been fitted to the end
 
 
 def possible_fit(current: Fit, gone_astray: Fit, score: Score, facts: RecordFacts) -> Fit:
@@ -37,3 +41,15 @@ def _apart(one: Score, other: Score) -> bool:
     last = one.effect.refined[-1]
     a, b = one.candidate.shape[last], other.candidate.shape[last]
     return max(a, b) > _APART * min(a, b)
+
+
+def lower_valley(current: Fit, fit: Fit, trial: Trial) -> Fit | None:
+    """The model before an effect entered, from where the fit with it stands, if the effect's gain is that of the way.
+
+    Asked where the size is known far worse than the gain would have it.
+    """
+    name = trial.effect.id
+    if trial.effect.local_in_time or fit.knows(name, _OWN_GAIN * math.sqrt(trial.statistic)):
+        return None
+    less = fit.without(name)
+    return less if less.likelihood.value - current.likelihood.value > _OWN_GAIN * 0.5 * trial.statistic else None

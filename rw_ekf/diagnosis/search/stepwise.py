@@ -7,7 +7,6 @@ left out, or goes: an offset that vanishes once viscous friction is split by dir
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,7 +15,7 @@ from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_s
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
 from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
 from rw_ekf.diagnosis.search.laws import by_likeliest_law
-from rw_ekf.diagnosis.search.other_places import possible_fit
+from rw_ekf.diagnosis.search.other_places import lower_valley, possible_fit
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.selection import Selection, Trial
 from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_BESIDE_MOTION, NOT_SIGNIFICANT, TOO_SMALL
@@ -34,7 +33,6 @@ _MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
 MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
 ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
-_OWN_GAIN = 0.5  # share of an effect's gain: with less of it its own, the model before had not been fitted to the end
 _ANOTHER_WAY = 2.0  # log-likelihood that another path may still bring to what one path left below significance
 
 
@@ -72,7 +70,7 @@ class Search:
             if added is None:
                 break
             fit, trial = added
-            lower = _lower_valley(current, fit, trial)
+            lower = lower_valley(current, fit, trial)
             if lower is not None:
                 trial.decision = NOT_SIGNIFICANT
                 if selection.base is current:
@@ -81,6 +79,10 @@ class Search:
                 continue
             fit = by_likeliest_law(current, fit, trial.effect.id, self.facts)
             fit = self.with_open_speed(likelier_along_filter(fit, current, fit.model))
+            if not fit.model.possible(trial.effect.id, self.facts):  # where it is likeliest: something else is there
+                trial.decision = IMPOSSIBLE
+                self.effects = [effect for effect in self.effects if effect is not trial.effect]
+                continue
             if trial.effect.local_in_time:
                 fit = with_other_laws(fit, trial.effect.id, self.facts)
             current = self.pruned(fit, selection)
@@ -238,18 +240,6 @@ class Search:
             fit = fit.refitted(fit.model.changed(curve, by_base_law))
         less, speed = fit.model.without(name), fit.model.of(name)[0].values[0]
         return fit.refitted(replace(less, stribeck=less.stribeck._replace(omega_s=speed)))
-
-
-def _lower_valley(current: Fit, fit: Fit, trial: Trial) -> Fit | None:
-    """The model before an effect entered, from where the fit with it stands, if the effect's gain is that of the way.
-
-    Asked where the size is known far worse than the gain would have it.
-    """
-    name = trial.effect.id
-    if trial.effect.local_in_time or fit.knows(name, _OWN_GAIN * math.sqrt(trial.statistic)):
-        return None
-    less = fit.without(name)
-    return less if less.likelihood.value - current.likelihood.value > _OWN_GAIN * 0.5 * trial.statistic else None
 
 
 def _inventory(model: Model) -> set[tuple[str, float]]:
