@@ -45,7 +45,7 @@ class Margins(NamedTuple):
     above: float = 0.42
     below: float = 0.5
     left: float = 0.85
-    right: float = 0.12
+    right: float = 0.22
     rows: float = 0.0
 
 
