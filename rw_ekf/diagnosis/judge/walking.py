@@ -8,11 +8,12 @@ from rw_ekf.diagnosis.judge.evidence import log_evidence, log_evidence_with_walk
 from rw_ekf.diagnosis.judge.found import MAP_P, Found, mapped
 from rw_ekf.diagnosis.search.confounding import one_and_the_same, quantity_of
 from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE
-from rw_ekf.diagnosis.search.selection import Rival
+from rw_ekf.diagnosis.search.selection import Rival, Trial
 from rw_ekf.diagnosis.search.stepwise import LOCAL_P, Search
 from rw_ekf.diagnosis.search.wander import pieces, wandering
 from rw_ekf.diagnosis.standing import ADDED, NOT_BESIDE_MOTION, NOT_CONFIRMED
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
+from rw_ekf.likelihood.fitting import Fit
 
 _GOES_WITH_TIME = ("time", "temperature")
 
@@ -54,17 +55,20 @@ def _refused_is_likelier(found: Found, walk: Found) -> bool:
 
     A walk does what many an effect does. What is not settled is then better left open than called a walk.
     """
-    facts, own = found.prepared.facts, log_evidence(walk.fit, tuple(walk.new_ids), walk.prepared.facts)
+    own = log_evidence(walk.fit, tuple(walk.new_ids), walk.prepared.facts)
     refused = [
         trial
         for trial in found.selection.trials.values()
         if isinstance(trial.decision, str) and trial.decision.startswith(NOT_CONFIRMED) and trial.terms
     ]
-    for trial in refused:
-        fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
-        if log_evidence(fit, (*found.new_ids, trial.effect.id), facts) > own:
-            return True
-    return False
+    return any(_likelier(found, trial, own) is not None for trial in refused)
+
+
+def _likelier(found: Found, trial: Trial, least: float) -> Fit | None:
+    """What was found fitted with a further effect, where the log-evidence of that reaches `least`."""
+    fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
+    reached = log_evidence(fit, (*found.new_ids, trial.effect.id), found.prepared.facts) >= least
+    return fit if reached else None
 
 
 def _with_a_clock(found: Found, walk: Found) -> Found | None:
@@ -74,13 +78,12 @@ def _with_a_clock(found: Found, walk: Found) -> Found | None:
     walk; once something has to be named, the likeliest is.
     """
     facts = found.prepared.facts
+    own = log_evidence(walk.fit, tuple(walk.new_ids), facts)
     waiting = [t for t in found.selection.trials.values() if t.decision == NOT_BESIDE_MOTION and t.terms]
     for trial in sorted(waiting, key=lambda item: -item.evidence):
         name = trial.effect.id
-        fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
-        if not (fit.may_matter(name, facts) and fit.model.possible(name, facts)):
-            continue
-        if log_evidence(fit, (*found.new_ids, name), facts) < log_evidence(walk.fit, tuple(walk.new_ids), facts):
+        fit = _likelier(found, trial, own)
+        if fit is None or not (fit.may_matter(name, facts) and fit.model.possible(name, facts)):
             continue
         trials = {**found.selection.trials, name: replace(trial, decision=ADDED)}
         clocked = mapped(found.prepared, replace(found.selection, final=fit, trials=trials))
