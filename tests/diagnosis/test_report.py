@@ -34,7 +34,7 @@ VOID = {"meta", "img", "br", "link", "input", "hr"}
 ALL_FILES = {
     "augmented-model.yaml",
     "diagnosis.json",
-    "evidence.png",
+    "evidence.svg",
     "report.html",
     "residual.png",
     "speed.png",
@@ -117,11 +117,12 @@ def test_the_page_stands_alone(written: Path) -> None:
     assert "@import" not in raw
     assert not {"script", "link", "iframe", "object"} & set(page.tags)
     assert len(page.images) == 3
-    for image, name in zip(page.images, ("speed", "residual", "evidence"), strict=True):
+    for image, name in zip(page.images, ("speed.png", "residual.png", "evidence.svg"), strict=True):
         source = image["src"] or ""
         assert image["alt"]
-        picture = base64.b64decode(source.removeprefix("data:image/png;base64,"))
-        assert picture == (written / f"{name}.png").read_bytes()
+        kind, content = source.split(";base64,")
+        assert kind == ("data:image/svg+xml" if name.endswith("svg") else "data:image/png")
+        assert base64.b64decode(content) == (written / name).read_bytes()
 
 
 def test_verdict_and_figures_come_first(found: Diagnosis, written: Path) -> None:
@@ -165,13 +166,13 @@ def test_nan_is_null_in_the_document(found: Diagnosis, written: Path) -> None:
 @pytest.mark.parametrize("kind", ["adequate", "unexplained", "insufficient_excitation"])
 def test_without_a_better_model_what_an_earlier_run_left_is_gone(kind: str, tmp_path: Path) -> None:
     """A stale augmented model (and picture) is removed; the page has the reason and advice, and no command for it."""
-    for name in (*ALL_FILES, "shapes.png"):
+    for name in (*ALL_FILES, "shapes.png", "evidence.png"):
         (tmp_path / name).write_text("of an earlier run", encoding="utf-8")
     poor = example([], kind=kind, seed=2)
     page = report(poor, tmp_path)
     left = {"diagnosis.json", "report.html", "speed.png"}
     if kind != "insufficient_excitation":
-        left |= {"residual.png", "evidence.png"}
+        left |= {"residual.png", "evidence.svg"}
     assert {path.name for path in tmp_path.iterdir()} == left
     assert "augmented-model.yaml" not in page.text
     assert poor.document["verdict"]["statement"].split(":")[0] in page.text

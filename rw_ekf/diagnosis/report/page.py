@@ -39,7 +39,10 @@ def page(
     units: Units,
     options: Sequence[str] = (),
 ) -> str:
-    """The whole HTML document; pictures: name -> PNG; directory, options: of the model and log, for commands shown."""
+    """The whole HTML document.
+
+    pictures: name of the file -> content; directory, options: of the model and log, for commands shown.
+    """
     document = diagnosis.document
     kind, name, statement = verdict_of(document)
     title = f"{name}: {Path(diagnosis.log.name).name}"
@@ -98,26 +101,29 @@ def _figures(diagnosis: Diagnosis, units: Units) -> str:
     return f'<p class="legend">{words}</p>{tiles(pairs)}'
 
 
+_MEDIA = {"png": "image/png", "svg": "image/svg+xml"}
+
+
 def _pictures(diagnosis: Diagnosis, pictures: Mapping[str, bytes], units: Units) -> str:
     kind, _, _ = verdict_of(diagnosis.document)
     thresholds = any(c.get("threshold") is not None for c in diagnosis.document.get("candidates") or ())
     parts = []
-    for key, heading, alt, caption in (
+    for name, heading, alt, caption in (
         (
-            "shapes",
+            "shapes.png",
             "What no effect explains" if kind != "effect" else "What is left over",
             "Fitted curves of what is left, over the quantities that it depends on, each with a band of two sigma.",
             shapes_caption(diagnosis.document),
         ),
-        ("speed", *_speed_words(diagnosis)),
+        ("speed.png", *_speed_words(diagnosis)),
         (
-            "residual",
+            "residual.png",
             "Residual",
             "Binned means of the residual against time, speed, low speed, current, angle and temperature.",
             residual_caption(units, has_after=diagnosis.after is not None, kind=kind),
         ),
         (
-            "evidence",
+            "evidence.svg",
             "Evidence for every effect of the catalogue",
             "Bars of evidence for every candidate effect, each with its probability; the table below has the numbers.",
             "Blue was added to the model. Pale blue looked like the cause, until the effect that was added explained "
@@ -125,8 +131,9 @@ def _pictures(diagnosis: Diagnosis, pictures: Mapping[str, bytes], units: Units)
             + (" The black tick is the threshold." if thresholds else ""),
         ),
     ):
-        if key in pictures:
-            source = f"data:image/png;base64,{base64.b64encode(pictures[key]).decode('ascii')}"
+        if name in pictures:
+            key, suffix = name.split(".")
+            source = f"data:{_MEDIA[suffix]};base64,{base64.b64encode(pictures[name]).decode('ascii')}"
             parts.append(f"<h2>{heading}</h2>{figure(key, source, alt, caption)}")
     return "\n".join(parts)
 

@@ -243,5 +243,8 @@ def _dress(axis: Any, panel: Panel, row: list[BinnedMeans], units: Units, extent
     axis.set_title(panel.title, fontsize=10, loc="left", y=1.0, color=INK, weight="bold" if marked else "normal")
     places = int(np.clip(2 - np.floor(np.log10(extent)), 0, 9))
     sizes = " → ".join(f"{found.structure:.{places}f}" for found in row)
-    told = f"{sizes} {units.residual}" if all(np.isfinite(found.structure) for found in row) else "too few samples"
+    structures = [found.structure for found in row]
+    told = f"{sizes} {units.residual}" if np.isfinite(structures).all() else "too few samples"
+    if not any(float(f"{size:.{places}f}") for size in structures):
+        told = "nothing beyond noise"
     axis.set_title(told, fontsize=8.5, loc="right", y=1.0, color=GREY)

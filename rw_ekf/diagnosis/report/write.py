@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from rw_ekf.diagnosis.report.evidence import evidence_picture
 from rw_ekf.diagnosis.report.page import page
-from rw_ekf.diagnosis.report.pictures import evidence_picture, speed_picture
 from rw_ekf.diagnosis.report.residual import residual_picture
 from rw_ekf.diagnosis.report.shapes import shapes_picture
+from rw_ekf.diagnosis.report.speed import speed_picture
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
@@ -16,6 +17,7 @@ from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import atomic_path, write_text
 
 DOCUMENT, PAGE, MODEL = "diagnosis.json", "report.html", "augmented-model.yaml"
+_EARLIER = "evidence.png"  # as the evidence was drawn before: of an earlier run, and so removed
 
 
 def write_report(
@@ -36,10 +38,11 @@ def write_report(
     units = Units(wheel_units, inertia_kg_m2)
     _make(directory)
     drawn = {
-        "shapes": shapes_picture(diagnosis),
-        "speed": speed_picture(diagnosis, units),
-        "residual": residual_picture(diagnosis, units),
-        "evidence": evidence_picture(diagnosis.document),
+        "shapes.png": shapes_picture(diagnosis),
+        "speed.png": speed_picture(diagnosis, units),
+        "residual.png": residual_picture(diagnosis, units),
+        "evidence.svg": evidence_picture(diagnosis.document),
+        _EARLIER: None,
     }
     pictures = {name: content for name, content in drawn.items() if content is not None}
     written = [directory / DOCUMENT]
@@ -51,7 +54,7 @@ def write_report(
     else:
         _remove(model)
     for name in drawn:
-        path = directory / f"{name}.png"
+        path = directory / name
         if name in pictures:
             with atomic_path(path) as temporary:
                 temporary.write_bytes(pictures[name])
