@@ -202,9 +202,10 @@ class LostAngle:
     def followed(self, regressors: Float64Array, order: float, sizes: tuple[float, float], particles: int) -> Followed:
         """The better of two ratios of noises; sizes: amplitudes are spread evenly in their logarithm between them."""
         none, found = np.zeros((0, regressors.shape[0])), []
-        for ratio in (_LESS_NOISE * self.noise.ratio, self.noise.ratio):
+        ratios = {max(share * self.noise.ratio, LEAST_RATIO) for share in (_LESS_NOISE, 1.0)}
+        for ratio in sorted(ratios):
             logs = _spread(sizes, particles)
-            value = self._run(regressors, order, logs, max(ratio, LEAST_RATIO), none)
+            value = self._run(regressors, order, logs, ratio, none)
             size = math.exp(float(logs.mean()))
             found.append(Followed(value - self._nothing, size, size * float(logs.std()), ratio))
         return max(found)
@@ -214,7 +215,7 @@ class LostAngle:
         sizes = 0.5 * size, 2.0 * size
         ratio = self.followed(regressors, order, sizes, MANY).ratio
         paths = np.zeros((_PATHS, regressors.shape[0]))
-        self._run(regressors, order, _spread(sizes, MANY), max(ratio, LEAST_RATIO), paths)
+        self._run(regressors, order, _spread(sizes, MANY), ratio, paths)
         return paths
 
     @cached_property

@@ -9,7 +9,9 @@ noise is the same throughout. What noise alone does to these slopes is drawn fro
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any, Literal
 
 import numpy as np
@@ -28,7 +30,8 @@ from rw_ekf.units import RAD_S_PER_RPM
 Along = Literal["speed", "current", "direction"]
 
 LEVEL = 1.0e-3  # of the finding: so often would it be made of noise alone
-_DRAWS = 400
+_FEW, _DRAWS = 100, 400
+_WORTH_MORE = 0.01  # p by few draws: for a finding to have more their spread would have to be wrong by a half
 _AT = 0.05  # level at which the draws themselves tell how many windows are independent
 _WIDTH, _STEP = 1.6, 1.25  # a window of speeds ends at so many times its beginning; the next begins so much further
 _OF_TOP_SPEED = ((0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.1), (0.0, 0.5), (0.25, 0.75), (0.5, 1.1))
@@ -108,7 +111,12 @@ def noise_finding(fit: Fit, facts: RecordFacts) -> NoiseFinding | None:
     windows, used = _windows(fit, facts)
     if not windows:
         return None
-    p, independent = _p_values(*_slopes(fit, windows, used))
+    seen, draws = _slopes(fit, windows, used)
+    alone = list(islice(draws, _FEW))
+    if _p_values(seen, np.array(alone))[0].min() > _WORTH_MORE:
+        return None
+    alone += islice(draws, _DRAWS - _FEW)
+    p, independent = _p_values(seen, np.array(alone))
     best = int(np.argmin(p))
     together = -math.expm1(independent * math.log1p(-min(float(p[best]), 1.0 - 1.0e-12)))
     if together >= LEVEL:
@@ -147,8 +155,8 @@ def _windows(fit: Fit, facts: RecordFacts) -> tuple[list[Window], BoolArray]:
     return [window for window in found if least < window.inside.sum() < largest], used
 
 
-def _slopes(fit: Fit, windows: list[Window], used: BoolArray) -> tuple[Float64Array, Float64Array]:
-    """Slopes of the log-likelihood by a variance of each window's own, (2 + windows,), and those under noise alone.
+def _slopes(fit: Fit, windows: list[Window], used: BoolArray) -> tuple[Float64Array, Iterator[Float64Array]]:
+    """Slopes of the log-likelihood by a variance of each window's own, (2 + windows,), and draws under noise alone.
 
     The first two are of all intervals that are compared, and of all others. The slope by the variance of one interval's
     torque is half the square of the adjoint of what is left there, but for a constant that the draws have too.
@@ -169,15 +177,19 @@ def _slopes(fit: Fit, windows: list[Window], used: BoolArray) -> tuple[Float64Ar
         found: Float64Array = (back**2) @ weights
         return found
 
-    linearised.record.work.charge(_DRAWS * whitening_units(n, 1))
-    draws = np.random.default_rng(_SEED)
-    return slopes(r), np.array([slopes(draws.standard_normal(r.size)) for _ in range(_DRAWS)])
+    def drawn() -> Iterator[Float64Array]:
+        rng = np.random.default_rng(_SEED)
+        while True:
+            linearised.record.work.charge(whitening_units(n, 1))
+            yield slopes(rng.standard_normal(r.size))
+
+    return slopes(r), drawn()
 
 
 def _p_values(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, float]:
     """(p of each window by itself, how many are independent); what a common noise can follow is taken off.
 
-    seen (2 + windows,), alone (draws, 2 + windows): as `_slopes` gives them.
+    seen (2 + windows,), alone (draws, 2 + windows): as `_slopes` gives them, drawn.
     """
     mean = alone.mean(axis=0)
     seen, alone = seen - mean, alone - mean

@@ -11,6 +11,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.profiled import Profiled
 
 _RANK = 0.02  # of a unit regressor: less is what the model's own parameters do
+_SINGULAR = 1.0e-12  # of the largest square: less is rounding
 _SIGNALS, _SIGNAL_STEPS = (0.3, 300.0), 16  # of random coefficients, of the regressor best seen, in sigmas of noise
 _GREATEST = 3000.0  # where every size is weighed
 
@@ -34,15 +35,14 @@ def fit_group(profiled: Profiled, regressors: Float64Array) -> GroupFit:
     best_merit, statistic = -math.inf, 0.0
     solution, covariance = np.zeros(independent.shape[1]), np.zeros((independent.shape[1],) * 2)
     for i in range(len(profiled.ratios)):
-        G = profiled.beside_own(i, independent)
-        U, sizes, Vt = np.linalg.svd(G, full_matrices=False)
-        along = U.T @ profiled.residuals[i]
-        gain = float(np.sum(along**2))
+        _, gram, products = profiled.sums(i, independent)
+        back, information = _inverse_root(gram)
+        along = back.T @ products
+        gain = float(along @ along)
         value = float(profiled.value(i, gain))
-        merit = float(profiled.restricted(i, gain, sizes.size, float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))))
+        merit = float(profiled.restricted(i, gain, along.size, information))
         if merit > best_merit:
             best_merit, statistic = merit, 2.0 * (value - profiled.without)
-            back = Vt.T / np.maximum(sizes, 1.0e-300)
             solution = back @ along
             covariance = max(profiled.rss[i] - gain, 1.0e-9) / profiled.count * (back @ back.T)
     return GroupFit(statistic, independent.shape[1], mixing @ solution, mixing @ covariance @ mixing.T)
@@ -65,10 +65,10 @@ def statistics_alone(
         lost = profiled.rss[i] - np.sum(left**2, axis=0)  # as if this record's sum of squares had gained so much
         nothing[i], without[i] = profiled.restricted(i, lost, 0, 0.0), profiled.value(i, lost)
         for g, regressors in enumerate(independent):
-            U, sizes, _ = np.linalg.svd(profiled.beside_own(i, regressors), full_matrices=False)
-            gains = lost + np.sum((U.T @ left) ** 2, axis=0)
-            information = float(np.sum(np.log(np.maximum(sizes, 1.0e-300))))
-            merits[g, i] = profiled.restricted(i, gains, sizes.size, information)
+            G = profiled.beside_own(i, regressors)
+            back, information = _inverse_root(G.T @ G)
+            gains = lost + np.sum((back.T @ (G.T @ left)) ** 2, axis=0)
+            merits[g, i] = profiled.restricted(i, gains, back.shape[1], information)
             values[g, i] = profiled.value(i, gains)
     alone = np.take_along_axis(without, np.argmax(nothing, axis=0)[None], axis=0)[0]
     found = np.take_along_axis(values, np.argmax(merits, axis=1)[:, None], axis=1)[:, 0]
@@ -118,12 +118,20 @@ def _drawn(
 
     signals (k,): deviations of the coefficients times the length of the regressor best seen, which comes third.
     """
-    U, sizes, _ = np.linalg.svd(profiled.beside_own(i, regressors), full_matrices=False)
-    powers = (U.T @ profiled.residuals[i]) ** 2
-    unit = max(float(sizes[0]), 1.0e-300)
-    x = (signals[:, None] * sizes / unit) ** 2
-    gains: Float64Array = np.sum(powers * x / (1.0 + x), axis=1)
-    return gains, profiled.restricted(i, gains, 0, 0.5 * np.sum(np.log1p(x), axis=1)), unit
+    _, gram, products = profiled.sums(i, regressors)
+    squares, V = np.linalg.eigh(gram)
+    squares, unit = np.maximum(squares, 0.0), math.sqrt(max(float(squares[-1]), 1.0e-300))
+    scale = (signals[:, None] / unit) ** 2
+    known = 1.0 + scale * squares  # what the data know of each combination, to what is known beforehand
+    gains: Float64Array = np.sum((V.T @ products) ** 2 * scale / known, axis=1)
+    return gains, profiled.restricted(i, gains, 0, 0.5 * np.sum(np.log(known), axis=1)), unit
+
+
+def _inverse_root(gram: Float64Array) -> tuple[Float64Array, float]:
+    """B (m, r) with B B' the inverse of a Gram matrix (m, m), and half its log-determinant."""
+    squares, V = np.linalg.eigh(gram)
+    kept = squares > _SINGULAR * max(float(squares[-1]), 1.0e-300)
+    return V[:, kept] / np.sqrt(squares[kept]), 0.5 * float(np.sum(np.log(squares[kept])))
 
 
 def _independent(profiled: Profiled, regressors: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -131,12 +139,11 @@ def _independent(profiled: Profiled, regressors: Float64Array) -> tuple[Float64A
 
     With the matrix (m, r) that makes r of them of the regressors; what the model itself follows is in none of them.
     """
-    _, A, _ = profiled.linearised.whitened(profiled.ratios[profiled.own], profiled.variance, regressors)
-    lengths = np.linalg.norm(A, axis=0)
-    seen = lengths > 0.0
-    scaled = regressors[:, seen] / lengths[seen]
-    _, sizes, Vt = np.linalg.svd(profiled.beside_own(profiled.own, scaled), full_matrices=False)
-    combined = Vt[sizes > _RANK].T
+    whole, gram, _ = profiled.sums(profiled.own, regressors)
+    seen = whole > 0.0
+    lengths = np.sqrt(whole[seen])
+    squares, V = np.linalg.eigh(gram[np.ix_(seen, seen)] / np.outer(lengths, lengths))
+    combined = V[:, squares > _RANK**2]
     mixing = np.zeros((regressors.shape[1], combined.shape[1]))
-    mixing[seen] = combined / lengths[seen, None]
-    return np.ascontiguousarray(scaled @ combined), mixing
+    mixing[seen] = combined / lengths[:, None]
+    return regressors @ mixing, mixing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,14 @@ from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
 
 _RATIOS_BELOW = 6
+
+
+class Sums(NamedTuple):
+    """Of regressors, whitened, beside a model's own: the whole of a regression on them."""
+
+    whole: Float64Array  # (m,) squares of their lengths, before the model's own are projected out
+    gram: Float64Array  # (m, m)
+    products: Float64Array  # (m,) with what the model leaves
 
 
 class Profiled:
@@ -69,6 +78,24 @@ class Profiled:
         free = int(self.bases[i].shape[1]) + added
         known = 0.5 * free * np.log(self.left(i, gain)) - self.restrictions[i]
         return np.asarray(self.value(i, gain) + known - information)
+
+    def sums(self, i: int, regressors: Float64Array) -> Sums:
+        """Sums of squares and products of regressors (n, m) at the i-th ratio.
+
+        With G = A - Q Q'A, G'G = A'A - S'(2 - Q'Q)S where S = Q'A: G need not be made. Q is not quite orthonormal, as
+        the rows of the a priori are cut off.
+        """
+        _, A, _ = self.linearised.whitened(self.ratios[i], self.variance, regressors)
+        shadow, taken, products = self.seen_by_own(i, A)
+        squares = A.T @ A
+        return Sums(np.diagonal(squares), squares - shadow.T @ taken, products)
+
+    def seen_by_own(self, i: int, A: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Of whitened columns A (n, m): S = Q'A (p, m), (2 - Q'Q)S, and what they have with the residual (m,)."""
+        Q, left = self.bases[i], self.residuals[i]
+        both = np.column_stack((Q, left)).T @ A
+        shadow = both[:-1]
+        return shadow, 2.0 * shadow - (Q.T @ Q) @ shadow, both[-1] - shadow.T @ (Q.T @ left)
 
     def beside_own(self, i: int, regressors: Float64Array) -> Float64Array:
         """Columns whitened at the i-th ratio, the model's own projected out."""

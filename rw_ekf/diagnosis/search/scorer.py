@@ -48,10 +48,7 @@ class Scorer(Profiled):
         merits = np.full(len(group), -math.inf)
         for i, ratio in enumerate(self.ratios):
             _, A, _ = self.linearised.whitened(ratio, self.variance, regressors)
-            Q, left = self.bases[i], self.residuals[i]
-            shadow = Q.T @ A  # what the model's own regressors have of them
-            taken = 2.0 * shadow - (Q.T @ Q) @ shadow  # Q is not quite orthonormal: the rows of the prior are cut off
-            products = A.T @ left - shadow.T @ (Q.T @ left)
+            shadow, taken, products = self.seen_by_own(i, A)
             for numbers, columns in alike:
                 gram = _grams(A, shadow, taken, columns)
                 for number, gain, merit in self._regressed(i, [group[g] for g in numbers], gram, products[columns]):
