@@ -6,6 +6,7 @@ import math
 from typing import ClassVar
 
 from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, moment, of_coulomb
+from rw_ekf.model.averages import phi_1
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution, StaticEffect
 
@@ -104,7 +105,7 @@ class DragSpike(StaticEffect):
         if duration <= 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, a * math.exp(-passed / q2)
         inside = min(passed, duration)
-        mean = -math.expm1(-inside / q2) * q2 / duration * math.exp(-(passed - inside) / q2)
+        mean = phi_1(inside / q2) * inside / duration * math.exp(-(passed - inside) / q2)
         return 0.0, 0.0, 0.0, 0.0, 0.0, a * mean
 
     @staticmethod

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, largest_torque, of_coulomb
 from rw_ekf.effects.periodic import PeriodicEffect
+from rw_ekf.model.averages import sinc
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape
 from rw_ekf.model.effect_kinds import Contribution
 
@@ -84,8 +85,7 @@ class ExternalTorque(PeriodicEffect):
     ) -> Contribution:  # fmt: skip
         """External -f: the sine in the middle of the piece times sinc of half the phase passed."""
         half = math.pi * q1 * duration
-        mean = math.sin(half) / half if abs(half) > 1.0e-4 else 1.0 - half * half / 6.0
-        return 0.0, -a * mean * math.sin(2.0 * math.pi * q1 * (time - q3) + q2), 0.0, 0.0, 0.0, 0.0
+        return 0.0, -a * sinc(half) * math.sin(2.0 * math.pi * q1 * (time - q3) + q2), 0.0, 0.0, 0.0, 0.0
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

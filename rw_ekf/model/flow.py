@@ -11,6 +11,7 @@ Every function here is compiled by numba as it stands (rw_ekf.wheel.equations) a
 
 import math
 
+from rw_ekf.model.averages import phi_1, phi_1_slope
 from rw_ekf.model.friction import FrictionCurve, far_limit, stribeck, stribeck_slope
 
 _STEP_IN_STRIBECK_SPEEDS = 0.25  # error below 2e-7 rad/s in 0.1 s at the default wheel (tests/model)
@@ -19,21 +20,6 @@ _STEP_TIMES_SLOPE = 0.25
 # than 200 steps, and no friction is so negative that a speed grows by more than exp(30) in one.
 _MAX_STEPS = 2_000
 _MAX_GROWTH = 30.0
-_SERIES_LIMIT = 1.0e-3
-
-
-def _phi_1(x: float) -> float:
-    """(1 - exp(-x)) / x [-], accurate through x = 0."""
-    if abs(x) < _SERIES_LIMIT:
-        return 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0)))
-    return -math.expm1(-x) / x
-
-
-def _phi_1_slope(x: float) -> float:
-    """d/dx of (1 - exp(-x)) / x [-], accurate through x = 0."""
-    if abs(x) < _SERIES_LIMIT:
-        return -0.5 + x * (1.0 / 3.0 - x * (1.0 / 8.0 - x * (1.0 / 30.0 - x / 144.0)))
-    return (math.exp(-x) * (1.0 + x) - 1.0) / (x * x)
 
 
 def _far_time(v: float, target: float, net: float, b: float) -> float:
@@ -115,14 +101,14 @@ def slip(
         if v > far:
             net = push - c
             h = left
-            end = v + (net - b * v) * h * _phi_1(b * h)
+            end = v + (net - b * v) * h * phi_1(b * h)
             if end < far:
                 h = min(max(_far_time(v, far, net, b), 0.0), left)
                 end = far
             x = b * h
-            gain = h * _phi_1(x)
+            gain = h * phi_1(x)
             keep = 1.0 - b * gain
-            of_b = -h * keep * v + net * h * h * _phi_1_slope(x)
+            of_b = -h * keep * v + net * h * h * phi_1_slope(x)
             to_v *= keep
             to_push = keep * to_push + gain
             to_b = keep * to_b + of_b

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.model.flow import _phi_1
+from rw_ekf.model.averages import phi_1
 from rw_ekf.model.friction import GAUSS, TUSTIN, far_limit
 
 LAG = 0
@@ -42,13 +42,13 @@ def coast(v: float, f: float, push: float, far: float, h: float, wheel: Wheel) -
     """
     b, c, _, _, _, kind, rate, _ = wheel
     excess = f - c
-    end = v + (push - c - b * v) * h * _phi_1(b * h)
+    end = v + (push - c - b * v) * h * phi_1(b * h)
     if kind == BRISTLE:
         if end >= far and abs(excess) > _SETTLED * abs(c):
             return _slide(v, excess, push, far, h, end, wheel)
         return end >= far, end, c
     f_end = c + excess * math.exp(-rate * h)
-    end -= excess * math.exp(-min(b, rate) * h) * h * _phi_1(abs(rate - b) * h)
+    end -= excess * math.exp(-min(b, rate) * h) * h * phi_1(abs(rate - b) * h)
     dips = push - b * v - f < 0.0 < push - b * end - f_end
     return end >= far and not dips, end, f_end
 

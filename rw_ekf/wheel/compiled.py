@@ -35,14 +35,15 @@ def source_digest(modules: list[ModuleType]) -> str:
     return digest.hexdigest()
 
 
-def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = False) -> None:
+def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = False, inlined: bool = False) -> None:
     """Let compiled code call these plain Python functions, which stay plain Python otherwise.
 
     allocating: they make arrays. Others only use what they are handed, and count no references to it: counting takes
     as long as a step of the flow, for a table of effects and the pieces of a current several times that.
+    inlined: into each caller, which is worth its room in a loop over a hundred columns and nowhere else.
     """
     for function in functions:
-        register_jitable(error_model="numpy", nogil=True, _nrt=allocating)(function)
+        register_jitable(error_model="numpy", nogil=True, forceinline=inlined, _nrt=allocating)(function)
 
 
 class Kernel:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from rw_ekf.model import flow, friction, state
+from rw_ekf.model import averages, flow, friction, state
 from rw_ekf.wheel import dispatch, effect_transition, interval, pieces, table, transition, window
 from rw_ekf.wheel.compiled import make_jitable
 
+make_jitable([dispatch.contribution_slope], inlined=True)
 make_jitable(
     [
         friction.far_limit,
         friction.stribeck,
         friction.stribeck_slope,
-        flow._phi_1,
-        flow._phi_1_slope,
+        averages.phi_1,
+        averages.phi_1_slope,
+        averages.sinc,
         flow._far_time,
         flow._step,
         flow._exp_small,
@@ -30,7 +32,6 @@ make_jitable(
         transition.transition,
         *dispatch.JITABLE,
         dispatch.contribution,
-        dispatch.contribution_slope,
         dispatch.lagged,
         dispatch.memory_flow,
         window.lateness,
@@ -38,7 +39,7 @@ make_jitable(
         pieces._gather,
         pieces.stribeck_of,
         pieces.driven_by,
-        pieces._slopes_of_static,
+        pieces._chain_static,
         pieces._chain,
         pieces._memory_moved,
         pieces._chain_memory,
@@ -55,5 +56,6 @@ make_jitable(
 
 # Everything that is compiled into a pass with them: its cache is stale when one of them changes.
 EQUATIONS: list[ModuleType] = [
-    state, friction, flow, interval, transition, dispatch, window, pieces, effect_transition, table, *dispatch.MODULES,
+    state, averages, friction, flow, interval, transition, dispatch, window, pieces, effect_transition, table,
+    *dispatch.MODULES,
 ]  # fmt: skip

@@ -80,14 +80,21 @@ def driven_by(x: Any, table: EffectTable, stribeck: Stribeck, at: Moment) -> tup
     return terms, drive, FrictionCurve(b, x[COULOMB] + level, x[STATIC] + level, stribeck.omega_s, stribeck.law)
 
 
-def _slopes_of_static(x: Any, table: EffectTable, at: Moment, j: int) -> tuple[float, float, float]:
-    """Slopes of drive, viscous and dry friction of a step by the coefficient of static effect j."""
-    q = table.static_shape[j]
-    part = contribution_slope(
-        table.static_code[j], x[table.static_at[j]], q[0], q[1], q[2],
-        at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
-    )  # fmt: skip
-    return x[MOTOR_GAIN] * part[0] + part[1], x[VISCOUS] * part[3] + part[2], x[COULOMB] * part[4] + part[5]
+def _chain_static(
+    x: Any, table: EffectTable, row: Any, to: int, at: Moment, of_drive: float, of_b: float, of_dry: float
+) -> None:
+    """Add the slopes by the coefficients of the static effects to a row that begins at `to`.
+
+    of_drive, of_b, of_dry: slopes of the step by drive, viscous and all dry friction.
+    """
+    for j in range(table.static_at.shape[0]):
+        place, q = table.static_at[j], table.static_shape[j]
+        part = contribution_slope(
+            table.static_code[j], x[place], q[0], q[1], q[2],
+            at.omega, at.current, at.temperature, at.angle, at.time, at.duration,
+        )  # fmt: skip
+        row[to + place] += of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * (x[VISCOUS] * part[3] + part[2])
+        row[to + place] += of_dry * (x[COULOMB] * part[4] + part[5])
 
 
 def _chain(
@@ -104,11 +111,8 @@ def _chain(
     row[VISCOUS] += of_b * (1.0 + terms.viscous_factor)
     row[COULOMB] += of_c * (1.0 + terms.dry_factor) + of_s * terms.dry_factor
     row[STATIC] += of_s
-    for j in range(table.static_at.shape[0]):
-        drive, viscous, dry = _slopes_of_static(x, table, at, j)
-        place = table.static_at[j]
-        row[place] += of_drive * drive + of_b * viscous
-        row[place] += (of_c + of_s) * dry
+    if table.static_at.shape[0] > 0:
+        _chain_static(x, table, row, 0, at, of_drive, of_b, of_c + of_s)
 
 
 def row_size(n: int) -> int:
@@ -177,12 +181,8 @@ def _chain_memory(
         row[to + COULOMB] += row[of + 4] * (1.0 + terms.dry_factor) + row[of + 5] * terms.dry_factor
         row[to + STATIC] += row[of + 5]
         row[to + table.memory_at] += row[of + 6]
-    for j in range(table.static_at.shape[0]):
-        of_drive, of_viscous, of_dry = _slopes_of_static(x, table, at, j)
-        for half in range(2):
-            of = at_slopes + half * _INPUTS
-            value = row[of + 2] * of_drive + row[of + 3] * of_viscous
-            row[half * n + table.static_at[j]] += value + (row[of + 4] + row[of + 5]) * of_dry
+        if table.static_at.shape[0] > 0:
+            _chain_static(x, table, row, to, at, row[of + 2], row[of + 3], row[of + 4] + row[of + 5])
 
 
 def effect_interval(
