@@ -42,7 +42,7 @@ class Linearisation:
         """Samples that have an innovation, whatever the noises: those read, but the first of each stretch."""
         n = self.chain.reading.size
         r, none = np.full(n, np.nan), np.zeros((n, 0))
-        whiten(self.chain, none, none[:0], 0.0, 1.0, r, none)
+        whiten(self.chain, none, none[:0], 0.0, 1.0, r, none, none[:0])
         return np.flatnonzero(np.isfinite(r))
 
     def whitened(
@@ -51,16 +51,39 @@ class Linearisation:
         """(r, A, sum of log S) at R = scale and q = ratio R / period, over the samples that have an innovation."""
         n, m = jacobian.shape
         r, A = np.full(n, np.nan), np.zeros((n, m))
-        period = self.record.period_s
-        held = np.zeros((0, m)) if memory_jacobian is None else memory_jacobian
-        self.record.work.charge(whitening_units(n, m))
-        rows = np.ascontiguousarray(jacobian)  # another layout would be compiled anew, in two seconds
-        logs = whiten(self.chain, rows, np.ascontiguousarray(held), ratio * scale / period, scale, r, A)
+        logs, _ = self._whiten(ratio, scale, jacobian, memory_jacobian, r, A, np.zeros((0, 0)))
         at = np.flatnonzero(np.isfinite(r))
         used: slice | NDArray[np.intp] = at
         if at.size and at[-1] - at[0] == at.size - 1:  # nothing is missing in between: no copy
             used = slice(int(at[0]), int(at[-1]) + 1)
         return r[used], A[used], logs
+
+    def whitened_sums(
+        self, ratio: float, scale: float, jacobian: Float64Array, memory_jacobian: Float64Array | None = None
+    ) -> tuple[Float64Array, float, int]:
+        """(A, r)'(A, r) (m + 1, m + 1), the sum of log S and how many r there are, of what `whitened` gives."""
+        m = jacobian.shape[1]
+        sums = np.zeros((m + 1, m + 1))
+        logs, count = self._whiten(ratio, scale, jacobian, memory_jacobian, np.zeros(0), np.zeros((0, m)), sums)
+        return sums + np.tril(sums, -1).T, logs, count
+
+    def _whiten(
+        self,
+        ratio: float,
+        scale: float,
+        jacobian: Float64Array,
+        memory_jacobian: Float64Array | None,
+        r: Float64Array,
+        A: Float64Array,
+        sums: Float64Array,
+    ) -> tuple[float, int]:
+        n, m = jacobian.shape
+        held = np.zeros((0, m)) if memory_jacobian is None else memory_jacobian
+        self.record.work.charge(whitening_units(n, m))
+        rows = np.ascontiguousarray(jacobian)  # another layout would be compiled anew, in two seconds
+        density = ratio * scale / self.record.period_s
+        done: tuple[float, int] = whiten(self.chain, rows, np.ascontiguousarray(held), density, scale, r, A, sums)
+        return done
 
 
 @dataclass(frozen=True)

@@ -95,19 +95,16 @@ def at_ratio(
 
     corrected: False for the model as it stands.
     """
-    r, A, logs = linearised.whitened(ratio, scale, linearised.jacobian, linearised.memory_jacobian)
-    n = r.size
-    size = A.shape[1]
+    sums, logs, n = linearised.whitened_sums(ratio, scale, linearised.jacobian, linearised.memory_jacobian)
+    gram, square = sums[:-1, :-1], float(sums[-1, -1])
+    size = gram.shape[0]
     if size == 0:
-        variance = max(float(r @ r), 1.0e-12) / max(r.size, 1)
-        value = -0.5 * (r.size * math.log(variance) + logs + r.size) + float(
-            noise_term(linearised, scale * variance, ratio)
-        )
-        return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), r.size)
-    gram = A.T @ A
+        variance = max(square, 1.0e-12) / max(n, 1)
+        value = -0.5 * (n * math.log(variance) + logs + n) + float(noise_term(linearised, scale * variance, ratio))
+        return Likelihood(value, value, Noise(variance * scale, ratio), np.zeros(0), np.zeros((0, 0)), n)
     weights = np.sqrt(np.diag(gram))
     weights[weights == 0.0] = 1.0
-    normal, target = gram / np.outer(weights, weights), (A.T @ r) / weights
+    normal, target = gram / np.outer(weights, weights), sums[-1, :-1] / weights
     pull, offset = np.zeros((size, size)), np.zeros(size)
     if known is not None:
         W, aim = known
@@ -115,7 +112,7 @@ def at_ratio(
     # r is in units of sqrt(scale); the prior counts as it is, which is as weak as it should be.
     total = normal + pull / np.outer(weights, weights) + 1.0e-12 * np.eye(size)
     step = np.linalg.solve(total, target + offset / weights) if corrected else np.zeros(size)
-    rss = float(r @ r - 2.0 * step @ target + step @ normal @ step)
+    rss = float(square - 2.0 * step @ target + step @ normal @ step)
     rss = max(rss, 1.0e-12)
     variance = rss / max(n, 1)  # in units of scale
     value = -0.5 * (n * math.log(variance) + logs + n) + float(noise_term(linearised, scale * variance, ratio))

@@ -22,6 +22,8 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.wheel.compiled import compile_cached
 
+_LARGE = 1.0e30
+
 
 class Chain(NamedTuple):
     """The linear model along the trajectory, but for its regressors and noises; arrays over samples."""
@@ -45,20 +47,24 @@ def _whiten(
     R: float,
     r: Float64Array,
     A: Float64Array,
-) -> float:
-    """Fill r (n,) and A (n, m), untouched where there is no innovation; returns the sum of log S over those there are.
+    sums: Float64Array,
+) -> tuple[float, int]:
+    """Fill r (n,) and A (n, m), untouched where there is no innovation; or, where `sums` has any size, that alone.
 
-    regressors (n, m); memory_regressors (n, m), or (0, m) where they are zero. A stretch starts from its first reading,
-    as nothing is known before it.
+    Returns the sum of log S over the innovations there are, and how many. regressors (n, m); memory_regressors (n, m),
+    or (0, m) where they are zero; sums (m + 1, m + 1): the lower triangle of (A, r)'(A, r), added to what is there.
+    A stretch starts from its first reading, as nothing is known before it.
     """
     n, m = regressors.shape
+    summed = sums.shape[0] > 0
     with_memory = memory_regressors.shape[0] > 0
     carried = np.zeros(m)
     held = np.zeros(m)
     known = False
     x, z = 0.0, 0.0
     pxx, pxz, pzz = 0.0, 0.0, 0.0
-    total = 0.0
+    total, count = 0.0, 0
+    product = 1.0  # of S over R, at least one each: its logarithm is taken once in a while
     for i in range(n):
         if not chain.follows[i]:
             known = False
@@ -94,12 +100,21 @@ def _whiten(
         if not has:
             continue
         S = pxx + R
-        root = 1.0 / math.sqrt(S)
         gain, side = pxx / S, pxz / S
         left = chain.reading[i] - x
-        r[i] = left * root
+        if summed:
+            for j in range(m):
+                weighted = carried[j] / S
+                for k in range(j + 1):
+                    sums[j, k] += weighted * carried[k]
+                sums[m, j] += weighted * left
+            sums[m, m] += left * left / S
+        else:
+            root = 1.0 / math.sqrt(S)
+            r[i] = left * root
+            for j in range(m):
+                A[i, j] = carried[j] * root
         for j in range(m):
-            A[i, j] = carried[j] * root
             held[j] -= side * carried[j]
             carried[j] *= 1.0 - gain
         x += gain * left
@@ -107,8 +122,12 @@ def _whiten(
         pzz -= side * pxz
         pxz *= 1.0 - gain
         pxx *= 1.0 - gain
-        total += math.log(S)
-    return total
+        product *= S / R
+        count += 1
+        if product > _LARGE:
+            total += math.log(product)
+            product = 1.0
+    return total + math.log(product) + count * math.log(R), count
 
 
 def _adjoint(chain: Chain, q: float, R: float, white: Float64Array, adjoint: Float64Array) -> None:
@@ -234,7 +253,7 @@ def _chain() -> Chain:
 
 def _whiten_example() -> tuple[Any, ...]:
     whole = np.zeros((0, 1))
-    return (_chain(), whole, whole, 1.0, 1.0, np.zeros(0), whole)
+    return (_chain(), whole, whole, 1.0, 1.0, np.zeros(0), whole, whole)
 
 
 _MODULES = [sys.modules[__name__]]

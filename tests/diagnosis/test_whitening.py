@@ -11,6 +11,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.likelihood.whitening import Chain, adjoint, smooth, whiten
 
 R, Q = 0.8, 0.3
+NONE = np.zeros((0, 0))
 SEEDS = range(4)
 
 
@@ -100,7 +101,7 @@ def test_whitening_is_generalised_least_squares(seed: int, memory: bool) -> None
     if not memory:
         memory_regressors[:] = 0.0
     r, A = np.full(n, np.nan), np.zeros((n, 3))
-    logs = whiten(chain, regressors, memory_regressors if memory else memory_regressors[:0], Q, R, r, A)
+    logs, count = whiten(chain, regressors, memory_regressors if memory else memory_regressors[:0], Q, R, r, A, NONE)
     squares, determinant, normal, target = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3)
     read = []
     for first, end in stretches(chain):
@@ -113,6 +114,11 @@ def test_whitening_is_generalised_least_squares(seed: int, memory: bool) -> None
         read += list(first + dense.read)
     used = np.isfinite(r)
     assert list(np.flatnonzero(used)) == read
+    assert count == len(read)
+    sums = np.zeros((4, 4))
+    again = whiten(chain, regressors, memory_regressors if memory else memory_regressors[:0], Q, R, r[:0], A[:0], sums)
+    assert again == (logs, count)
+    assert np.allclose(sums, np.tril([[*row, 0.0] for row in normal] + [[*target, squares]]), rtol=1e-10)
     assert r[used] @ r[used] == pytest.approx(squares, rel=1e-10)
     assert logs == pytest.approx(determinant, rel=1e-10)
     assert np.allclose(A[used].T @ A[used], normal, rtol=1e-10)
@@ -127,7 +133,7 @@ def test_columns_without_memory_regressors_still_pass_through_the_memory() -> No
     results: list[Float64Array] = []
     for held in (np.zeros((0, 2)), np.zeros((n, 2))):
         r, A = np.full(n, np.nan), np.zeros((n, 2))
-        whiten(chain, regressors, held, Q, R, r, A)
+        whiten(chain, regressors, held, Q, R, r, A, NONE)
         results.append(A)
     assert np.array_equal(results[0], results[1])
 
@@ -140,7 +146,7 @@ def test_adjoint_is_the_transpose(seed: int) -> None:
     rng = np.random.default_rng([seed, 5])
     regressors = rng.normal(size=(n, 4))
     r, A = np.full(n, np.nan), np.zeros((n, 4))
-    whiten(chain, regressors, regressors[:0], Q, R, r, A)
+    whiten(chain, regressors, regressors[:0], Q, R, r, A, NONE)
     white = np.where(np.isfinite(r), rng.normal(size=n), 0.0)
     back = np.full(n, np.nan)
     adjoint(chain, Q, R, white, back)
@@ -179,7 +185,7 @@ def test_a_stretch_with_one_reading_has_no_innovation() -> None:
     chain = chain._replace(reading=reading)
     n = reading.size
     r, A = np.full(n, np.nan), np.zeros((n, 1))
-    whiten(chain, np.ones((n, 1)), np.zeros((0, 1)), Q, R, r, A)
+    whiten(chain, np.ones((n, 1)), np.zeros((0, 1)), Q, R, r, A, NONE)
     assert not np.isfinite(r[11:20]).any()
     assert np.all(A[11:20] == 0.0)
     means, variances = np.zeros((n, 2)), np.zeros((n, 2))

@@ -48,7 +48,7 @@ def test_particles_whose_phase_stays_integrate_over_phase_and_amplitude() -> Non
         added[i] = 0.98 * added[i - 1] + regressors[i] @ [0.9, 0.5]
     chain = chain._replace(reading=added + math.sqrt(R) * rng.standard_normal(n))
     r, A = np.zeros(n), np.zeros((n, 2))
-    sum_logs = whiten(chain, regressors, np.zeros((0, 2)), Q, R, r, A)
+    sum_logs, _ = whiten(chain, regressors, np.zeros((0, 2)), Q, R, r, A, np.zeros((0, 0)))
     logs = np.random.default_rng(1).permutation(np.linspace(math.log(0.3), math.log(3.0), 4000))
     values, sizes = [], np.repeat(np.linspace(math.log(0.3), math.log(3.0), 200), 60)
     for size in np.exp(sizes[::60]):
