@@ -40,7 +40,8 @@ def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = Fals
 
     allocating: they make arrays. Others only use what they are handed, and count no references to it: counting takes
     as long as a step of the flow, for a table of effects and the pieces of a current several times that.
-    inlined: into each caller, which is worth its room in a loop over a hundred columns and nowhere else.
+    inlined: into each caller. A state, a table of effects and the pieces of a current are handed over in a hundred
+    words, which takes as long as a step of the flow: worth its room for what every interval, or every column, calls.
     """
     for function in functions:
         register_jitable(error_model="numpy", nogil=True, forceinline=inlined, _nrt=allocating)(function)

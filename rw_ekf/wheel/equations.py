@@ -8,7 +8,7 @@ from rw_ekf.model import averages, flow, friction, state
 from rw_ekf.wheel import dispatch, effect_transition, interval, pieces, table, transition, window
 from rw_ekf.wheel.compiled import make_jitable
 
-make_jitable([dispatch.contribution_slope], inlined=True)
+make_jitable([flow.slip, flow.flow, dispatch.contribution_slope, pieces.effect_interval], inlined=True)
 make_jitable(
     [
         friction.far_limit,
@@ -21,8 +21,6 @@ make_jitable(
         flow._step,
         flow._exp_small,
         flow._time_to_stop,
-        flow.slip,
-        flow.flow,
         interval.interval_after,
         transition.factor_covariance,
         transition.reflection,
@@ -44,7 +42,6 @@ make_jitable(
         pieces._memory_moved,
         pieces._chain_memory,
         pieces.row_size,
-        pieces.effect_interval,
         effect_transition.turn_root,
         effect_transition.solve_slopes,
         effect_transition._differences,
