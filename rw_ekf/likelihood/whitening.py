@@ -64,7 +64,7 @@ def _whiten(
     x, z = 0.0, 0.0
     pxx, pxz, pzz = 0.0, 0.0, 0.0
     total, count = 0.0, 0
-    product = 1.0  # of S over R, at least one each: its logarithm is taken once in a while
+    per_R, product = 1.0 / R, 1.0  # the product of S over R, at least one each: its logarithm is taken once in a while
     for i in range(n):
         if not chain.follows[i]:
             known = False
@@ -100,17 +100,18 @@ def _whiten(
         if not has:
             continue
         S = pxx + R
-        gain, side = pxx / S, pxz / S
+        weight = 1.0 / S
+        gain, side = pxx * weight, pxz * weight
         left = chain.reading[i] - x
         if summed:
             for j in range(m):
-                weighted = carried[j] / S
+                weighted = carried[j] * weight
                 for k in range(j + 1):
                     sums[j, k] += weighted * carried[k]
                 sums[m, j] += weighted * left
-            sums[m, m] += left * left / S
+            sums[m, m] += left * left * weight
         else:
-            root = 1.0 / math.sqrt(S)
+            root = math.sqrt(weight)
             r[i] = left * root
             for j in range(m):
                 A[i, j] = carried[j] * root
@@ -122,7 +123,7 @@ def _whiten(
         pzz -= side * pxz
         pxz *= 1.0 - gain
         pxx *= 1.0 - gain
-        product *= S / R
+        product *= S * per_R
         count += 1
         if product > _LARGE:
             total += math.log(product)
