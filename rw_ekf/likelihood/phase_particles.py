@@ -200,15 +200,21 @@ class LostAngle:
     noise: Noise
 
     def followed(self, regressors: Float64Array, order: float, sizes: tuple[float, float], particles: int) -> Followed:
-        """The better of two ratios of noises; sizes: amplitudes are spread evenly in their logarithm between them."""
-        none, found = np.zeros((0, regressors.shape[0])), []
-        ratios = {max(share * self.noise.ratio, LEAST_RATIO) for share in (_LESS_NOISE, 1.0)}
-        for ratio in sorted(ratios):
+        """The better of two ratios of noises; sizes: amplitudes are spread evenly in their logarithm between them.
+
+        What gains nothing with the fit's own process noise explains none of it: it has no use for less.
+        """
+        none = np.zeros((0, regressors.shape[0]))
+
+        def at(ratio: float) -> Followed:
             logs = _spread(sizes, particles)
             value = self._run(regressors, order, logs, ratio, none)
             size = math.exp(float(logs.mean()))
-            found.append(Followed(value - self._nothing, size, size * float(logs.std()), ratio))
-        return max(found)
+            return Followed(value - self._nothing, size, size * float(logs.std()), ratio)
+
+        own, less = (max(share * self.noise.ratio, LEAST_RATIO) for share in (1.0, _LESS_NOISE))
+        found = at(own)
+        return max(found, at(less)) if found.gain > 0.0 and less < own else found
 
     def paths(self, regressors: Float64Array, order: float, size: float) -> Float64Array:
         """Phases (k, n) [rad] of a ripple of about this amplitude, beyond that of the regressors."""

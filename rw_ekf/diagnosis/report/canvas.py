@@ -111,11 +111,14 @@ def ground() -> Any:
 def png(figure: Figure) -> bytes:
     """The figure as a PNG. Drawn once: `savefig` draws everything twice, the first time to lay it out."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
 
     figure.set_dpi(_DPI)
     buffer = io.BytesIO()
     canvas: Any = FigureCanvasAgg(figure)
-    canvas.print_png(buffer, pil_kwargs={"compress_level": _COMPRESSION})
+    canvas.draw()
+    opaque = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")  # a white ground needs no fourth channel
+    opaque.save(buffer, "png", compress_level=_COMPRESSION, dpi=(_DPI, _DPI))
     return buffer.getvalue()
 
 
