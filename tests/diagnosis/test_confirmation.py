@@ -1,0 +1,44 @@
+"""Which held-out figures may refuse an effect."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rw_ekf.diagnosis.judge import confirmation
+from rw_ekf.diagnosis.judge.heldout import Performance
+
+BEFORE = {
+    "one_step_rms_rpm": 1.00, "horizon_1s_rms_rpm": 1.0, "horizon_20s_rms_rpm": 1.5, "free_run_rms_rpm": 2.0,
+    "nis_mean": 1.1,
+}  # fmt: skip
+
+
+def refusal(monkeypatch: pytest.MonkeyPatch, **after: float) -> str | None:
+    """What is said of an effect that changes these figures."""
+    less: Any = "less"
+    more: Any = "more"
+    nothing: Any = None
+    figures = {less: BEFORE, more: {**BEFORE, **after}}
+    monkeypatch.setattr(confirmation, "performance", lambda _, fit: Performance(figures[fit], nothing, np.zeros(0)))
+    return confirmation._worse(nothing, less, more)
+
+
+def test_an_effect_that_halves_the_free_run_is_not_refused_for_its_nis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motor gain by temperature, 2.0 -> 0.4 rpm, whose NIS rose as it leaves no torque noise to hide anything."""
+    assert refusal(monkeypatch, free_run_rms_rpm=0.4, nis_mean=1.9, one_step_rms_rpm=1.09) is None
+
+
+def test_one_that_helps_less_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same NIS with a free run nearer by a third, or by nothing, refuses."""
+    assert refusal(monkeypatch, free_run_rms_rpm=1.35, nis_mean=1.9) == "NIS goes from 1.1 to 1.9"
+    assert refusal(monkeypatch, nis_mean=1.9) == "NIS goes from 1.1 to 1.9"
+
+
+def test_errors_far_ahead_refuse_even_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the free run gains, an error 20 s ahead that grows is held against an effect."""
+    said = refusal(monkeypatch, free_run_rms_rpm=0.4, horizon_20s_rms_rpm=1.8)
+    assert said is not None
+    assert "20 s ahead grows by 20 %" in said
