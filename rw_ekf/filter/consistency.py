@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.filter.tails import chi_square_tail, gamma_tail
 
 FALSE_ALARM = 1.0e-3  # of the verdict as a whole, over whiteness and mean
 # Of the joint test for what the commonest effects would add: short records with much torque noise reach 1e-5 by chance.
@@ -103,27 +104,18 @@ def consistency_of(innovation_rad_s: Float64Array, variance: Float64Array, used:
     )
 
 
-def chi_square_tail(value: float, freedom: int) -> float:
-    """P(chi-square with `freedom` degrees exceeds value)."""
-    from scipy.special import gammaincc
-
-    return float(gammaincc(0.5 * freedom, 0.5 * value))
-
-
 def skewed_tail(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, Float64Array]:
     """P(more than seen (k,)), and than each of the draws (draws, k), of statistics that noise alone has as drawn.
 
     Tails are those of Pearson's type III, a shifted chi-square, with the draws' mean, spread and skewness: a sum of
     squares has no others.
     """
-    from scipy.special import gammaincc
-
     mean = alone.mean(axis=0)
     spread = np.maximum(alone.std(axis=0), 1.0e-300)
     skewness = np.maximum(((alone - mean) ** 3).mean(axis=0) / spread**3, _LEAST_SKEWNESS)
     half = 4.0 / skewness**2  # of the chi-square's degrees of freedom
 
     def tail(values: Float64Array) -> Float64Array:
-        return np.asarray(gammaincc(half, np.maximum(half + np.sqrt(half) * (values - mean) / spread, 0.0)))
+        return gamma_tail(half, np.maximum(half + np.sqrt(half) * (values - mean) / spread, 0.0))
 
     return tail(seen), tail(alone)

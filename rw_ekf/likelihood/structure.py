@@ -15,7 +15,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.effects.catalogue import TORQUE
-from rw_ekf.filter.consistency import chi_square_tail
+from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.one_step import predict

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.consistency import FALSE_ALARM, chi_square_tail, consistency_of
+from rw_ekf.filter.consistency import FALSE_ALARM, consistency_of
+from rw_ekf.filter.tails import chi_square_tail
 
 
 def verdict(z: Float64Array) -> bool | None:

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.consistency import chi_square_tail, consistency_of
+from rw_ekf.filter.consistency import consistency_of
+from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 

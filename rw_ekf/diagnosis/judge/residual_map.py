@@ -18,7 +18,7 @@ from rw_ekf.diagnosis.judge.noise_alone import p_values_by_draws
 from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.group import GroupFit, fit_group
 from rw_ekf.diagnosis.search.profiled import Profiled
-from rw_ekf.filter.consistency import chi_square_tail
+from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import RecordFacts

@@ -20,7 +20,7 @@ from functools import lru_cache
 import numpy as np
 
 from rw_ekf.arrays import Complex128Array, Float64Array
-from rw_ekf.filter.consistency import chi_square_tail
+from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.linearisation import Linearisation
 from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.whitening import adjoint

@@ -19,7 +19,7 @@ from rw_ekf.diagnosis.search.group import evidence_of_random, score_random
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
-from rw_ekf.filter.consistency import chi_square_tail
+from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import Candidate, Term

@@ -1,0 +1,86 @@
+"""Tails of the distributions that residuals are judged by (Abramowitz & Stegun 1964: 6.5, 26.4).
+
+A table's worth of arithmetic: the library that has it takes longer to import than a filter over an hour of readings.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+
+_CLOSE = 1.0e-16  # relative: where a sum or a fraction has settled
+_MOST_TURNS = 20_000
+_ALL = 1.0e300  # of a sum relative to its last term: the tail is one
+_LEAST = 1.0e-300
+
+
+def chi_square_tail(value: float, freedom: int) -> float:
+    """P(chi-square with `freedom` >= 1 degrees exceeds value), by its finite sum (A&S 26.4.4-5)."""
+    h = 0.5 * value
+    if h <= 0.0 or math.isinf(h):
+        return 1.0 if h <= 0.0 else 0.0
+    first = 1.0 if freedom % 2 == 0 else 0.5
+    tail = math.exp(-h) if freedom % 2 == 0 else math.erfc(math.sqrt(h))
+    terms = round(0.5 * freedom - first)
+    if terms == 0:
+        return tail
+    total = last = 1.0  # in units of the last term, h^(a - 1) exp(-h) / Gamma(a)
+    a = first + terms
+    for k in range(1, terms):
+        last *= (a - k) / h
+        total += last
+        if last < _CLOSE * total:
+            break
+        if total > _ALL:
+            return 1.0
+    return min(tail + math.exp((a - 1.0) * math.log(h) - h - math.lgamma(a) + math.log(total)), 1.0)
+
+
+def gamma_tail(a: Float64Array, x: Float64Array) -> Float64Array:
+    """Q(a, x), the upper tail of a gamma distribution of shape a > 0 at x >= 0, of their common shape.
+
+    By its series below the mean, by its continued fraction above (A&S 6.5.29, 6.5.31).
+    """
+    a, x = np.broadcast_arrays(a, x)
+    logs = np.vectorize(math.lgamma, otypes=[np.float64])
+    with np.errstate(divide="ignore"):
+        weight = np.exp(a * np.log(x) - x - logs(a))
+    below = x < a + 1.0
+    series = weight * _series(a, np.where(below, x, 0.0))
+    fraction = weight * _fraction(a, np.where(below, a + 1.0, x))
+    return np.asarray(np.clip(np.where(below, 1.0 - series, fraction), 0.0, 1.0))
+
+
+def _series(a: Float64Array, x: Float64Array) -> Float64Array:
+    """Sum of x^n / (a (a + 1) ... (a + n))."""
+    term = 1.0 / a
+    total = term.copy()
+    for n in range(1, _MOST_TURNS):
+        term = term * x / (a + n)
+        total += term
+        if np.all(term < _CLOSE * total):
+            break
+    return total
+
+
+def _fraction(a: Float64Array, x: Float64Array) -> Float64Array:
+    """1/(x + 1 - a - 1 (1 - a)/(x + 3 - a - 2 (2 - a)/(x + 5 - a - ...))), by Lentz's method."""
+    b = x + 1.0 - a
+    c = np.full_like(b, 1.0 / _LEAST)
+    d = 1.0 / b
+    found = d.copy()
+    for n in range(1, _MOST_TURNS):
+        numerator = -n * (n - a)
+        b = b + 2.0
+        d = numerator * d + b
+        d = 1.0 / np.where(np.abs(d) < _LEAST, _LEAST, d)
+        c = b + numerator / c
+        c = np.where(np.abs(c) < _LEAST, _LEAST, c)
+        change = c * d
+        found = found * change
+        if np.all(np.abs(change - 1.0) < 4.0 * _CLOSE):
+            break
+    return found
