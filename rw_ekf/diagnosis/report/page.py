@@ -128,7 +128,7 @@ def _pictures(diagnosis: Diagnosis, pictures: Mapping[str, bytes], units: Units)
             "Bars of evidence for every candidate effect, each with its probability; the table below has the numbers.",
             "Blue was added to the model. Pale blue looked like the cause, until the effect that was added explained "
             "it, or cannot be told apart from another one. Grey was not needed, or could not be tested."
-            + (" The black tick is the threshold." if thresholds else ""),
+            + (" The tick on each line is its threshold." if thresholds else ""),
         ),
     ):
         if name in pictures:
