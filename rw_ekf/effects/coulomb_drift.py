@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import ClassVar
 
 from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moment, moves, of_coulomb
+from rw_ekf.model.averages import phi_1
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import Contribution, WanderingEffect
 
@@ -69,7 +69,7 @@ class CoulombDrift(WanderingEffect):
         passed = max(time - q2, 0.0)
         if q1 <= 0.0:
             return 0.0, 0.0, 0.0, 0.0, 0.0, a * passed
-        return 0.0, 0.0, 0.0, 0.0, 0.0, -a * q1 * math.expm1(-passed / q1)
+        return 0.0, 0.0, 0.0, 0.0, 0.0, a * passed * phi_1(passed / q1)
 
     @staticmethod
     def piece(from_s: float, to_s: float) -> Shape:
@@ -100,7 +100,7 @@ class CoulombDrift(WanderingEffect):
         passed = max(until_s - start, 0.0)
         if piece > 0.0:
             return value * min(passed, piece)
-        return value * (passed if tau <= 0.0 else -tau * math.expm1(-passed / tau))
+        return value * passed * (1.0 if tau <= 0.0 else phi_1(passed / tau))
 
     @staticmethod
     def sentence_of_pieces(terms: Sequence[Term], facts: RecordFacts) -> str:

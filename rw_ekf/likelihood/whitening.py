@@ -22,7 +22,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.wheel.compiled import compile_cached
 
-_LARGE = 1.0e30
+_LARGE = 1.0e30  # of a product: its logarithm is due
 
 
 class Chain(NamedTuple):
@@ -64,7 +64,7 @@ def _whiten(
     x, z = 0.0, 0.0
     pxx, pxz, pzz = 0.0, 0.0, 0.0
     total, count = 0.0, 0
-    per_R, product = 1.0 / R, 1.0  # the product of S over R, at least one each: its logarithm is taken once in a while
+    per_R, product = 1.0 / R, 1.0  # the product of S over R, at least one each
     for i in range(n):
         if not chain.follows[i]:
             known = False

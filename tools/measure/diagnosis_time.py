@@ -12,9 +12,7 @@ ratio is what holds.
 from __future__ import annotations
 
 import argparse
-import os
 import statistics
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -22,6 +20,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from tools.measure.processor import processor_s
 from tools.measure.table import Row, at_most, show
 from tools.proof.plants import log_of, save_log
 from tools.proof.prove import chosen_cases
@@ -30,19 +29,9 @@ _MEDIAN_S, _WORST_S = 4.0, 10.0  # marks
 _HERE = Path(__file__).resolve().parents[2]
 
 
-def processor_s(tree: Path, log: Path, out: Path) -> float:
-    """User and system time of one diagnosis by the code in `tree` [s]; raises SystemExit where it fails."""
-    environment = {**os.environ, "PYTHONPATH": str(tree)}
-    command = (sys.executable, "-m", "rw_ekf", "diagnose", str(log), "--out", str(out))
-    process = subprocess.Popen(
-        command, cwd=tree, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stderr is not None
-    said = process.stderr.read()
-    _, status, used = os.wait4(process.pid, 0)
-    if status != 0:
-        raise SystemExit(f"{tree}: rw-ekf diagnose {log.name} failed: {said.strip()}")
-    return used.ru_utime + used.ru_stime
+def diagnosed_s(tree: Path, log: Path, out: Path) -> float:
+    """Processor time of one diagnosis by the code in `tree` [s]."""
+    return processor_s((sys.executable, "-m", "rw_ekf", "diagnose", str(log), "--out", str(out)), tree)
 
 
 def write_logs(folder: Path, count: int, seed: int) -> list[Path]:
@@ -74,11 +63,11 @@ def main() -> int:
         folder = Path(temporary)
         logs = write_logs(folder, options.logs, options.seed)
         for tree in trees:  # the first run of a checkout compiles, and is not counted
-            processor_s(tree, logs[0], folder / "out")
+            diagnosed_s(tree, logs[0], folder / "out")
         found: list[list[float]] = [[] for _ in trees]
         for turn, log in enumerate(tqdm(logs, desc="diagnosing", leave=False)):
             for at in range(len(trees)) if turn % 2 else reversed(range(len(trees))):
-                found[at].append(processor_s(trees[at], log, folder / "out"))
+                found[at].append(diagnosed_s(trees[at], log, folder / "out"))
     rows = rows_of("this tree", found[0])
     for other in found[1:]:
         ratios = [mine / its for mine, its in zip(found[0], other, strict=True)]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -20,6 +19,8 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+from tools.measure.processor import processor_s
 
 _PROGRAM = (sys.executable, "-m", "rw_ekf")
 _SERVED_S = 20.0
@@ -43,7 +44,7 @@ def main() -> int:
         spent: dict[str, list[float]] = {name: [] for name in commands}
         for _ in range(runs):
             for name, command in commands.items():
-                spent[name].append(_processor_s(command))
+                spent[name].append(processor_s(command))
         print(f"{'':<22}{'processor time':>16}{'times bare':>12}   median of {runs}")
         for name, times in spent.items():
             ratio = statistics.median(a / b for a, b in zip(times, spent["bare interpreter"], strict=True))
@@ -53,14 +54,6 @@ def main() -> int:
         share = (_processor_of(process.pid) - before) / (time.monotonic() - began)
         print(f"an idle simulated wheel takes {100 * share:.1f} % of a core")
     return 0
-
-
-def _processor_s(command: Sequence[str]) -> float:
-    """Processor time of a command, its children included [s]."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def _processor_of(pid: int) -> float:

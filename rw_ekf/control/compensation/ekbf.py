@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from rw_ekf.control.compensation.drag_reading import Readings
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.model.averages import phi_1
 from rw_ekf.records import Tick
 
 _FIRST_STD_RAD_S2 = 1.0  # of the friction, before anything was read
@@ -51,8 +52,8 @@ class FrictionKalman:
         rate = 1.0 / self._process.time_constant_s
         power = self._process.walk_rad_s2_per_sqrt_s**2
         stays = math.exp(-rate * dt_s)
-        slows = -math.expm1(-rate * dt_s) / rate  # what a unit of friction takes from the speed
-        spent = -math.expm1(-2.0 * rate * dt_s) / (2.0 * rate)  # integral of stays^2
+        slows = dt_s * phi_1(rate * dt_s)  # what a unit of friction takes from the speed
+        spent = dt_s * phi_1(2.0 * rate * dt_s)  # integral of stays^2
         if rate * dt_s < 0.01:  # the integral of slows^2 below is then a difference of nearly equal numbers
             taken = dt_s**3 * (1.0 / 3.0 - rate * dt_s / 4.0 + 7.0 * (rate * dt_s) ** 2 / 60.0)
         else:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from rw_ekf.control.compensation.drag_reading import DragReading
 from rw_ekf.control.compensation.known import WheelKnown
+from rw_ekf.model.averages import phi_1
 from rw_ekf.records import Tick
 
 _LAG_S = (1e-3, 10.0)  # what is learned stays within
@@ -36,7 +37,7 @@ class LaggedFriction:
         """Mean friction over the coming interval [s], and its sensitivity to ln tau [rad/s^2]."""
         x = dt_s / self.time_constant_s
         stays = math.exp(-x)
-        share = -math.expm1(-x) / x
+        share = phi_1(x)
         off = self.friction_rad_s2 - towards_rad_s2
         return towards_rad_s2 + off * share, self._sensitivity * share + off * (share - stays)
 

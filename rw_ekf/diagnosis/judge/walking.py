@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from rw_ekf.diagnosis.judge.evidence import log_evidence, log_evidence_with_walk
@@ -55,20 +56,24 @@ def _refused_is_likelier(found: Found, walk: Found) -> bool:
 
     A walk does what many an effect does. What is not settled is then better left open than called a walk.
     """
-    own = log_evidence(walk.fit, tuple(walk.new_ids), walk.prepared.facts)
     refused = [
         trial
         for trial in found.selection.trials.values()
         if isinstance(trial.decision, str) and trial.decision.startswith(NOT_CONFIRMED) and trial.terms
     ]
-    return any(_likelier(found, trial, own) is not None for trial in refused)
+    return any(True for _ in _as_likely(found, walk, refused))
 
 
-def _likelier(found: Found, trial: Trial, least: float) -> Fit | None:
-    """What was found fitted with a further effect, where the log-evidence of that reaches `least`."""
-    fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
-    reached = log_evidence(fit, (*found.new_ids, trial.effect.id), found.prepared.facts) >= least
-    return fit if reached else None
+def _as_likely(found: Found, walk: Found, trials: list[Trial]) -> Iterator[tuple[Trial, Fit]]:
+    """Of further effects those that make the record at least as likely as a walk does, and the fit with each."""
+    if not trials:
+        return
+    facts = found.prepared.facts
+    least = log_evidence(walk.fit, tuple(walk.new_ids), facts)
+    for trial in trials:
+        fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
+        if log_evidence(fit, (*found.new_ids, trial.effect.id), facts) >= least:
+            yield trial, fit
 
 
 def _with_a_clock(found: Found, walk: Found) -> Found | None:
@@ -78,12 +83,10 @@ def _with_a_clock(found: Found, walk: Found) -> Found | None:
     walk; once something has to be named, the likeliest is.
     """
     facts = found.prepared.facts
-    own = log_evidence(walk.fit, tuple(walk.new_ids), facts)
     waiting = [t for t in found.selection.trials.values() if t.decision == NOT_BESIDE_MOTION and t.terms]
-    for trial in sorted(waiting, key=lambda item: -item.evidence):
+    for trial, fit in _as_likely(found, walk, sorted(waiting, key=lambda item: -item.evidence)):
         name = trial.effect.id
-        fit = _likelier(found, trial, own)
-        if fit is None or not (fit.may_matter(name, facts) and fit.model.possible(name, facts)):
+        if not (fit.may_matter(name, facts) and fit.model.possible(name, facts)):
             continue
         trials = {**found.selection.trials, name: replace(trial, decision=ADDED)}
         clocked = mapped(found.prepared, replace(found.selection, final=fit, trials=trials))

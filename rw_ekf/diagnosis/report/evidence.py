@@ -10,15 +10,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from rw_ekf.diagnosis.report.canvas import AFTER, GREY, INK, PALE
+from rw_ekf.diagnosis.report.canvas import AFTER, FRAME, GREY, INK, PALE
 from rw_ekf.diagnosis.report.words import gain_text, p_value_text, probability_text, ranked, untestable_reasons
 from rw_ekf.diagnosis.standing import Standing, standing_of
 from rw_ekf.numbers import number_of
 
 _BARS: dict[Standing, str] = {"added": AFTER, "related": "#7fb2dc", "rejected": "#b4bac2", "untestable": "#b4bac2"}
-_FLOOR = 1.0  # statistics below are drawn as a stub: the scale is logarithmic
-_STUB = 1.04
-_FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "Noto Sans", sans-serif'
+_STUB = 1.04  # what is less is drawn as that: the scale is logarithmic, from one
 
 # Everything below in CSS pixels.
 _WIDTH, _ROW, _ABOVE, _BELOW = 960.0, 25.0, 30.0, 52.0
@@ -39,10 +37,11 @@ def evidence_picture(document: Mapping[str, Any]) -> bytes | None:
     """A bar for every candidate that was tested, those that were not below; None without candidates."""
     candidates = list(document.get("candidates") or ())
     tested, reasons = ranked(candidates), untestable_reasons(candidates)
-    rows = len(tested) + sum(len(effects) for effects in reasons.values())
-    if rows == 0:
+    untested = [(effect, reason) for reason, effects in reasons.items() for effect in effects]
+    if not tested and not untested:
         return None
-    height = _ABOVE + rows * _ROW + _BELOW
+    bottom = _ABOVE + (len(tested) + len(untested)) * _ROW
+    height = bottom + _BELOW
     picture = Element(
         "svg",
         {
@@ -50,24 +49,21 @@ def evidence_picture(document: Mapping[str, Any]) -> bytes | None:
             "viewBox": f"0 0 {_WIDTH:g} {height:g}",
             "width": f"{_WIDTH:g}",
             "height": f"{height:g}",
-            "font-family": _FONT,
+            "font-family": "system-ui, sans-serif",
         },
     )
     SubElement(picture, "rect", {"width": "100%", "height": "100%", "fill": "#ffffff"})
-    scale = _Scale(1.6 * max([20.0, *(_drawn(candidate.get("statistic")) for candidate in tested)]))
-    scale.draw(picture, _ABOVE + rows * _ROW)
+    largest = max([20.0, *(_drawn(candidate.get(key)) for candidate in tested for key in ("statistic", "threshold"))])
+    scale = _Scale(1.6 * largest)
+    scale.draw(picture, bottom)
     for x, heading, anchor in _COLUMNS:
         _write(picture, x, _ABOVE - 11.0, heading, anchor, GREY, size=_SMALL)
-    row = 0
-    for candidate in tested:
+    for row, candidate in enumerate(tested):
         _draw_row(picture, scale, _middle(row), candidate)
-        row += 1
-    for reason, effects in reasons.items():
-        for effect in effects:
-            _write(picture, _LEFT - _GAP, _middle(row) + _BASELINE, effect, "end", GREY)
-            told = _short(f"not testable: {reason}", _REASON)
-            _write(picture, _LEFT + _GAP, _middle(row) + _BASELINE, told, "start", GREY)
-            row += 1
+    for row, (effect, reason) in enumerate(untested, start=len(tested)):
+        base = _middle(row) + _BASELINE
+        _write(picture, _LEFT - _GAP, base, effect, "end", GREY)
+        _write(picture, _LEFT + _GAP, base, _short(f"not testable: {reason}", _REASON), "start", GREY)
     content: bytes = tostring(picture, encoding="utf-8", xml_declaration=True)
     return content
 
@@ -80,7 +76,7 @@ class _Scale:
 
     def x(self, statistic: float) -> float:
         """Where a statistic lies."""
-        return _LEFT + (_RIGHT - _LEFT) * math.log(statistic / _FLOOR) / math.log(self.most / _FLOOR)
+        return _LEFT + (_RIGHT - _LEFT) * math.log(statistic) / math.log(self.most)
 
     def draw(self, picture: Element, bottom: float) -> None:
         """Lines at powers of ten, few enough for their labels, and what the scale is of."""
@@ -88,9 +84,9 @@ class _Scale:
         for decade in decades[:: 1 + len(decades) // 6]:
             x = self.x(10.0**decade)
             _line(picture, x, _ABOVE, x, bottom, PALE, 1.0)
-            _line(picture, x, bottom, x, bottom + 4.0, "#aab0b8", 1.0)
+            _line(picture, x, bottom, x, bottom + 4.0, FRAME, 1.0)
             _write(picture, x, bottom + 18.0, f"{10**decade}" if decade < 5 else f"1e{decade}", "middle", INK)
-        _line(picture, _LEFT, bottom, _RIGHT, bottom, "#aab0b8", 1.0)
+        _line(picture, _LEFT, bottom, _RIGHT, bottom, FRAME, 1.0)
         label = "evidence: twice the gain in log-likelihood"
         _write(picture, 0.5 * (_LEFT + _RIGHT), bottom + 38.0, label, "middle", INK)
 
@@ -111,7 +107,7 @@ def _draw_row(picture: Element, scale: _Scale, middle: float, candidate: Mapping
         },
     )
     threshold = number_of(candidate.get("threshold"))
-    if threshold is not None and _FLOOR < threshold < scale.most:
+    if threshold is not None and threshold > 1.0:
         x = scale.x(threshold)
         _line(picture, x, middle - 0.5 * _TICK, x, middle + 0.5 * _TICK, INK, 2.0)
     base = middle + _BASELINE
@@ -132,7 +128,7 @@ def _middle(row: int) -> float:
 
 def _drawn(statistic: object) -> float:
     """A bar's end: a stub for what is missing or hardly above nothing."""
-    return max(number_of(statistic) or 0.0, _STUB * _FLOOR)
+    return max(number_of(statistic) or 0.0, _STUB)
 
 
 def _line(picture: Element, x: float, y: float, to_x: float, to_y: float, colour: str, width: float) -> None:

@@ -130,7 +130,7 @@ def _drawn(
 def _inverse_root(gram: Float64Array) -> tuple[Float64Array, float]:
     """B (m, r) with B B' the inverse of a Gram matrix (m, m), and half its log-determinant."""
     squares, V = np.linalg.eigh(gram)
-    kept = squares > _SINGULAR * max(float(squares[-1]), 1.0e-300)
+    kept = squares > _SINGULAR * np.max(squares, initial=1.0e-300)
     return V[:, kept] / np.sqrt(squares[kept]), 0.5 * float(np.sum(np.log(squares[kept])))
 
 

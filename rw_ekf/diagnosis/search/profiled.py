@@ -39,6 +39,8 @@ class Profiled:
         self.ratios = _ratios(fit.noise.ratio)
         self.bases: list[Float64Array] = []
         self.residuals: list[Float64Array] = []
+        self._together: list[Float64Array] = []  # (n, p + 1): a basis and the residual, which the two above show
+        self._overlaps: list[Float64Array] = []  # (p, p + 1) of a basis with them
         self.rss: list[float] = []
         self.logs: list[float] = []
         self.restrictions: list[float] = []  # half the log-determinant of the model's own regressors
@@ -49,9 +51,12 @@ class Profiled:
                 A = np.concatenate((A, linearised.whitened(value, variance, beside)[1]), axis=1)
             Q = basis(A, fit)
             self.restrictions.append(_restriction(A, fit))
-            left = r - Q @ (Q.T @ r)
+            together = np.asfortranarray(np.column_stack((Q, r - Q @ (Q.T @ r))))
+            Q, left = together[:, :-1], together[:, -1]
             self.bases.append(Q)
             self.residuals.append(left)
+            self._together.append(together)
+            self._overlaps.append(Q.T @ together)
             self.rss.append(float(left @ left))
             self.logs.append(logs)
         self.count = self.residuals[0].size
@@ -92,10 +97,9 @@ class Profiled:
 
     def seen_by_own(self, i: int, A: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Of whitened columns A (n, m): S = Q'A (p, m), (2 - Q'Q)S, and what they have with the residual (m,)."""
-        Q, left = self.bases[i], self.residuals[i]
-        both = np.column_stack((Q, left)).T @ A
+        both, overlap = self._together[i].T @ A, self._overlaps[i]
         shadow = both[:-1]
-        return shadow, 2.0 * shadow - (Q.T @ Q) @ shadow, both[-1] - shadow.T @ (Q.T @ left)
+        return shadow, 2.0 * shadow - overlap[:, :-1] @ shadow, both[-1] - shadow.T @ overlap[:, -1]
 
     def beside_own(self, i: int, regressors: Float64Array) -> Float64Array:
         """Columns whitened at the i-th ratio, the model's own projected out."""
