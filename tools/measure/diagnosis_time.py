@@ -58,6 +58,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=14)
     parser.add_argument("--against", metavar="DIR", type=Path, help="root of another checkout")
     options = parser.parse_args()
+    if options.against is not None and not (options.against / "rw_ekf").is_dir():
+        parser.error(f"{options.against}: no checkout (it has no folder rw_ekf): give its root to --against")
     trees = [_HERE, *([] if options.against is None else [options.against.resolve()])]
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
