@@ -36,7 +36,7 @@ class ReplayWheel:
         """The command logged with the sample read last; `current_A` goes nowhere."""
         return self._command
 
-    def stop_current(self) -> IssuedCommand:
+    def stop_current(self, by: str | None = None) -> IssuedCommand:
         """The command logged with the sample read last."""
         return self.command_current(0.0)
 

@@ -34,10 +34,11 @@ class WheelDriver(Protocol):
         """
         ...
 
-    def stop_current(self) -> IssuedCommand:
+    def stop_current(self, by: str | None = None) -> IssuedCommand:
         """Write zero, and where the wheel refuses it let go of the current by whatever else it takes.
 
-        Acknowledged: zero is in force. Only the guard may call this.
+        by: ZERO_BY_MODE or ZERO_BY_RESET: in that way alone. Acknowledged: the wheel says so. Only the guard may call
+        this.
         """
         ...
 

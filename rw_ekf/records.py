@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 FAULT = "fault"
 OVER_TEMPERATURE = "over_temperature"
 CURRENT_LIMITED = "current_limited"
+OTHER_MODE = "other_mode"  # than the one in which it takes currents
 CONDITIONS_THAT_STOP = (FAULT, OVER_TEMPERATURE)  # in which no current but zero is written
 
 

@@ -15,6 +15,7 @@ from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
 from rw_ekf.errors import DriverError
 
 MODE, RESET = "mode", "reset"  # registers that let go of the current
+_REGISTERS = {ZERO_BY_MODE: MODE, ZERO_BY_RESET: RESET}
 IDLE = 0.0  # the mode without one
 RESET_EVERY_S = 5.0  # a wheel is not kept from coming up by resetting it again and again
 
@@ -61,13 +62,18 @@ class CurrentWriter:
             return Written(sent_A, received_s, reason=None if reason == TIMEOUT else ACTED_THOUGH + reason)
         return Written(told_A, received_s, reason=reason)
 
-    def stop(self) -> Written:
+    def stop(self, by: str | None = None) -> Written:
         """Write zero, or let go of the current as `SerialWheel.stop_current` says."""
+        if by is not None:
+            done = self._let_go(_REGISTERS[by])
+            return Written(
+                0.0, self._host.monotonic() if done is None else done.received_by_wheel_s, done is not None, by
+            )
         zero = self.command(0.0)
         if zero.acknowledged and zero.current_A == 0.0:
             return zero
         if zero.reason != TIMEOUT:
-            for name, reason in ((MODE, ZERO_BY_MODE), (RESET, ZERO_BY_RESET)):
+            for reason, name in _REGISTERS.items():
                 done = self._let_go(name)
                 if done is not None:
                     return Written(0.0, done.received_by_wheel_s, reason=reason)

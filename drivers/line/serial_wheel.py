@@ -103,13 +103,14 @@ class SerialWheel:
         """
         return self._issued(self._writer.command(current_A))
 
-    def stop_current(self) -> IssuedCommand:
+    def stop_current(self, by: str | None = None) -> IssuedCommand:
         """Write zero; where the wheel refuses it, set it to idle, and where it refuses that too, reset it.
 
-        As far as the map has those registers. Acknowledged is zero alone. Reasons beside those of command_current:
-        ZERO_BY_MODE, ZERO_BY_RESET. Raises DriverError for a lost line.
+        by: ZERO_BY_MODE or ZERO_BY_RESET: in that way alone, though the wheel may have acknowledged a zero. As far as
+        the map has those registers. Acknowledged is zero alone. Reasons beside those of command_current: ZERO_BY_MODE,
+        ZERO_BY_RESET. Raises DriverError for a lost line.
         """
-        return self._issued(self._writer.stop())
+        return self._issued(self._writer.stop(by))
 
     def close(self) -> None:
         """Release the port. Safe to call twice. Writes nothing: whoever commanded a current must have sent zero."""

@@ -99,7 +99,7 @@ class SimulatedWheel:
         self.truth.advance_to(now_s)
         return IssuedCommand(current_A, now_s - self._read_s, not self.silent, "timeout" if self.silent else None)
 
-    def stop_current(self) -> IssuedCommand:
+    def stop_current(self, by: str | None = None) -> IssuedCommand:
         """Command zero."""
         return self.command_current(0.0)
 

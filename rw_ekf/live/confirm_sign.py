@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,14 +16,21 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 _LATER = "the profile begins all the same, and what it moves is judged in the same way"
+_HELD = "Only zero is written until a person has looked and says `rw-ekf run --resume`"
 
 
 def confirming(
-    commander: Commander, configuration: Configuration, watch: SignWatch, step_rad_s: float, logger: Any
+    commander: Commander,
+    configuration: Configuration,
+    watch: SignWatch,
+    step_rad_s: float,
+    latch: Callable[[str], None],
+    logger: Any,
 ) -> Commander:
     """The commander behind the small move, where the configuration lets it move the wheel.
 
-    step_rad_s: of a reading (or noise). Only for a wheel whose sign and gain were never confirmed.
+    step_rad_s: of a reading (or noise). latch: holds zero, for a reason, until a person says resume. Only for a wheel
+    whose sign and gain were never confirmed.
     """
     period_s = 1.0 / configuration.loop.rate_hz
     stands = configuration.command.profile == "zero" and not configuration.takes_torques
@@ -37,7 +45,7 @@ def confirming(
         watch,
         watch.expected,
         MoveLimits(limits.current_A, limits.slew_A_per_s, limits.speed_rad_s, period_s, step_rad_s),
-        lambda move: _say(move, watch, limits, logger),
+        lambda move: _say(move, watch, limits, latch, logger),
     )
     logger.info(
         "confirming_sign",
@@ -47,20 +55,29 @@ def confirming(
     return replace(commander, controller=move, move=move)
 
 
-def _say(move: ConfirmingMove, watch: SignWatch, limits: SafetyLimits, logger: Any) -> None:
-    """Say how the move ended where the watch over the sign has not said it: right, wrong and odd are its own words."""
+def _say(
+    move: ConfirmingMove, watch: SignWatch, limits: SafetyLimits, latch: Callable[[str], None], logger: Any
+) -> None:
+    """Say how the move ended where the watch over the sign has not said it: right, wrong and odd are its own words.
+
+    A wheel that was not seen to move, or not as currents move one, is not driven.
+    """
     if watch.is_settled:
         return
     if watch.pieces > 0:
-        text = f"{move.lasted_s:.3g} s of pulses up to {move.current_A:.3g} A were not enough to be sure; {_LATER}"
+        text = (
+            f"{move.lasted_s:.3g} s of pulses up to {move.current_A:.3g} A showed no motion that follows from them: is "
+            "the speed reading the wheel's?"
+        )
     else:
         text = f"{move.current_A:.3g} A did not move the wheel"
         if move.current_A >= limits.current_A:
             text += " (limits.current_A"
             away_A = _breaks_away_A(watch.expected)
             text += f"; by what is believed of its friction {away_A:.3g} A would)" if away_A > move.current_A else ")"
-        text += f"; {_LATER}"
-    logger.warning("sign_not_confirmed", text=text)
+        text += ": is the speed reading the wheel's, is it held fast, or is limits.current_A too small for it?"
+    logger.warning("sign_not_confirmed", text=f"{text} {_HELD}")
+    latch(text)
 
 
 def _breaks_away_A(believed: FrictionParameters) -> float:

@@ -75,7 +75,7 @@ class Connection:
 
         The last resort is a new line: one that was pulled out may be back within a moment.
         """
-        confirmed = not self._writes or (not self.lost and self.zero()) or self._zero_over_new_line()
+        confirmed = not self._writes or (not self.lost and self.guard.stand_down()) or self._zero_over_new_line()
         self.driver.close()
         return confirmed
 
@@ -92,4 +92,4 @@ class Connection:
             if self._clock.monotonic() >= end_s:
                 return False
             self._clock.sleep(_LAST_TRY_EVERY_S)
-        return self.zero(1.0)
+        return self._writes and self.guard.stand_down(1.0)

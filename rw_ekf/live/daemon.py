@@ -74,7 +74,9 @@ def run_daemon(
                 watches.states.latch(oversight.begin_safe)
             commander, compensating = compensated(commander, configuration, start, requests, watches.sign, logger)
             if commander is not None and not watches.sign.confirmed:
-                commander = confirming(commander, configuration, watches.sign_watch, watches.step_rad_s, logger)
+                commander = confirming(
+                    commander, configuration, watches.sign_watch, watches.step_rad_s, watches.states.latch, logger
+                )
             run = replace(
                 _context(configuration, files, start, watches, live, logger, clock),
                 total_s=_lasts_s(duration_s, commander),
@@ -175,7 +177,7 @@ def _context(
         recent=RecentSink(configuration.loop.rate_hz),
         began=watches.states.now,
         link=lambda: live.link,
-        learning=Learning(start, lambda: watches.wheel, lambda: watches.sign.doubt),
+        learning=Learning(start, lambda: watches.wheel, lambda: watches.doubt),
         process=own_process(),
     )
 

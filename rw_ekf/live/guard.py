@@ -3,18 +3,23 @@
 Finite, clamped, slew-limited; above the speed limit only what brakes, above the temperature limit only zero. A request
 that is refused becomes zero or the nearest allowed current, never a kept old one. Zero is exempt from slew. What brakes
 is judged by what the speed did: a current that should, and under which the speed grew, becomes zero.
+
+Whatever telemetry says, what is written lies between zero, what was written last, and what is asked for. A zero that is
+acknowledged is not yet one that is in force: it is read back, and seen in the motion, or else enforced by other
+registers (`stand_down`, and while nothing but zero is written).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET, WheelDriver
 from rw_ekf.errors import DriverError
+from rw_ekf.live.zero_sight import ZeroSight
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm
 
@@ -26,7 +31,14 @@ Say = Callable[[str, str], None]  # an event and its sentence
 _ZERO_RETRY_S = 0.05
 _CONFIRMED_WITHIN_S = 0.5
 _INSTEAD = {ZERO_BY_MODE: "its mode was set to idle instead", ZERO_BY_RESET: "it was reset instead"}
+_WAYS = (None, ZERO_BY_MODE, ZERO_BY_RESET)  # to zero, the gentlest first
+_WATCHED_S = 0.6  # a zero before it is called confirmed: a wheel under 0.1 A changes its speed by some 8 rpm in it
+_LOOK_EVERY_S = 0.1
+_LEAST_LOOKS, _MOST_LOOKS = 3, 15  # readings; tries, where some are lost
+NOT_IN_FORCE = "zero_not_in_force"
 _BRAKE_STEPS = 6.0
+_OTHER_MAY = 1.15  # of the speed limit, by charge: what its own errors may come to on a healthy wheel near the limit
+_USUAL_STEP_RAD_S = rad_s_from_rpm(1.0)  # of a reading, where no configuration says it
 BRAKE_ACCELERATES = "brake_accelerates"
 
 
@@ -125,6 +137,13 @@ class BrakeCheck:
         self._braking_A = current_A
 
 
+class SpeedLimit(NamedTuple):
+    """What else is held against the speed limit, besides the reading."""
+
+    other_rad_s: float | None = None  # the speed by the charge that was written
+    share: float = 1.0  # of the limit that counts for readings: below 1 where the gain is smaller than it should be
+
+
 class CurrentGuard:
     """Writes currents to one wheel, and knows what was written last. No other code calls `command_current`."""
 
@@ -139,11 +158,15 @@ class CurrentGuard:
         """speed_step_rad_s: noise or resolution of a speed reading, whichever is larger. say: takes what was found."""
         self.driver = driver
         self.limits = limits
+        self.speed_limit: Callable[[], SpeedLimit] = SpeedLimit
         self._brake = BrakeCheck(limits.speed_rad_s, speed_step_rad_s)
         self._clock = clock
         self._say = say
         self._zero_by: str | None = None
-        self._previous_A = 0.0
+        self._sight = ZeroSight(limits.current_A, speed_step_rad_s)
+        self._way = 0  # of _WAYS, that was tried last
+        self._written_A = 0.0  # the last that went out
+        self._previous_A = 0.0  # that is in force, as far as is known
         self._written_at_s = clock.monotonic()
         self._speed_rad_s: float | None = None
         self._temperature_degC: float | None = None
@@ -161,21 +184,14 @@ class CurrentGuard:
             self._speed_rad_s = sample.speed_rad_s
         if sample.temperature_degC is not None:
             self._temperature_degC = sample.temperature_degC
-        self._believe_telemetry(sample.current_command_A)
         now = self._clock.monotonic()
-        current, reason = allowed_current(
-            requested_A,
-            self._previous_A,
-            now - self._written_at_s,
-            self._speed_rad_s,
-            self._temperature_degC,
-            self.limits,
-        )
+        current, reason = self._allowed(requested_A, self._ramp_start_A(sample.current_command_A), now)
         if hold is not None and requested_A != 0.0:
             current, reason = 0.0, hold
         elif sample.speed_rad_s is not None and not self._brake.works(sample.speed_rad_s, current):
             current, reason = 0.0, BRAKE_ACCELERATES
         self._brake.written(current)
+        self._look(sample, current)
         issued = self._send(current)
         if not issued.acknowledged and (current == 0.0 or sample.current_command_A is None):
             issued = self._send(current)
@@ -210,12 +226,75 @@ class CurrentGuard:
                 return False
             self._clock.sleep(_ZERO_RETRY_S)
 
-    def _believe_telemetry(self, in_force_A: float | None) -> None:
-        """Slew from what the wheel says is in force: it may have restarted, or taken what it never confirmed."""
-        if in_force_A is not None and math.isfinite(in_force_A):
-            self._previous_A = in_force_A
+    def stand_down(self, within_s: float = _CONFIRMED_WITHIN_S) -> bool:
+        """Zero, True only if the wheel confirmed it and the readings behind it show nothing else. Never raises.
+
+        Where they do, idle mode is tried, then a reset. Takes 0.6 s of readings, and so much again for each way.
+        """
+        for way in range(len(_WAYS)):
+            try:
+                done = self.zero(within_s) if way == 0 else self._let_go(way)
+                if done and self._is_seen():
+                    return True
+                if self._sight.against is None:  # no answer, or no readings: no other register helps that
+                    return False
+            except DriverError:
+                return False
+            self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {self._sight.against}")
+        return False
+
+    def _allowed(self, requested_A: float, start_A: float, now: float) -> tuple[float, str | None]:
+        """What may be written by every speed that the wheel may have."""
+        bound = self.speed_limit()
+        limits = replace(self.limits, speed_rad_s=self.limits.speed_rad_s * min(bound.share, 1.0))
+        elapsed_s, heat = now - self._written_at_s, self._temperature_degC
+        current, reason = allowed_current(requested_A, start_A, elapsed_s, self._speed_rad_s, heat, limits)
+        other = bound.other_rad_s
+        if other is not None and abs(other) > _OTHER_MAY * self.limits.speed_rad_s and current * other > 0.0:
+            return 0.0, "over_speed"
+        return current, reason
+
+    def _ramp_start_A(self, told_A: float | None) -> float:
+        """Where the slew begins: what is in force as telemetry has it, but between zero and what was written last.
+
+        A wheel that restarted carries zero; one that never confirmed the last command may carry that or the one before.
+        """
+        start = self._previous_A if told_A is None or not math.isfinite(told_A) else told_A
+        return min(max(start, min(0.0, self._written_A)), max(0.0, self._written_A))
+
+    def _look(self, sample: WheelSample, current_A: float) -> None:
+        """While nothing but zero is written: whether it is in force. Raises DriverError when the line is lost."""
+        if current_A != 0.0 or self._written_A != 0.0 or self.doubtful:
+            self._sight.begin()
+            self._way = 0
+            return
+        self._sight.add(sample)
+        against = self._sight.against
+        if against is not None and self._way + 1 < len(_WAYS):  # each way once: a wheel is not reset for ever
+            self._say(NOT_IN_FORCE, f"the wheel acknowledged a current of zero, but {against}")
+            self._way += 1
+            self._let_go(self._way)
+
+    def _let_go(self, way: int) -> bool:
+        """Enforce zero by another register; whether the wheel took it."""
+        self._sight.begin()
+        return self.driver.stop_current(_WAYS[way]).acknowledged
+
+    def _is_seen(self) -> bool:
+        """Whether the readings of the next half second are those of a wheel without a current."""
+        self._sight.begin()
+        end = self._clock.monotonic() + _WATCHED_S
+        for _ in range(_MOST_LOOKS):
+            sample = self.driver.read(_LOOK_EVERY_S)
+            if sample is not None:
+                self._sight.add(sample)
+            if self._clock.monotonic() >= end and self._sight.readings >= _LEAST_LOOKS:
+                break
+            self._clock.sleep(_LOOK_EVERY_S)
+        return self._sight.readings >= _LEAST_LOOKS and self._sight.against is None
 
     def _send(self, current_A: float) -> IssuedCommand:
+        self._written_A = current_A
         if current_A != 0.0:
             return self.driver.command_current(current_A)
         issued = self.driver.stop_current()
@@ -233,9 +312,9 @@ def zero_and_close(
     within_s: float = _CONFIRMED_WITHIN_S,
     say: Say = lambda event, text: None,
 ) -> bool:
-    """Zero from outside the loop, over a line that is closed behind it, as `CurrentGuard.zero`."""
+    """Zero from outside the loop, over a line that is closed behind it, as `CurrentGuard.stand_down`."""
     try:
-        return CurrentGuard(driver, SafetyLimits.of(limits), clock, say=say).zero(within_s)
+        return CurrentGuard(driver, SafetyLimits.of(limits), clock, _USUAL_STEP_RAD_S, say).stand_down(within_s)
     finally:
         driver.close()
 

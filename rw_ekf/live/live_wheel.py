@@ -10,7 +10,7 @@ from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelDriver
 from rw_ekf.errors import DriverError
 from rw_ekf.live.connection import Connection, Note, Opener
-from rw_ekf.live.guard import SafetyLimits
+from rw_ekf.live.guard import SafetyLimits, SpeedLimit
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.live.timing import LoopTiming, SampleTime
@@ -85,11 +85,18 @@ class LiveWheel:
         self._reopened_s = 0.0
         self._changed_for: str | None = None
 
-    def judged_by(self, check: TelemetryCheck, hold: Callable[[], str | None] | None = None) -> None:
+    def judged_by(
+        self,
+        check: TelemetryCheck,
+        hold: Callable[[], str | None] | None = None,
+        speed_limit: Callable[[], SpeedLimit] = SpeedLimit,
+    ) -> None:
         """Let `check` judge every reading; at first one does that has no model, and knows what the wheel itself says.
 
-        hold: why nothing but zero may be written now, or None; usually what `check` says.
+        hold: why nothing but zero may be written now, or None; usually what `check` says. speed_limit: what else than
+        the reading is held against the limit.
         """
+        self._connection.guard.speed_limit = speed_limit
         self.check = check
         check.attached(self.driver.identity)
         self._hold = hold if hold is not None else lambda: check.hold
@@ -201,8 +208,8 @@ class LiveWheel:
         if sample.news is not None and sample.news[0] == "wheel_restarted":
             self._connection.zero(within_s=0.0)  # set up anew: whatever it carries, the way up starts from zero
         sample = replace(sample, segment=sample.segment + self._breaks)
-        sample, alive = self.check.judge(sample, self.driver.identity)
-        if alive:  # what it was while nothing could be believed of it is not known
+        sample, apart = self.check.judge(sample, self.driver.identity)
+        if apart:  # what drove it until now, or what it was, is not known
             self._breaks += 1
             sample = replace(sample, segment=sample.segment + 1)
         self._time.note(sample, tick_s)

@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
-from rw_ekf.live.guard import BRAKE_ACCELERATES, SafetyLimits
+from collections import deque
+from collections.abc import Callable
+
+from rw_ekf.live.guard import BRAKE_ACCELERATES, SafetyLimits, SpeedLimit
 from rw_ekf.live.run_states import RunStates, Turn
 from rw_ekf.live.telemetry import STUCK, TelemetryCheck
-from rw_ekf.records import OVER_TEMPERATURE, Estimate, IssuedCommand, LinkState, Outcome, Reading, StateNow, WheelSample
+from rw_ekf.records import (
+    OTHER_MODE,
+    OVER_TEMPERATURE,
+    Estimate,
+    FilterTrouble,
+    IssuedCommand,
+    LinkState,
+    Outcome,
+    Reading,
+    StateNow,
+    WheelSample,
+)
+from rw_ekf.watch.charge_speed import ChargeSpeed
+from rw_ekf.watch.sign_watch import SignWatch
+from rw_ekf.watch.stuck_watch import ParameterBelief
 
 _USED = (Outcome.FIRST, Outcome.UPDATED, Outcome.RESEEDED)
-_HOT_READINGS = 3  # running above the limit; the guard writes zero at the first, but one reading alone latches nothing
+_HOT_READINGS, _HOT_AMONG = 3, 10  # above the limit; the guard writes zero at each, but one alone latches nothing
 _QUIET_PERIODS = 3.0
+_SAFE_AFTER_S = 5.0  # where limits.safe_after_s is null: that is said of silence, not of readings that are wrong
+_FORGIVEN = 0.25  # of its time a good turn takes from that of bad ones: one in five may be wild
+_GAIN_MAY = 1.35  # the limit's share for readings: with 1.15 for overshoot this keeps 1.5 of the limit
+_LEAST_SHARE = 0.05
 SAFE = "safe"  # why a current was replaced by zero
 
 _DANGERS = {
@@ -18,42 +39,107 @@ _DANGERS = {
 }
 
 
+class Patience:
+    """Adds up how long something has been wrong; what is right in between takes back a quarter of its time."""
+
+    def __init__(self, longest_s: float) -> None:
+        self._longest_s = longest_s
+        self._bad_s = 0.0
+
+    def is_over(self, bad: bool, dt_s: float) -> bool:
+        """Take a turn of dt_s; whether it has been too long."""
+        self._bad_s = self._bad_s + dt_s if bad else max(self._bad_s - _FORGIVEN * dt_s, 0.0)
+        return self._bad_s > self._longest_s + 0.5 * dt_s
+
+
 class RunJudge:
     """Weighs every turn, and says what the guard must hold back."""
 
-    def __init__(self, states: RunStates, check: TelemetryCheck, limits: SafetyLimits, period_s: float) -> None:
+    def __init__(
+        self,
+        states: RunStates,
+        check: TelemetryCheck,
+        limits: SafetyLimits,
+        period_s: float,
+        sign: SignWatch,
+        belief: Callable[[], ParameterBelief],
+        *,
+        tells_temperature: bool,
+    ) -> None:
+        """sign: the watch over the gain. belief: what the estimator believes at present."""
         self._states = states
         self._check = check
         self._limits = limits
+        self._period_s = period_s
+        self._sign = sign
+        self._belief = belief
+        self._tells_temperature = tells_temperature
+        self._charge = ChargeSpeed(sign.expected)
         safe_after_s = limits.safe_after_s
         # At a slow rate some periods without a reading are no silence yet.
         self._longest_s = None if safe_after_s is None else max(safe_after_s, _QUIET_PERIODS * period_s)
-        self._hot = 0  # readings running above the limit
+        longest_s = max(_SAFE_AFTER_S if safe_after_s is None else safe_after_s, _QUIET_PERIODS * period_s)
+        self._refused, self._off, self._unheated = Patience(longest_s), Patience(longest_s), Patience(longest_s)
+        self._hot: deque[bool] = deque(maxlen=_HOT_AMONG)
+        self._command_A = 0.0
+        self._last: WheelSample | None = None
 
     @property
     def hold(self) -> str | None:
         """Why nothing but zero may be written."""
         return SAFE if self._states.is_safe else self._check.hold
 
+    def speed_limit(self) -> SpeedLimit:
+        """What else than the reading the guard holds against the speed limit."""
+        return SpeedLimit(self._charge.speed_rad_s, self._share())
+
     def judge(self, reading: Reading, estimate: Estimate | None) -> StateNow:
         """State after this turn; estimate: what the filter made of the sample, None where there was none."""
         used = estimate is not None and estimate.outcome in _USED
         held = self._check.hold
-        danger = self._too_quiet(reading) or self._too_hot(reading.sample)
+        if reading.sample is not None:
+            self._follow(reading.sample)
+        danger = self._too_quiet(reading) or self._too_hot(reading.sample) or self._too_wrong(estimate)
         if held is not None and reading.link is LinkState.ANSWERED:
             danger = danger or _DANGERS.get(held)
         trouble = None if held is None else f"zero is held: {held}"
+        trouble = trouble or self._check.current_fault
+        if reading.sample is not None and OTHER_MODE in reading.sample.conditions:
+            trouble = trouble or "the wheel is not in the mode in which it takes currents"
         health = None if estimate is None else estimate.health
         if health is not None:
             trouble = trouble or health.text
-            if health.beyond_mending:
+            if health.beyond_mending or health.trouble is FilterTrouble.UNPHYSICAL:
                 danger = danger or health.text
         return self._states.step(Turn(reading.link, used, trouble, danger))
 
     def commanded(self, command: IssuedCommand | None) -> None:
         """Note what became of a request."""
-        if command is not None and command.reason == BRAKE_ACCELERATES:
+        if command is None:
+            return
+        self._command_A = command.current_A
+        if command.reason == BRAKE_ACCELERATES:
             self._states.latch("above the speed limit the current that should brake the wheel sped it up")
+
+    def _follow(self, sample: WheelSample) -> None:
+        """Let the charge that was written carry its speed on to this sample."""
+        last, self._last = self._last, sample
+        if last is None or sample.segment != last.segment:
+            self._charge.anchor(sample.speed_rad_s)
+            return
+        dt_s, current_A = self._check.interval or (sample.time_s - last.time_s, self._command_A)
+        if self._sign.is_right:
+            gain, std = self._sign.gain
+            self._charge.show_gain(gain - 2.0 * std)
+        self._charge.step(dt_s, current_A, sample.speed_rad_s, self._belief())
+
+    def _share(self) -> float:
+        """Of the speed limit for readings: a gain that has become smaller may be a scale that has."""
+        gain, std = self._sign.gain
+        largest = max(abs(self._sign.expected.motor_gain), self._charge.shown_gain)
+        if not self._sign.is_known or largest == 0.0:
+            return 1.0
+        return min(max(_GAIN_MAY * (gain + 2.0 * std) / largest, _LEAST_SHARE), 1.0)
 
     def _too_quiet(self, reading: Reading) -> str | None:
         if self._longest_s is None or reading.quiet_s <= self._longest_s:
@@ -61,9 +147,30 @@ class RunJudge:
         return f"no telemetry for more than {self._longest_s:g} s (limits.safe_after_s)"
 
     def _too_hot(self, sample: WheelSample | None) -> str | None:
-        if sample is None or sample.temperature_degC is None:
+        if sample is None:
             return None
-        self._hot = 0 if sample.temperature_degC <= self._limits.temperature_degC else self._hot + 1
-        if self._hot < _HOT_READINGS:
+        limit = self._limits.temperature_degC
+        if self._unheated.is_over(self._tells_temperature and sample.temperature_degC is None, self._period_s):
+            return (
+                f"no temperature that a wheel can have was read for long: limits.temperature_degC = {limit:g} cannot "
+                "be kept. If the wheel has no such sensor, take the field out of the wire map"
+            )
+        if sample.temperature_degC is not None:
+            self._hot.append(not sample.temperature_degC <= limit)
+        if sum(self._hot) < _HOT_READINGS:
             return None
-        return f"{sample.temperature_degC:.1f} degC, above limits.temperature_degC = {self._limits.temperature_degC:g}"
+        return f"{sum(self._hot)} of {len(self._hot)} readings above limits.temperature_degC = {limit:g}"
+
+    def _too_wrong(self, estimate: Estimate | None) -> str | None:
+        """What is wrong with the readings for so long that they are no telemetry."""
+        if estimate is None:
+            return None
+        reseeded = estimate.outcome is Outcome.RESEEDED and estimate.innovation is not None
+        if self._refused.is_over(reseeded or estimate.outcome is Outcome.GATED, self._period_s):
+            return (
+                "the filter refuses the speed readings: they do not follow from the currents, so they are no telemetry"
+            )
+        fault = self._check.current_fault
+        if self._off.is_over(fault is not None, self._period_s):
+            return fault
+        return self._check.restarts_again

@@ -1,4 +1,4 @@
-"""The watch over sign and size of the motor gain, in the loop: a wrong sign is never driven on, an odd size is said."""
+"""The watch over sign and size of the motor gain, in the loop: neither a wrong sign nor an odd size is driven on."""
 
 from __future__ import annotations
 
@@ -64,7 +64,10 @@ class SignCheck:
                 self._forbid(text)
         factor = self._watch.odd_factor
         if factor is not None and not self._said:
-            self._tell(ODD_GAIN, self._odd_gain(factor))
+            text = self._odd_gain(factor)
+            self._tell(ODD_GAIN, text)
+            if self._forbid is not None:
+                self._forbid(text)
         if not self._confirmed and not self._said and self._watch.is_right:
             self._confirmed = True
             gain, std = self._watch.gain
@@ -78,13 +81,16 @@ class SignCheck:
 
     def _wrong_sign(self) -> str:
         gain, std = self._watch.gain
-        held = " Only zero is written for the rest of the run." if self._forbid is not None else ""
         speed, current = self._scales()
         return (
             f"a positive current turns the wheel backward: its motor gain is {plus_minus(gain, std)} rad/s^2/A. One "
             f"sign in the wire map is wrong: turn the one at {current} or the one at {speed}, whichever is not as the "
-            f"wheel has it; readings cannot tell which.{held}"
+            f"wheel has it; readings cannot tell which.{self._held}"
         )
+
+    @property
+    def _held(self) -> str:
+        return " Only zero is written for the rest of the run." if self._forbid is not None else ""
 
     def _odd_gain(self, factor: float) -> str:
         gain, std = self._watch.gain
@@ -93,7 +99,7 @@ class SignCheck:
         return (
             f"the motor gain is {plus_minus(gain, std)} rad/s^2/A, {size} what {self._expectation}: is a scale of "
             f"the wire map wrong, {current} or {speed}? If the wheel is like that, give filter.prior.motor_gain, and "
-            "wheel.inertia_kg_m2, on which every torque depends"
+            f"wheel.inertia_kg_m2, on which every torque depends.{self._held}"
         )
 
     def _scales(self) -> tuple[str, str]:

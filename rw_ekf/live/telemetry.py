@@ -5,7 +5,8 @@ No clock is read here, and nothing is written: the live loop asks, and the guard
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from rw_ekf.records import (
     CONDITIONS_THAT_STOP,
     CURRENT_LIMITED,
     FAULT,
+    OTHER_MODE,
     OVER_TEMPERATURE,
     Estimate,
     IssuedCommand,
@@ -23,6 +25,7 @@ from rw_ekf.records import (
 from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
+    from rw_ekf.watch.current_watch import CurrentWatch
     from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 
 Note = Callable[..., None]
@@ -31,7 +34,12 @@ _SENTENCES = {
     FAULT: "the wheel reported a fault (status register)",
     OVER_TEMPERATURE: "the wheel reported over-temperature (status register)",
     CURRENT_LIMITED: "the wheel reported that it limits the current: what flowed may be less than what was commanded",
+    OTHER_MODE: (
+        "the wheel's mode is not the one in which it takes currents (status register): something else commands it, and "
+        "what was written is not what drives it"
+    ),
 }
+_RESTARTS, _AMONG_READINGS = 3, 600  # a brown-out loop: a minute at 10 Hz
 STUCK = "telemetry_stuck"
 IDENTITY_UNKNOWN = "identity_unknown"
 
@@ -42,18 +50,23 @@ class TelemetryCheck:
     def __init__(
         self,
         note: Note,
-        stuck: StuckWatch | None = None,
+        stuck: Sequence[StuckWatch] = (),
         belief: Callable[[], ParameterBelief] | None = None,
+        current: CurrentWatch | None = None,
         *,
         writes: bool = True,
     ) -> None:
-        """stuck, belief: the test by the model, and what the estimator believes at present; None: no such test.
+        """stuck, belief: the tests by the model, and what the estimator believes at present; none: no such test.
 
-        writes: whether this run commands the wheel at all.
+        current: the test of what flows. writes: whether this run commands the wheel at all.
         """
         self._writes = writes
         self._note = note
-        self._stuck = stuck if belief is not None else None
+        self._stuck = stuck if belief is not None else ()
+        self._current = current
+        self._restarts: deque[bool] = deque(maxlen=_AMONG_READINGS)
+        self.current_fault: str | None = None  # what is wrong with the current at present, in words
+        self.doubt: str | None = None  # why nothing of this run may be kept as learned
         self._belief = belief
         self._at_start: WheelIdentity | None = None
         self._asking = False
@@ -84,39 +97,80 @@ class TelemetryCheck:
     def commanded(self, command: IssuedCommand) -> None:
         """Note the command that follows the sample judged last."""
         self._following = command
+        if self._current is not None:
+            self._current.commanded(command)
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Length [s] and mean current [A] of the interval that ends with the sample judged last; None: not known."""
+        return self._interval
+
+    @property
+    def restarts_again(self) -> str | None:
+        """That the wheel restarts again and again, in words."""
+        times = sum(self._restarts)
+        return (
+            f"the wheel restarted {times} times within a minute: is its supply too weak?"
+            if times >= _RESTARTS
+            else None
+        )
 
     def estimated(self, estimate: Estimate) -> None:
         """Note what the estimator made of the sample judged last; only an augmented model says more than its belief."""
         interval, self._interval = self._interval, None
         before, self._speed_rad_s = self._speed_rad_s, estimate.state.speed_rad_s
-        if self._stuck is None or not estimate.effects or interval is None or before is None:
+        if not self._stuck or not estimate.effects or interval is None or before is None:
             return
         if estimate.outcome in (Outcome.UPDATED, Outcome.MISSING, Outcome.GATED):
-            self._stuck.note_prediction(before, interval[1], estimate.predicted_speed_rad_s, interval[0])
+            for watch in self._stuck:
+                watch.note_prediction(before, interval[1], estimate.predicted_speed_rad_s, interval[0])
 
     def judge(self, sample: WheelSample, identity: WheelIdentity | None) -> tuple[WheelSample, bool]:
-        """Return the sample as it may be used, and whether readings have just come back to life.
+        """Return the sample as it may be used, and whether it stands apart from what was before.
 
-        A reading that the model shows to be no measurement loses its speed. identity: who answers now; None: the driver
-        is still asking.
+        Because readings have just come back to life, or because nobody knows what current flowed. A reading that the
+        model shows to be no measurement loses its speed. identity: who answers now; None: the driver is still asking.
         """
+        restarted = sample.news is not None and sample.news[0] == "wheel_restarted"
+        self._restarts.append(restarted)
         if sample.news is not None:
             event, text = sample.news
             self.say(event, text)
         self._note_conditions(sample.conditions)
         self._note_identity(identity)
-        alive = False
-        if self._stuck is not None and sample.speed_rad_s is not None:
-            sample, alive = self._weigh(self._stuck, sample, sample.speed_rad_s)
+        apart = self._weigh_current(sample, restarted=restarted)
+        self._interval = None
+        if self._stuck and sample.speed_rad_s is not None:
+            sample, alive = self._weigh(sample, sample.speed_rad_s)
+            apart = apart or alive
         self._last = sample
         self.hold = self._reason()
-        return sample, alive
+        return sample, apart
+
+    def _weigh_current(self, sample: WheelSample, *, restarted: bool) -> bool:
+        """Whether the current that flows is another than the one written."""
+        if self._current is None:
+            return False
+        if restarted:
+            self._current.forget()
+        self._current.add(sample)
+        fault = self._current.fault
+        if fault is None:
+            if self.current_fault is not None:
+                self._note("current_as_commanded", text="the current is again as it was commanded")
+            self.current_fault = None
+            return False
+        event, text = fault
+        if self.current_fault is None:
+            self.say(event, text)
+        self.current_fault = self.doubt = text
+        return True
 
     def _reason(self) -> str | None:
         for condition in CONDITIONS_THAT_STOP:
             if condition in self._conditions:
                 return f"wheel_{condition}"
-        if self._stuck is not None and self._stuck.stuck:
+        if any(watch.stuck for watch in self._stuck):
             return STUCK
         return IDENTITY_UNKNOWN if self._asking else None
 
@@ -128,6 +182,8 @@ class TelemetryCheck:
     def _note_conditions(self, conditions: frozenset[str]) -> None:
         if conditions == self._conditions:
             return
+        if OTHER_MODE in conditions:
+            self.doubt = _SENTENCES[OTHER_MODE]
         for name in sorted(conditions - self._conditions):
             zero = self._writes and name in CONDITIONS_THAT_STOP
             self.say(f"wheel_{name}", _SENTENCES[name] + (": zero was written while it did" if zero else ""))
@@ -156,27 +212,31 @@ class TelemetryCheck:
             self.say("another_wheel", text)
             self.other_wheel = text
 
-    def _weigh(self, watch: StuckWatch, sample: WheelSample, speed_rad_s: float) -> tuple[WheelSample, bool]:
+    def _weigh(self, sample: WheelSample, speed_rad_s: float) -> tuple[WheelSample, bool]:
         assert self._belief is not None
         last = self._last
         if last is not None and sample.segment != last.segment:
-            watch.forget()
+            for watch in self._stuck:
+                watch.forget()
             self._in_force_A = None
         dt_s = 0.0 if last is None else sample.time_s - last.time_s
         current_A = self._mean_current(sample, dt_s)
         self._interval = None if current_A is None else (dt_s, current_A)
-        judged = watch.add(sample.time_s, speed_rad_s, current_A, self._belief)
-        if judged.news == "stuck":
-            doing = "Zero is written until it moves again. " if self._writes else ""
-            self.say(
-                STUCK,
-                f"the speed reading is stuck: it has read {rpm_from_rad_s(watch.value_rad_s):.6g} rpm for "
-                f"{watch.repeated_s:.2g} s, in which {_must_have_moved(watch)}. {doing}"
-                "(Or the wheel itself is held fast: look at it.)",
-            )
-        elif judged.news == "alive":
+        used, alive = True, False
+        for watch in self._stuck:
+            judged = watch.add(sample.time_s, speed_rad_s, current_A, self._belief)
+            used, alive = used and judged.used, alive or judged.news == "alive"
+            if judged.news == "stuck":
+                doing = "Zero is written until it moves again. " if self._writes else ""
+                self.say(
+                    STUCK,
+                    f"the speed reading is stuck: it has read {rpm_from_rad_s(watch.value_rad_s):.6g} rpm for "
+                    f"{watch.repeated_s:.2g} s, in which {_must_have_moved(watch)}. {doing}"
+                    "(Or the wheel itself is held fast: look at it.)",
+                )
+        if alive:
             self._note("telemetry_alive", text="the speed reading moves again as the wheel does")
-        return (sample if judged.used else replace(sample, speed_rad_s=None)), judged.news == "alive"
+        return (sample if used else replace(sample, speed_rad_s=None)), alive
 
     def _mean_current(self, sample: WheelSample, dt_s: float) -> float | None:
         """Mean current [A] over the interval that ends with this sample; None where it is not known."""

@@ -20,6 +20,7 @@ from rw_ekf.live.sign_check import SignCheck
 from rw_ekf.live.telemetry import TelemetryCheck
 from rw_ekf.numbers import plus_minus
 from rw_ekf.records import Alarms, RunState, Tick
+from rw_ekf.watch.current_watch import CurrentWatch
 from rw_ekf.watch.sign_watch import SignWatch
 from rw_ekf.watch.stuck_watch import ParameterBelief, StuckWatch
 from rw_ekf.wheel.wheel_tag import WheelTag
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 _SURE = 5.0  # standard deviations
+_HUMS = 4.0  # steps or noises of a reading within which a dead line hums
 
 
 class RunWatches:
@@ -51,17 +53,31 @@ class RunWatches:
         noise = constants.speed_noise_rad_s
         writes = configuration.command.writes
         self.step_rad_s = max(resolution, noise)  # of a reading, or its noise
+        limits = SafetyLimits.of(configuration.limits)
+        exact = (resolution, noise, limits.silence_s, *constants.stribeck)
+
+        def belief() -> ParameterBelief:
+            return ParameterBelief(estimator.parameters, estimator.parameter_covariance)
+
         self.check = TelemetryCheck(
             logger.warning,
-            StuckWatch(resolution, noise, configuration.limits.silence_s, *constants.stribeck),
-            lambda: ParameterBelief(estimator.parameters, estimator.parameter_covariance),
+            (StuckWatch(*exact), StuckWatch(*exact, within_rad_s=_HUMS * self.step_rad_s)),
+            belief,
+            CurrentWatch(limits.current_A) if writes else None,
             writes=writes,
         )
         self.states = RunStates(clock, partial(_tell_state, logger), latches=writes)
-        limits = SafetyLimits.of(configuration.limits)
-        self.judge = RunJudge(self.states, self.check, limits, 1.0 / configuration.loop.rate_hz)
-        live.judged_by(self.check, lambda: self.judge.hold)
         self.sign_watch = SignWatch(start.origin.prior.parameters, constants.stribeck.omega_s, self.step_rad_s)
+        self.judge = RunJudge(
+            self.states,
+            self.check,
+            limits,
+            1.0 / configuration.loop.rate_hz,
+            self.sign_watch,
+            belief,
+            tells_temperature=protocol.limits.hottest_degC is not None,
+        )
+        live.judged_by(self.check, lambda: self.judge.hold, self.judge.speed_limit)
         self.sign = SignCheck(
             self.sign_watch,
             protocol.scale_places,
@@ -77,6 +93,11 @@ class RunWatches:
     def wheel(self) -> WheelTag:
         """The wheel, with what is known of its sign by now."""
         return replace(self._start.wheel, sign_confirmed=self.sign.confirmed)
+
+    @property
+    def doubt(self) -> str | None:
+        """Why nothing of this run may be kept as learned."""
+        return self.sign.doubt or self.check.doubt or self.states.forbidden
 
     def step(self, tick: Tick) -> Alarms:
         """Take one turn of the loop; what the alarms are."""

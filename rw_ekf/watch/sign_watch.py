@@ -9,7 +9,7 @@ expected gain as its standard deviation, so that neither sign is preferred; c fr
 itself, b twice as wide; d, all that is neither, from 0 with 0.3 c, and it wanders by 0.1 c per sqrt(s), so that no
 torque from outside passes for the current's. e: the noise of two readings, and 0.15 c T of torque besides. A Kalman
 filter over (kappa, b, c, d), recursive least squares, carries it; its sigmas are widened where the innovations are
-larger than it expects.
+larger than it expects. It forgets in half a minute of motion, for a sign may turn and a scale halve at any time.
 
 The sign is wrong where kappa is negative by five sigmas, c being not negative, and by a fifth of the expected gain. The
 size is odd where kappa is more than four times what is expected, or less than a quarter of it, by three sigmas. Both
@@ -42,6 +42,7 @@ _WANDER_SHARE = 0.1
 _ERROR_SHARE = 0.15
 _MOVES = 4.0  # noises or steps of a reading: a piece that never gets so far from zero may be one of a wheel at rest
 _INNOVATIONS_KEPT = 20.0
+_FORGETS_S = 30.0  # of motion: what flips after ten healthy minutes is found as soon as what flips at once
 _GAIN, _COULOMB, _OUTSIDE = 0, 2, 3  # places in the regression (eq. 1); viscous friction is 1
 
 
@@ -63,6 +64,7 @@ class SignWatch:
         self._slow = CREEP_STRIBECK_SPEEDS * stribeck_speed_rad_s + 2.0 * step_rad_s
         self._x = np.array([0.0, b, c, 0.0])
         self._P = np.diag([(10.0 * k) ** 2, (2.0 * b) ** 2 + 1.0e-12, c * c, (_OUTSIDE_SHARE * c) ** 2])
+        self._widest = self._P.diagonal().copy()
         self._nis = 1.0
         self.pieces = 0
         self._last: WheelSample | None = None
@@ -78,10 +80,15 @@ class SignWatch:
         return float(self._x[_GAIN]), math.sqrt(float(self._P[_GAIN, _GAIN]) * max(self._nis, 1.0))
 
     @property
+    def is_known(self) -> bool:
+        """Whether enough has moved to say anything."""
+        return self.pieces >= _LEAST_PIECES
+
+    @property
     def is_wrong(self) -> bool:
         """Whether the current turns the wheel the other way than the reading says."""
         gain, _ = self.gain
-        enough = self.pieces >= _LEAST_PIECES and gain < -_SIGN_SHARE * self._expected
+        enough = self.is_known and gain < -_SIGN_SHARE * self._expected
         return enough and self._end_of_gain(1.0) < 0.0
 
     @property
@@ -90,7 +97,7 @@ class SignWatch:
         gain, std = self.gain
         within = gain + _SIZE_SIGMAS * std < _SIZE_FACTOR * self._expected
         within = within and gain - _SIZE_SIGMAS * std > self._expected / _SIZE_FACTOR
-        return self.pieces >= _LEAST_PIECES and within and self._end_of_gain(-1.0) > 0.0
+        return self.is_known and within and self._end_of_gain(-1.0) > 0.0
 
     @property
     def is_settled(self) -> bool:
@@ -104,7 +111,7 @@ class SignWatch:
         """By which factor the size of the gain is off what was expected; None where it is not, or cannot be told."""
         gain, std = self.gain
         gain = abs(gain)
-        if self.pieces < _LEAST_PIECES or self._expected == 0.0:
+        if not self.is_known or self._expected == 0.0:
             return None
         large = gain - _SIZE_SIGMAS * std > _SIZE_FACTOR * self._expected
         small = gain + _SIZE_SIGMAS * std < self._expected / _SIZE_FACTOR
@@ -190,6 +197,13 @@ class SignWatch:
         self._x = self._x + gain * residual
         self._P = self._P - np.outer(gain, ph)
         self._P = 0.5 * (self._P + self._P.T)
+        self._forget()
         self.pieces += 1
         share = 1.0 / min(float(self.pieces), _INNOVATIONS_KEPT)
         self._nis += share * (residual * residual / spread - self._nis)
+
+    def _forget(self) -> None:
+        """Older pieces count less: P grows by exp(T / 30 s), in no direction beyond what it began with."""
+        self._P *= math.exp(self._T / _FORGETS_S)
+        beyond = np.sqrt(np.minimum(1.0, self._widest / self._P.diagonal()))
+        self._P *= np.outer(beyond, beyond)

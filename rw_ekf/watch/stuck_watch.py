@@ -22,6 +22,10 @@ Under a current that changes its sign the sum begins anew with every half period
 instant as if it were another one. What all currents say together is asked beside it (eq. 3 and 4, `standing_proof`):
 at three standard deviations from the nearest wheel that would not have moved, the reading is stuck as well.
 
+A dead line may hum: the reading stays within some noises of one value and never repeats to the last bit. Asked with
+`within_rad_s`, the same proof takes every reading within that of the first for a repetition; the bounds grow by as
+much, and the proof begins anew every half minute, for a speed that a controller holds is alive, and its friction ages.
+
 [CK13]: docs/model.md. [Page 1954]: Continuous inspection schemes, Biometrika 41, 100-115.
 """
 
@@ -48,6 +52,8 @@ _APART_STEPS = 2.0  # standard deviation of how far apart two speeds are that re
 _SQUARED_DISTANCE = 9.0  # eq. 4: beyond it no wheel stands at its reading
 _EFFECTS_SHARE = 0.5  # of the torque of a model's effects that may be wrong where the reading repeats
 _EFFECTS_OVER_S = 1.0
+_LONGEST_HUM_S = 30.0
+_OF_HUM = 2.0  # widths: the first reading's noise and the last one's may both hide a motion
 _ALIVE_AFTER = 2.0  # a reading that moves again must have been plausible for so many times the silence
 
 
@@ -76,14 +82,24 @@ class StuckWatch:
     """Takes every reading with the mean current of the interval before it. One of these per run."""
 
     def __init__(
-        self, step_rad_s: float, noise_rad_s: float, silence_s: float, stribeck_speed_rad_s: float, law: int
+        self,
+        step_rad_s: float,
+        noise_rad_s: float,
+        silence_s: float,
+        stribeck_speed_rad_s: float,
+        law: int,
+        within_rad_s: float = 0.0,
     ) -> None:
-        """step_rad_s: resolution of a reading; noise_rad_s: its noise; silence_s: the age at which a reading is old."""
+        """step_rad_s: resolution of a reading; noise_rad_s: its noise; silence_s: the age at which a reading is old.
+
+        within_rad_s: how far readings may lie apart and still count as one that repeats.
+        """
         self._step = max(step_rad_s, noise_rad_s)
+        self._within = within_rad_s
         self._silence_s = silence_s
         self._omega_s = stribeck_speed_rad_s
         # Below it a wheel may be at rest: few tachometers count so slowly, and some are a step or two off zero.
-        self._near_rest = max(stribeck_speed_rad_s, 2.0 * step_rad_s)
+        self._near_rest = max(stribeck_speed_rad_s, 2.0 * step_rad_s) + within_rad_s
         self._law = law
         self._value: float | None = None
         self._last_s = self._since_s = 0.0
@@ -129,7 +145,8 @@ class StuckWatch:
             self._begin(time_s, speed_rad_s, belief)
             return Judged(not self.stuck, self.stuck)
         dt_s, self._last_s = time_s - self._last_s, time_s
-        if speed_rad_s != self._value:
+        hums = self._within > 0.0 and time_s - self._since_s > _LONGEST_HUM_S and not self.stuck
+        if abs(speed_rad_s - self._value) > self._within or hums:
             return self._changed(time_s, dt_s, speed_rad_s, current_A, belief)
         self._repeats += 1
         if self.stuck and self._alive_since_s is None:
@@ -144,7 +161,7 @@ class StuckWatch:
         moved = max(self._up, self._down)
         assert self._value is not None
         rest = self._near_rest if abs(self._value) <= self._near_rest else 0.0
-        has_moved = moved > _STEPS * self._step + rest
+        has_moved = moved > _STEPS * self._step + rest + _OF_HUM * self._within
         if self._repeats < _REPEATS or not (has_moved or stands > _SQUARED_DISTANCE):
             return self._settled(time_s)
         if self.stuck:
@@ -208,7 +225,7 @@ class StuckWatch:
             of_friction = math.hypot(_FRICTION_SHARE * friction, _EFFECTS_SHARE * self._beyond)
             lacking = np.square([_DRIVE_SHARE * believed.parameters.motor_gain, 0.0, of_friction, 0.0])
             P = believed.covariance + np.diag(lacking)
-            self._standing = StandingProof(believed.parameters, P, _APART_STEPS * self._step)
+            self._standing = StandingProof(believed.parameters, P, _APART_STEPS * self._step + self._within)
         return self._standing.add(phi, way * self._beyond, dt_s)
 
     def _believed(self) -> ParameterBelief:

@@ -30,7 +30,7 @@ class FastWheel:
         self.reads += 1
         return None if self.reads == LOST else WheelSample(RATE * self.clock.monotonic(), 1.0)
 
-    def stop_current(self) -> IssuedCommand:
+    def stop_current(self, by: str | None = None) -> IssuedCommand:
         return self.command_current(0.0)
 
     def command_current(self, current_A: float) -> IssuedCommand:

@@ -30,7 +30,7 @@ class ScriptedWheel:
     def read(self, timeout_s: float) -> WheelSample | None:
         return None
 
-    def stop_current(self) -> IssuedCommand:
+    def stop_current(self, by: str | None = None) -> IssuedCommand:
         return self.command_current(0.0)
 
     def command_current(self, current_A: float) -> IssuedCommand:

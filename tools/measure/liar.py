@@ -1,0 +1,312 @@
+"""One field of telemetry lies, with a good checksum: what is written all the same, and how fast the wheel truly gets.
+
+python -m tools.measure.liar [--draws 1000] [--seed 1] [--table]
+
+Each draw is a run of the real daemon over the real serial driver on a virtual clock: a wheel near the built-in prior, a
+profile, a limit, and a liar: one field of the cycle, a kind of lie, from the start or from some time on. Counted are
+writes outside [zero, what was written last, what was asked for], and T / L, the largest true speed over the limit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import random
+import tempfile
+from collections import Counter, deque
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import yaml
+from tqdm import tqdm
+
+from drivers.line.framing import Frame
+from drivers.line.registers import decode_register
+from drivers.line.wire_layout import Register
+from drivers.line.wire_map import WireMap, wire_map_from_mapping
+from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from drivers.sim.plant_runner import PlantRunner
+from drivers.sim.register_server import RegisterServer
+from drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.attach import checked_protocol
+from rw_ekf.clock import VirtualClock
+from rw_ekf.learning.start import GivenModel
+from rw_ekf.live import guard
+from rw_ekf.live.daemon import run_daemon
+from rw_ekf.live.outcome import RunOutcome
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.records import RunState
+from rw_ekf.settings.load import load_configuration
+from rw_ekf.settings.resources import protocol_path
+from rw_ekf.settings.yaml_loader import load_yaml
+from rw_ekf.units import RAD_S_PER_RPM
+
+FIELDS = ("speed", "speed", "speed", "current", "current_command", "temperature", "pressure", "bus_voltage", "uptime")
+HONEST = "nobody"
+KINDS = ("constant", "hum", "bit", "scale", "shift", "wrap", "lag", "wild", "end", "flip", "drift")
+_COUNT_A = 1.0e-4
+_EPSILON_A = 1.0e-9
+
+Lie = Callable[[float, float], float]  # (true value in SI, time [s]) -> what is told
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One run and its liar."""
+
+    seed: int
+    field: str
+    kind: str
+    size: float  # in 0 to 1: how large the lie is, by its kind
+    begins_s: float
+    limit_rpm: float
+    profile: dict[str, Any]
+    gain: float
+    coulomb: float
+    lasts_s: float = 45.0
+    acts: bool = True  # False: writes are acknowledged and not acted on, from begins_s on
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a draw came to."""
+
+    draw: Draw
+    writes: int
+    outside: int
+    speed_over_limit: float
+    safe: bool
+    confirmed: bool
+    current_at_end_A: float
+    reason: str  # of the state at the end
+
+    @property
+    def is_false_zero(self) -> bool:
+        """Whether zero was called confirmed while a current flowed."""
+        return self.confirmed and abs(self.current_at_end_A) > _EPSILON_A
+
+
+def draw_of(seed: int, rng: random.Random | None = None) -> Draw:
+    """The draw of a seed."""
+    rng = rng or random.Random(seed)
+    profile: dict[str, Any] = rng.choice(
+        (
+            {"profile": "steps", "amplitude_A": rng.uniform(0.1, 0.3), "period_s": rng.uniform(20.0, 90.0)},
+            {"profile": "sine", "amplitude_A": rng.uniform(0.1, 0.3), "period_s": rng.uniform(8.0, 60.0)},
+            {"profile": "random-sines", "amplitude_A": rng.uniform(0.1, 0.3), "period_s": rng.uniform(10.0, 40.0)},
+            {"profile": "steps", "amplitude_A": 0.0, "period_s": 60.0, "bias_A": rng.uniform(0.08, 0.3)},
+        )
+    )
+    return Draw(
+        seed=seed,
+        field=rng.choice(FIELDS),
+        kind=rng.choice(KINDS),
+        size=rng.random(),
+        begins_s=rng.choice((0.0, rng.uniform(5.0, 35.0))),
+        limit_rpm=rng.choice((200.0, 300.0, 400.0, 800.0)),
+        profile=profile,
+        gain=15.205 * rng.uniform(0.8, 1.2),
+        coulomb=0.58 * rng.uniform(0.6, 1.4),
+    )
+
+
+def lie_of(draw: Draw, wire_map: WireMap) -> Lie:
+    """What the field tells."""
+    field = next(f for f in wire_map.speed_register.fields if f.name == draw.field)
+    rng, count, (low, high) = random.Random(draw.seed + 1), field.si_per_count, field.si_range
+    usual = {"speed": 40.0, "current": 0.3, "current_command": 0.3, "temperature": 40.0}.get(draw.field, 0.3 * high)
+    held: list[float] = []
+    past: deque[tuple[float, float]] = deque()
+    bit = 1 << int(4 + 11 * draw.size)
+    sign = 1.0 if rng.random() < 0.5 else -1.0
+    share = 0.01 + 0.19 * draw.size
+
+    def lie(true: float, time_s: float) -> float:
+        past.append((time_s, true))
+        while len(past) > 2 and past[1][0] <= time_s - 10.0 * draw.size:
+            past.popleft()
+        if time_s < draw.begins_s:
+            return true
+        held.append(true) if not held else None
+        if draw.kind == "constant":
+            return held[0] if draw.begins_s > 0.0 else sign * usual * draw.size
+        if draw.kind == "hum":
+            return (held[0] if draw.begins_s > 0.0 else 0.0) + rng.gauss(0.0, 0.1 if draw.field == "speed" else count)
+        if draw.kind == "bit":
+            return field.to_si((int(field.to_wire(true)) | bit) if sign > 0 else int(field.to_wire(true)) & ~bit)
+        if draw.kind == "scale":
+            return true * (0.1 + 0.9 * draw.size if sign > 0 else 1.0 + 9.0 * draw.size)
+        if draw.kind == "shift":
+            return true + sign * usual * draw.size
+        if draw.kind == "wrap":
+            span = usual * (0.5 + draw.size)
+            return (true + span) % (2.0 * span) - span
+        if draw.kind == "lag":
+            return past[0][1]
+        if draw.kind == "wild":
+            return rng.uniform(max(low, -5.0 * usual), min(high, 5.0 * usual)) if rng.random() < share else true
+        if draw.kind == "end":
+            return low if sign < 0 else high
+        if draw.kind == "drift":
+            return true * math.exp(-(0.005 + 0.02 * draw.size) * sign * (time_s - draw.begins_s))
+        return -true
+
+    return lie
+
+
+class _Unheard:
+    """A logger that nobody reads."""
+
+    def info(self, event: str, **context: Any) -> None:
+        """Say nothing."""
+
+    warning = error = info
+
+
+class LyingServer(RegisterServer):
+    """A wheel one field of whose telemetry lies, and that may acknowledge writes without acting on them."""
+
+    lie: Lie | None = None
+    field = ""
+    deaf_from_s = math.inf
+    began_s = 0.0
+
+    def _telemetry(self, register: Register) -> dict[str, float]:
+        values = super()._telemetry(register)
+        if self.lie is not None and register is self.wire_map.speed_register and self.field in values:
+            values[self.field] = self.lie(values[self.field], self.plant.time_s - self.began_s)
+        return values
+
+    def _command_current(self, current_A: float) -> int:
+        if self.plant.time_s - self.began_s >= self.deaf_from_s and current_A != self.command_A:
+            return 0
+        return super()._command_current(current_A)
+
+
+def run_draw(draw: Draw, directory: Path) -> Told:
+    """Run it."""
+    wire_map = _wire_map()
+    wider = 2.5 if draw.field == HONEST else 1.0
+    gain = 15.205 + wider * (draw.gain - 15.205)
+    coulomb = 0.58 + 0.5 * wider * (draw.coulomb - 0.58)
+    parameters = PlantParameters()._replace(motor_gain=gain, coulomb=coulomb, static=1.05 * coulomb)
+    plant = PlantRunner(parameters, PlantNoise(RAD_S_PER_RPM), draw.seed, PlantState(speed_rad_s=0.0), 0.02)
+    written: list[float] = []
+    asked: list[float] = [0.0]
+    outside, fastest = 0, 0.0
+
+    def watch(frame: Frame) -> None:
+        nonlocal outside, fastest
+        fastest = max(fastest, abs(plant.speed_rad_s))
+        if frame.id == wire_map.current_command.id:
+            current = decode_register(wire_map.current_command, frame.data)["current_command"]
+            hull = (0.0, written[-1] if written else 0.0, asked[-1])
+            slack = _COUNT_A + _EPSILON_A
+            outside += not min(hull) - slack <= current <= max(hull) + slack
+            written.append(current)
+
+    server = LyingServer(wire_map, plant, first_uptime_s=100.0, watch=watch)
+    server.lie, server.field = (lie_of(draw, wire_map) if draw.acts and draw.field != HONEST else None), draw.field
+    server.deaf_from_s = math.inf if draw.acts else draw.begins_s
+    configuration = load_configuration(_configuration(draw, directory))
+    clock = VirtualClock()
+    protocol = VirtualLineProtocol(wire_map, server, clock)
+    spoken = checked_protocol(configuration)
+    protocol.fingerprint, protocol.scale_places = spoken.fingerprint, spoken.scale_places
+    allow: Any = guard.allowed_current
+
+    def noted(requested_A: float, *others: Any) -> Any:
+        asked.append(requested_A if math.isfinite(requested_A) else 0.0)
+        return allow(requested_A, *others)
+
+    guard.allowed_current = noted  # type: ignore[assignment]
+    try:
+        with StopSignal() as stop:
+            outcome = run_daemon(configuration, protocol, GivenModel(), draw.lasts_s, _Unheard(), stop, clock)
+    finally:
+        guard.allowed_current = allow
+    return _told(draw, len(written), outside, fastest, outcome, plant.current_A)
+
+
+def _told(draw: Draw, writes: int, outside: int, fastest: float, outcome: RunOutcome, at_end_A: float) -> Told:
+    over = fastest / (draw.limit_rpm * RAD_S_PER_RPM)
+    safe = outcome.state.state is RunState.SAFE or outcome.halted is not None
+    return Told(
+        draw, writes, outside, over, safe, outcome.zero_confirmed, at_end_A, outcome.halted or outcome.state.reason
+    )
+
+
+def _wire_map() -> WireMap:
+    document = load_yaml(protocol_path("sunspace-wheel"))
+    return wire_map_from_mapping(document.data, document.where)
+
+
+def _configuration(draw: Draw, directory: Path) -> Path:
+    path = directory / "wheel.yaml"
+    content = {
+        "wheel": {"port": str(directory / "wheel")},
+        "limits": {"current_A": 0.3, "speed_rpm": draw.limit_rpm, "silence_s": 0.5},
+        "command": draw.profile,
+        "output": {"directory": str(directory / "runs")},
+    }
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return path
+
+
+def told_of(seed: int, **changes: Any) -> Told:
+    """What the draw of a seed comes to. changes: of its fields."""
+    with tempfile.TemporaryDirectory(prefix="rw-ekf-liar-") as name:
+        return run_draw(replace(draw_of(seed), **changes), Path(name))
+
+
+def main() -> int:
+    """Run the draws and print what they came to."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--draws", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--field", help="this field alone")
+    parser.add_argument("--kind", help="this kind of lie alone")
+    parser.add_argument("--deaf", action="store_true", help="writes acknowledged and not acted on, in place of a lie")
+    parser.add_argument("--healthy", action="store_true", help="nobody lies; gain and friction +-50 %%")
+    parser.add_argument("--lasts", type=float, help="so long each [s]")
+    parser.add_argument("--worst", type=int, default=8, help="so many of the fastest are listed")
+    args = parser.parse_args()
+    changes = {name: value for name, value in (("field", args.field), ("kind", args.kind)) if value is not None}
+    changes |= {"acts": False} if args.deaf else {}
+    changes |= {"lasts_s": args.lasts} if args.lasts is not None else {}
+    changes |= {"field": HONEST, "kind": "nothing"} if args.healthy else {}
+    seeds = range(1000 * args.seed, 1000 * args.seed + args.draws)
+    with ProcessPoolExecutor() as pool:
+        told = list(tqdm(pool.map(partial(told_of, **changes), seeds, chunksize=4), total=args.draws))
+    print_table(told, args.worst)
+    return 0
+
+
+def print_table(told: list[Told], worst: int) -> None:
+    """A row for each field and kind, then the fastest."""
+    writes, outside = sum(t.writes for t in told), sum(t.outside for t in told)
+    print(f"{len(told)} draws, {writes} writes: {outside} outside [0, last, asked]; ", end="")
+    print(f"zero called confirmed while a current flowed: {sum(t.is_false_zero for t in told)}")
+    groups: dict[tuple[str, str], list[Told]] = {}
+    for one in told:
+        groups.setdefault((one.draw.field, one.draw.kind), []).append(one)
+    print(f"{'field':16} {'lie':10} {'draws':>5} {'SAFE':>5} {'confirmed':>9} {'worst T / L':>11}")
+    for (field, kind), ones in sorted(groups.items()):
+        fastest = max(t.speed_over_limit for t in ones)
+        safe, confirmed = sum(t.safe for t in ones), sum(t.confirmed for t in ones)
+        print(f"{field:16} {kind:10} {len(ones):5} {safe:5} {confirmed:9} {fastest:11.2f}")
+    reasons = Counter((t.draw.field, t.reason[:100]) for t in told if t.safe)
+    for (field, reason), times in sorted(reasons.items(), key=lambda item: (item[0][0], -item[1])):
+        print(f"SAFE {times:4} {field:16} {reason}")
+    for one in [t for t in told if t.safe and t.draw.field == HONEST]:
+        print(f"falsely SAFE  {one.draw}")
+    for one in sorted(told, key=lambda t: -t.speed_over_limit)[:worst]:
+        print(f"T / L {one.speed_over_limit:.2f}  {'SAFE' if one.safe else '-'}  {one.draw}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
