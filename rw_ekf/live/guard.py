@@ -31,7 +31,7 @@ Say = Callable[[str, str], None]  # an event and its sentence
 _ZERO_RETRY_S = 0.05
 _CONFIRMED_WITHIN_S = 0.5
 _INSTEAD = {ZERO_BY_MODE: "its mode was set to idle instead", ZERO_BY_RESET: "it was reset instead"}
-_WAYS = (None, ZERO_BY_MODE, ZERO_BY_RESET)  # to zero, the gentlest first
+_WAYS = ("", ZERO_BY_MODE, ZERO_BY_RESET)  # to zero, the gentlest first
 _WATCHED_S = 0.6  # a zero before it is called confirmed: a wheel under 0.1 A changes its speed by some 8 rpm in it
 _LOOK_EVERY_S = 0.1
 _LEAST_LOOKS, _MOST_LOOKS = 3, 15  # readings; tries, where some are lost
@@ -278,7 +278,10 @@ class CurrentGuard:
     def _let_go(self, way: int) -> bool:
         """Enforce zero by another register; whether the wheel took it."""
         self._sight.begin()
-        return self.driver.stop_current(_WAYS[way]).acknowledged
+        return self._stop(_WAYS[way]).acknowledged
+
+    def _stop(self, *by: str) -> IssuedCommand:
+        return self.driver.stop_current(*by)
 
     def _is_seen(self) -> bool:
         """Whether the readings of the next half second are those of a wheel without a current."""
@@ -297,7 +300,7 @@ class CurrentGuard:
         self._written_A = current_A
         if current_A != 0.0:
             return self.driver.command_current(current_A)
-        issued = self.driver.stop_current()
+        issued = self._stop()
         by = issued.reason if issued.reason in _INSTEAD else None
         if by is not None and by != self._zero_by:
             self._say(by, f"the wheel refused a current of zero: {_INSTEAD[by]}")

@@ -222,11 +222,12 @@ class TelemetryCheck:
         dt_s = 0.0 if last is None else sample.time_s - last.time_s
         current_A = self._mean_current(sample, dt_s)
         self._interval = None if current_A is None else (dt_s, current_A)
-        used, alive = True, False
+        used, alive, was_stuck = True, False, any(watch.stuck for watch in self._stuck)
         for watch in self._stuck:
             judged = watch.add(sample.time_s, speed_rad_s, current_A, self._belief)
             used, alive = used and judged.used, alive or judged.news == "alive"
-            if judged.news == "stuck":
+            if judged.news == "stuck" and not was_stuck:
+                was_stuck = True
                 doing = "Zero is written until it moves again. " if self._writes else ""
                 self.say(
                     STUCK,
@@ -234,6 +235,7 @@ class TelemetryCheck:
                     f"{watch.repeated_s:.2g} s, in which {_must_have_moved(watch)}. {doing}"
                     "(Or the wheel itself is held fast: look at it.)",
                 )
+        alive = alive and not any(watch.stuck for watch in self._stuck)
         if alive:
             self._note("telemetry_alive", text="the speed reading moves again as the wheel does")
         return (sample if used else replace(sample, speed_rad_s=None)), alive

@@ -56,7 +56,7 @@ class CurrentWatch:
         if sample.current_A is not None:
             low, high = min(self._in_force), max(self._in_force)
             within = self.tolerance_A + _GAIN_SHARE * max(abs(low), abs(high))
-            off_A = sample.current_A - min(max(sample.current_A, low), high)
+            off_A = min(_outside(sample.current_A, low, high), _outside(sample.current_A, -high, -low), key=abs)
             self._beyond.append(off_A / within)
             if abs(off_A) > within:
                 self._measured_A = sample.current_A
@@ -75,6 +75,12 @@ class CurrentWatch:
         if abs(sum(self._beyond)) > _MEAN_OF:
             return "current_not_as_commanded", (
                 f"{self._measured_A:.4g} A is measured where {self._in_force[-1]:.4g} A is commanded: the amplifier is "
-                "off, clips or is weak, or the scale of current in the wire map is wrong; if the field says nothing, take it out"
+                "off, clips or is weak, or the scale of current in the wire map is wrong; if the field says nothing, "
+                "take it out"
             )
         return None
+
+
+def _outside(value: float, low: float, high: float) -> float:
+    """How far a value lies outside, signed. Asked for either sign: a turned one in the wire map is the sign watch's."""
+    return value - min(max(value, low), high)
