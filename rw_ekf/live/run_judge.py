@@ -28,6 +28,7 @@ _USED = (Outcome.FIRST, Outcome.UPDATED, Outcome.RESEEDED)
 _HOT_READINGS, _HOT_AMONG = 3, 10  # above the limit; the guard writes zero at each, but one alone latches nothing
 _QUIET_PERIODS = 3.0
 _SAFE_AFTER_S = 5.0  # where limits.safe_after_s is null: that is said of silence, not of readings that are wrong
+_SIGN_WITHIN_S = 20.0  # the sign watch takes 3 to 21 s under every profile (docs/telemetry.md)
 _FORGIVEN = 0.25  # of its time a good turn takes from that of bad ones: one in five may be wild
 _GAIN_MAY = 1.35  # the limit's share for readings: with 1.15 for overshoot this keeps 1.5 of the limit
 _LEAST_SHARE = 0.05
@@ -80,6 +81,7 @@ class RunJudge:
         self._longest_s = None if safe_after_s is None else max(safe_after_s, _QUIET_PERIODS * period_s)
         longest_s = max(_SAFE_AFTER_S if safe_after_s is None else safe_after_s, _QUIET_PERIODS * period_s)
         self._refused, self._off, self._unheated = Patience(longest_s), Patience(longest_s), Patience(longest_s)
+        self._turned = Patience(_SIGN_WITHIN_S)
         self._hot: deque[bool] = deque(maxlen=_HOT_AMONG)
         self._command_A = 0.0
         self._last: WheelSample | None = None
@@ -109,9 +111,18 @@ class RunJudge:
         health = None if estimate is None else estimate.health
         if health is not None:
             trouble = trouble or health.text
-            if health.beyond_mending or health.trouble is FilterTrouble.UNPHYSICAL:
+            if health.beyond_mending:
                 danger = danger or health.text
+        if self._is_unphysical(estimate):
+            danger = danger or (health.text if health is not None else None)
         return self._states.step(Turn(reading.link, used, trouble, danger))
+
+    def _is_unphysical(self, estimate: Estimate | None) -> bool:
+        """Whether the readings are no wheel's; a negative gain is the sign watch's first, which names the wire map."""
+        health = None if estimate is None else estimate.health
+        wrong = health is not None and health.trouble is FilterTrouble.UNPHYSICAL
+        turned = estimate is not None and estimate.state.motor_gain < 0.0
+        return self._turned.is_over(wrong and turned, self._period_s) or (wrong and not turned)
 
     def commanded(self, command: IssuedCommand | None) -> None:
         """Note what became of a request."""
