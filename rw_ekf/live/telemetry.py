@@ -126,10 +126,10 @@ class TelemetryCheck:
                 watch.note_prediction(before, interval[1], estimate.predicted_speed_rad_s, interval[0])
 
     def judge(self, sample: WheelSample, identity: WheelIdentity | None) -> tuple[WheelSample, bool]:
-        """Return the sample as it may be used, and whether it stands apart from what was before.
+        """Return the sample as it may be used, and whether readings have just come back to life.
 
-        Because readings have just come back to life, or because nobody knows what current flowed. A reading that the
-        model shows to be no measurement loses its speed. identity: who answers now; None: the driver is still asking.
+        A reading that the model shows to be no measurement loses its speed. identity: who answers now; None: the driver
+        is still asking.
         """
         restarted = sample.news is not None and sample.news[0] == "wheel_restarted"
         self._restarts.append(restarted)
@@ -138,19 +138,19 @@ class TelemetryCheck:
             self.say(event, text)
         self._note_conditions(sample.conditions)
         self._note_identity(identity)
-        apart = self._weigh_current(sample, restarted=restarted)
+        self._weigh_current(sample, restarted=restarted)
+        apart = False
         self._interval = None
         if self._stuck and sample.speed_rad_s is not None:
-            sample, alive = self._weigh(sample, sample.speed_rad_s)
-            apart = apart or alive
+            sample, apart = self._weigh(sample, sample.speed_rad_s)
         self._last = sample
         self.hold = self._reason()
         return sample, apart
 
-    def _weigh_current(self, sample: WheelSample, *, restarted: bool) -> bool:
-        """Whether the current that flows is another than the one written."""
+    def _weigh_current(self, sample: WheelSample, *, restarted: bool) -> None:
+        """Note whether the current that flows is another than the one written."""
         if self._current is None:
-            return False
+            return
         if restarted:
             self._current.forget()
         self._current.add(sample)
@@ -159,12 +159,11 @@ class TelemetryCheck:
             if self.current_fault is not None:
                 self._note("current_as_commanded", text="the current is again as it was commanded")
             self.current_fault = None
-            return False
+            return
         event, text = fault
         if self.current_fault is None:
             self.say(event, text)
         self.current_fault = self.doubt = text
-        return True
 
     def _reason(self) -> str | None:
         for condition in CONDITIONS_THAT_STOP:
