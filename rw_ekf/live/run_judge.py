@@ -27,6 +27,7 @@ from rw_ekf.watch.stuck_watch import ParameterBelief
 _USED = (Outcome.FIRST, Outcome.UPDATED, Outcome.RESEEDED)
 _HOT_READINGS, _HOT_AMONG = 3, 10  # above the limit; the guard writes zero at each, but one alone latches nothing
 _QUIET_PERIODS = 3.0
+_RESEEDS = 5.0  # turns in which a filter takes up readings again that are right again
 _SAFE_AFTER_S = 5.0  # where limits.safe_after_s is null: that is said of silence, not of readings that are wrong
 _SIGN_WITHIN_S = 20.0  # the sign watch takes 3 to 21 s under every profile (docs/telemetry.md)
 _FORGIVEN = 0.25  # of its time a good turn takes from that of bad ones: one in five may be wild
@@ -80,7 +81,8 @@ class RunJudge:
         # At a slow rate some periods without a reading are no silence yet.
         self._longest_s = None if safe_after_s is None else max(safe_after_s, _QUIET_PERIODS * period_s)
         longest_s = max(_SAFE_AFTER_S if safe_after_s is None else safe_after_s, _QUIET_PERIODS * period_s)
-        self._refused, self._off, self._unheated = Patience(longest_s), Patience(longest_s), Patience(longest_s)
+        self._refused = Patience(longest_s + _RESEEDS * period_s)
+        self._off, self._unheated = Patience(longest_s), Patience(longest_s)
         self._turned = Patience(_SIGN_WITHIN_S)
         self._hot: deque[bool] = deque(maxlen=_HOT_AMONG)
         self._command_A = 0.0

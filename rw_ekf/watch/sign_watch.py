@@ -42,6 +42,7 @@ _WANDER_SHARE = 0.1
 _ERROR_SHARE = 0.15
 _MOVES = 4.0  # noises or steps of a reading: a piece that never gets so far from zero may be one of a wheel at rest
 _INNOVATIONS_KEPT = 20.0
+_LEAPS = 5.0  # sigmas; one piece alone, for what goes on is the wheel
 _FORGETS_S = 30.0  # of motion: what flips after ten healthy minutes is found as soon as what flips at once
 _GAIN, _COULOMB, _OUTSIDE = 0, 2, 3  # places in the regression (eq. 1); viscous friction is 1
 
@@ -66,6 +67,7 @@ class SignWatch:
         self._P = np.diag([(10.0 * k) ** 2, (2.0 * b) ** 2 + 1.0e-12, c * c, (_OUTSIDE_SHARE * c) ** 2])
         self._widest = self._P.diagonal().copy()
         self._nis = 1.0
+        self._skipped = False
         self.pieces = 0
         self._last: WheelSample | None = None
         self._command: IssuedCommand | None = None
@@ -193,6 +195,10 @@ class SignWatch:
         ph = self._P @ h
         spread = float(h @ ph) + variance
         residual = change_rad_s - float(h @ self._x)
+        if self.is_known and not self._skipped and residual * residual > _LEAPS**2 * spread * max(self._nis, 1.0):
+            self._skipped = True  # a hand, or one wild reading at an end of the piece: no current did that
+            return
+        self._skipped = False
         gain = ph / spread
         self._x = self._x + gain * residual
         self._P = self._P - np.outer(gain, ph)
