@@ -156,7 +156,7 @@ def test_speed_spikes_over_a_pty(tmp_path: Path) -> None:
 
 
 def test_a_speed_that_really_jumped_is_taken_from_readings_that_agree(tmp_path: Path) -> None:
-    """Row 20: a hand changes the speed by 10 rad/s: gated, SAFE, re-seeded by readings that agree; at a word it goes on.
+    """Row 20: a hand changes the speed by 10 rad/s: gated, SAFE, re-seeded where readings agree; at a word it goes on.
 
     No current can have done that, so until a person has looked it may as well be the tachometer that jumped.
     """
