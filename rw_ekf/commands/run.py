@@ -141,15 +141,24 @@ def run_and_report(
 
     Exit status 1 if the link was lost, or the wheel silent, to the end, if the wheel did not confirm the last zero, or
     if a part of what it was to leave could not be written; 5 if the run ended in SAFE, or because another wheel came.
-    A signal ends the run in order from here on, and a second one does not disturb the report.
+    A signal ends the run in order from here on, and a second one does not disturb the report. The port is claimed
+    before anything takes time, so that `stop` finds who is about to drive it.
     """
+    from rw_ekf.clock import SystemClock
+    from rw_ekf.live.claim import PortClaim
     from rw_ekf.live.stop_signal import StopSignal
+    from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop
 
-    with StopSignal() as stop:
+    clock = SystemClock()
+    with StopSignal() as stop, PortClaim(configuration.wheel.port, clock) as claim:
+        if told_to_stop(configuration.wheel.port):
+            if heartbeat is not None:
+                heartbeat.told()
+            sys.stderr.write(f"rw-ekf: {TOLD_TO_STOP}\n")
+            return 0
         with contextlib.suppress(OSError, ValueError, RuntimeError, AttributeError):  # where there is no standard error
             faulthandler.enable()  # a crash in compiled code says where
         from rw_ekf.attach import checked_protocol
-        from rw_ekf.clock import SystemClock
         from rw_ekf.commands.inputs import given_model
         from rw_ekf.console import abandon_output, logger
         from rw_ekf.live.daemon import run_daemon
@@ -160,7 +169,6 @@ def run_and_report(
 
         protocol = checked_protocol(configuration)
         given = given_model(configuration, args)
-        clock = SystemClock()
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
         if heartbeat is not None:
             heartbeat.on_orphaned(stop, log)
@@ -178,6 +186,7 @@ def run_and_report(
             clock,
             oversight,
             None if planned is None else planned.commander,
+            claim,
         )
         warnings = _warnings(outcome)
         try:

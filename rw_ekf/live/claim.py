@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import fnmatch
 import hashlib
 import json
 import os
@@ -19,8 +20,17 @@ from typing import Any, Self
 
 from rw_ekf.clock import Clock
 from rw_ekf.errors import DriverError
-from rw_ekf.live.port_name import aliases_of, device_of, names_of, own_name
-from rw_ekf.live.process import ProcessFacts, facts_of, holds_lock, own_process, user_name
+from rw_ekf.live.port_name import device_of, names_of, other_names_of, own_name
+from rw_ekf.live.process import (
+    DELETED,
+    ProcessFacts,
+    facts_of,
+    holds_lock,
+    open_files,
+    other_processes,
+    own_process,
+    user_name,
+)
 
 DIRECTORIES = ("/run/lock", "/tmp")  # fixed: an environment variable may differ between `run` and `stop`
 _SHARED = stat.S_ISVTX | stat.S_IWOTH  # all may write, each removes only what is its own
@@ -54,8 +64,8 @@ class Claim:
     def holder(self) -> ProcessFacts | None:
         """The process that made it, where the kernel bears out every word; None otherwise.
 
-        It runs since when the file says, belongs to whom the file belongs, has the command line of this program, and
-        holds the lock (which for another user's process only root is told).
+        It runs since when the file says, belongs to whom the file belongs, is this program by what its interpreter
+        started, and holds the lock (which for another user's process only root is told).
         """
         if self.pid is None or self.pid <= 1:
             return None
@@ -76,7 +86,7 @@ def claim_path(port: str, *, supervises: bool = False) -> Path:
     """Path of this user's claim for a port, and of a supervisor's beside that of the daemon it starts."""
     name = own_name(port)
     digest = hashlib.sha256((device_of(name) or name).encode()).hexdigest()[:16]
-    return _directory() / f"rw-ekf-{os.geteuid()}-{digest}{'.supervisor' if supervises else ''}.lock"
+    return shared_directory() / f"rw-ekf-{os.geteuid()}-{digest}{'.supervisor' if supervises else ''}.lock"
 
 
 def held_claims(names: frozenset[str], clock: Clock) -> list[Claim]:
@@ -105,7 +115,9 @@ class PortClaim:
         self._descriptor: int | None = None
 
     def __enter__(self) -> Self:
-        """Claim the port. Raises DriverError if a running daemon has it."""
+        """Claim the port; nothing where that has been done. Raises DriverError if a running daemon has it."""
+        if self._descriptor is not None:
+            return self
         with contextlib.ExitStack() as undo:
             descriptor = self._open()
             undo.callback(os.close, descriptor)
@@ -120,7 +132,7 @@ class PortClaim:
             device = device_of(name)
             content = {
                 **own_process(),
-                "names": [name, *aliases_of(device)],
+                "names": [name, *other_names_of(name)],
                 "device": device,
                 "supervises": self._supervises,
             }
@@ -190,7 +202,7 @@ class PortClaim:
         )
 
 
-def _directory() -> Path:
+def shared_directory() -> Path:
     """The first directory that every user can write to, so that `run` and `stop` of different users look there."""
     for name in DIRECTORIES:
         try:
@@ -202,14 +214,22 @@ def _directory() -> Path:
 
 
 def _all_held() -> list[Claim]:
-    paths = (path for directory in DIRECTORIES for path in sorted(Path(directory).glob(_PATTERN)))
+    """In the directories, and those whose files have been tidied away: who made them has them open all the same."""
+    paths = [path for directory in DIRECTORIES for path in sorted(Path(directory).glob(_PATTERN))]
+    for pid in other_processes():
+        paths += [path for path, name in open_files(pid) if name.endswith(DELETED) and _is_claim(name)]
     return [claim for claim in map(_held_claim, paths) if claim is not None]
+
+
+def _is_claim(name: str) -> bool:
+    return fnmatch.fnmatchcase(os.path.basename(name.removesuffix(DELETED)), _PATTERN)
 
 
 def _held_claim(path: Path) -> Claim | None:
     """What a lock file says if it is held; a link, a pipe or a directory in its place is no claim."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        follow = 0 if path.is_relative_to("/proc") else os.O_NOFOLLOW  # there the link is the kernel's
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | follow | os.O_NONBLOCK)
     except OSError:
         return None
     try:

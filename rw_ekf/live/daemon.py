@@ -51,15 +51,18 @@ def run_daemon(
     clock: Clock,
     oversight: Oversight = ALONE,
     planned: Commander | None = None,
+    claim: PortClaim | None = None,
 ) -> RunOutcome:
     """Attach, estimate, log, publish. planned: what is commanded, in place of what the configuration asks for.
 
     Raises DriverError if the wheel cannot be reached at the start, BadInputError if the model given is of another one.
     Zero current is sent on every way out; `stop` ends the run in order. oversight: who is told of completed turns.
+    claim: of the port, where the caller has made it already.
     """
     began = clock.utc()
     commander = planned or (commander_of(configuration.command) if configuration.command.writes else None)
-    with PortClaim(configuration.wheel.port, clock), request_socket(configuration, clock, logger) as requests:
+    claim = claim or PortClaim(configuration.wheel.port, clock)
+    with claim, request_socket(configuration, clock, logger) as requests:
         live = _opened(configuration, protocol, logger, stop, clock)
         with _WayOut(live, configuration.wheel.port, oversight, logger) as way_out:
             files = RunFiles.of_run(configuration, began)

@@ -13,6 +13,7 @@ from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import Claim, held_claims, is_held
 from rw_ekf.live.port_name import device_of, names_of, own_name
 from rw_ekf.live.process import ProcessFacts, ProcessHandle, facts_of, has_open, processes_with, user_name
+from rw_ekf.live.stop_word import leave_word
 
 _KILL_WITHIN_S = 2.0
 _SUPERVISOR_WITHIN_S = 30.0  # it waits for its daemon, and writes zero itself where that hangs
@@ -32,10 +33,12 @@ class HolderReport:
 def stop_holder(port: str, clock: Clock, within_s: float = 5.0) -> HolderReport:
     """End every daemon that drives the wheel at `port`: SIGTERM, and SIGKILL where that has not helped within_s [s].
 
-    Supervisors first, so that none starts its daemon again. Found by its claim, under any name of the port, or else by
-    the port that it has open. A process is signalled only if the kernel bears out that it is a daemon of this program.
-    Never raises.
+    Supervisors first, so that none starts its daemon again. Found by the claim that it holds, under any name of the
+    port, also where its file has been removed. A process is signalled only if the kernel bears out that it made that
+    claim: that it has the port open says nothing, a lab has programs of its own. Runs that are still starting, and so
+    have no claim, find a word from here when they make it. Never raises.
     """
+    leave_word(port)
     report = HolderReport()
     device = device_of(own_name(port))
     claims = held_claims(names_of(port), clock)
@@ -47,29 +50,21 @@ def stop_holder(port: str, clock: Clock, within_s: float = 5.0) -> HolderReport:
             patience_s = _SUPERVISOR_WITHIN_S if claim.supervises else within_s
             its_port = None if claim.supervises else device  # a supervisor may have none open, and open it later
             _end(holder, lambda claim=claim: is_held(claim), its_port, clock, patience_s, report)  # type: ignore[misc]
-    for pid in processes_with(device) if device is not None else []:
-        facts = facts_of(pid)
-        if facts is None or pid in report.ended:
-            continue
-        if facts.drives:  # its claim is gone: temporary directories get tidied up
-            _end(facts, lambda pid=pid: has_open(pid, device), device, clock, within_s, report)  # type: ignore[misc,arg-type]
     return report
 
 
 def holders_of(port: str, clock: Clock) -> list[ProcessFacts]:
-    """Every other daemon that drives the wheel at `port`, by its claim or by the port that it has open."""
-    found = {claim.pid: claim.holder() for claim in held_claims(names_of(port), clock) if not claim.supervises}
-    device = device_of(own_name(port))
-    for pid in processes_with(device) if device is not None else []:
-        facts = facts_of(pid)
-        if facts is not None and facts.drives:
-            found.setdefault(pid, facts)
-    return [facts for facts in found.values() if facts is not None and facts.pid != os.getpid()]
+    """Every other daemon that drives the wheel at `port`, by the claim that it holds."""
+    return _holders(port, clock, supervise=False)
 
 
 def supervisors_of(port: str, clock: Clock) -> list[ProcessFacts]:
     """Every other process that starts a daemon on `port` again when it dies."""
-    found = [claim.holder() for claim in held_claims(names_of(port), clock) if claim.supervises]
+    return _holders(port, clock, supervise=True)
+
+
+def _holders(port: str, clock: Clock, *, supervise: bool) -> list[ProcessFacts]:
+    found = [claim.holder() for claim in held_claims(names_of(port), clock) if claim.supervises is supervise]
     return [facts for facts in found if facts is not None and facts.pid != os.getpid()]
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ipaddress
 import os
+import socket
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 _ALIASES = ("/dev/serial/by-id", "/dev/serial/by-path")  # where udev keeps names that stay
 _WRAPPERS = ("spy", "alt")  # pyserial's URLs around a device of this machine
-_THIS_MACHINE = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
 def own_name(port: str) -> str:
@@ -17,14 +19,52 @@ def own_name(port: str) -> str:
         return os.path.abspath(port)
     try:
         parts = urlsplit(port)
-        host, number = (parts.hostname or "").lower(), parts.port
+        host, number = (parts.hostname or "").rstrip("."), parts.port
     except ValueError:  # no URL that anyone could open
         return port
     if parts.scheme.lower() in _WRAPPERS:
         return os.path.abspath(parts.netloc + parts.path)
     if number is None:
         return port
-    return f"tcp:{'localhost' if host in _THIS_MACHINE else host}:{number}"
+    return f"tcp:{_address_of(host)}:{number}"
+
+
+def _address_of(host: str) -> str:
+    """One spelling for a host as it is written: names as they are, addresses in their shortest form."""
+    text = host.partition("%")[0]
+    try:
+        address = ipaddress.ip_address(text)
+    except ValueError:
+        try:
+            address = ipaddress.IPv4Address(socket.inet_aton(text))  # 127.1 and the like, which pyserial opens too
+        except (OSError, ValueError):
+            return "localhost" if text == "localhost" else host
+    address = getattr(address, "ipv4_mapped", None) or address
+    return "localhost" if address.is_loopback or address.is_unspecified else str(address)
+
+
+def _addresses(name: str) -> list[str]:
+    """Other names of a port on the net: by each address that its host has now; none where that cannot be told."""
+    kind, host, number = name.partition(":")[0], *name.partition(":")[2].rpartition(":")[::2]
+    if kind != "tcp" or host == "localhost":
+        return []
+    try:
+        found = socket.getaddrinfo(host, int(number), type=socket.SOCK_STREAM)
+    except (OSError, ValueError):
+        return []
+    hosts = {"localhost" if _is_this_machine(info) else _address_of(str(info[4][0])) for info in found}
+    return [f"tcp:{one}:{number}" for one in sorted(hosts)]
+
+
+def _is_this_machine(info: tuple[socket.AddressFamily, socket.SocketKind, int, str, Any]) -> bool:
+    """Whether an address, as getaddrinfo gives it, is one of this machine's own: only those can be bound."""
+    family, _, _, _, address = info
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.bind((address[0], 0, *address[2:]))
+    except OSError:
+        return False
+    return True
 
 
 def device_of(name: str) -> str | None:
@@ -37,7 +77,12 @@ def device_of(name: str) -> str | None:
 def names_of(port: str) -> frozenset[str]:
     """Every name of the port that can be found out now: its own, and its device's where that is there."""
     name = own_name(port)
-    return frozenset(filter(None, (name, device_of(name))))
+    return frozenset(filter(None, (name, device_of(name), *_addresses(name))))
+
+
+def other_names_of(name: str) -> list[str]:
+    """What else a name (from own_name) is known by for as long as a run lasts: its adapter's names, its addresses."""
+    return [*aliases_of(device_of(name)), *_addresses(name)]
 
 
 def aliases_of(device: str | None) -> list[str]:

@@ -6,19 +6,27 @@ claim that anyone may have made up.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pwd
 import re
 import select
 import signal
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from rw_ekf.plain_file import read_plain
+
 _PROC = Path("/proc")
+DELETED = " (deleted)"  # behind the name of an open file that has none any more
 _DRIVING_VERBS = frozenset({"run", "excite"})
+_NAME, _MODULE = "rw-ekf", "rw_ekf"
 _IMPORTS_US = re.compile(r"\b(?:import|from)\s+rw_ekf\b")
+_SCRIPT_BYTES = 65_536
+_WITH_VALUE = ("-W", "-X")  # options of the interpreter whose value is a word of its own
 
 
 @dataclass(frozen=True)
@@ -37,17 +45,41 @@ class ProcessFacts:
         return f"process {self.pid} of user {user_name(self.uid)}"
 
     @property
-    def drives(self) -> bool:
-        """Whether its command line is this program's, driving a wheel: "... run ... --config F", however started."""
-        verbs = [i for i, word in enumerate(self.arguments) if word in _DRIVING_VERBS]
-        options = [word.split("=")[0] for i in verbs[:1] for word in self.arguments[i:]]
-        return any(word.startswith("--c") and "--config".startswith(word) for word in options)
+    def is_ours(self) -> bool:
+        """Whether it is this program: its command, its module, or a script or text that imports it.
+
+        Of the command line only what the interpreter starts counts: any program may have arguments like ours.
+        """
+        entry, rest = self._entry()
+        if _NAME in (os.path.basename(word) for word in (*self.arguments[:1], *rest[:1])):
+            return True
+        if entry == "-m":
+            return rest[:1] in ((_MODULE,), (f"{_MODULE}.cli",))
+        text = "".join(rest[:1])
+        return _IMPORTS_US.search(text if entry == "-c" else self._text_of(text)) is not None
 
     @property
-    def is_ours(self) -> bool:
-        """Whether it may hold a claim: it drives a wheel, or is a script on the command line that imports this."""
-        pairs = zip(self.arguments, self.arguments[1:], strict=False)
-        return self.drives or any(word == "-c" and _IMPORTS_US.search(text) for word, text in pairs)
+    def starts_a_run(self) -> bool:
+        """Whether it is this program, asked to drive a wheel: whether it does, its claim says."""
+        return not _DRIVING_VERBS.isdisjoint(self.arguments) and self.is_ours
+
+    def _entry(self) -> tuple[str, tuple[str, ...]]:
+        """How an interpreter was told what to start ("-m", "-c", or "" for a script), and the words from that on."""
+        at = 1
+        while at < len(self.arguments) and self.arguments[at].startswith("-"):
+            word = self.arguments[at]
+            at += 2 if word in _WITH_VALUE else 1
+            if not word.startswith("--") and word[-1] in "mc":
+                return f"-{word[-1]}", self.arguments[at:]
+        return "", self.arguments[at:]
+
+    def _text_of(self, script: str) -> str:
+        """Beginning of a script that it was started with; nothing where that is no plain file that we may read."""
+        try:
+            path = os.path.join(_PROC / str(self.pid) / "cwd", script)
+            return read_plain(path, most_bytes=_SCRIPT_BYTES).decode("utf-8", "replace")
+        except OSError:
+            return ""
 
 
 def facts_of(pid: int) -> ProcessFacts | None:
@@ -105,25 +137,31 @@ def holds_lock(pid: int, file: os.stat_result) -> bool | None:
     return None if hidden else False
 
 
+def open_files(pid: int) -> Iterator[tuple[Path, str]]:
+    """Every file that a process has open, as (a path that opens it, its name); none where the kernel does not tell."""
+    folder = _PROC / str(pid) / "fd"
+    try:
+        numbers = os.listdir(folder)
+    except OSError:
+        return
+    for number in numbers:
+        with contextlib.suppress(OSError):
+            yield folder / number, os.readlink(folder / number)
+
+
 def has_open(pid: int, device: str) -> bool:
     """Whether the process has the device open; False also where the kernel does not tell us."""
-    try:
-        numbers = os.listdir(_PROC / str(pid) / "fd")
-    except OSError:
-        return False
-    for number in numbers:
-        try:
-            if os.readlink(_PROC / str(pid) / "fd" / number).removesuffix(" (deleted)") == device:
-                return True
-        except OSError:
-            continue
-    return False
+    return any(name.removesuffix(DELETED) == device for _, name in open_files(pid))
+
+
+def other_processes() -> list[int]:
+    """Numbers of all other processes."""
+    return sorted(int(name) for name in os.listdir(_PROC) if name.isdigit() and int(name) != os.getpid())
 
 
 def processes_with(device: str) -> list[int]:
     """Numbers of all other processes that have the device open, as far as the kernel tells us."""
-    numbers = (int(name) for name in os.listdir(_PROC) if name.isdigit())
-    return sorted(pid for pid in numbers if pid != os.getpid() and has_open(pid, device))
+    return [pid for pid in other_processes() if has_open(pid, device)]
 
 
 class ProcessHandle:

@@ -24,6 +24,7 @@ from rw_ekf.live.forwarded import ForwardedSignals
 from rw_ekf.live.guard import zero_and_close
 from rw_ekf.live.oversight import OVER, TOLD, TURN, Heartbeat
 from rw_ekf.live.process import ProcessHandle
+from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop
 
 if TYPE_CHECKING:
     from rw_ekf.driver import WheelProtocol
@@ -133,7 +134,10 @@ class Supervisor:
         Raises DriverError where another daemon has the port.
         """
         claim = PortClaim(self.configuration.wheel.port, self.clock, supervises=True)
-        with claim, self._signals:
+        with self._signals, claim:
+            if told_to_stop(self.configuration.wheel.port):
+                self.logger.warning("not_begun", reason=TOLD_TO_STOP)
+                return 0
             crashes: deque[float] = deque(maxlen=_MOST_CRASHES)
             turned = False
             pause_s = _FIRST_PAUSE_S
@@ -228,7 +232,8 @@ class Supervisor:
     def _end(self, child: _Child) -> int:
         if child.code < 0:
             self._say_died(child, "sent before")
-        return child.exit_status
+        stopped = self._stopping and child.ended_by(self._signals.stops)  # on its way out, after its last word
+        return 0 if stopped else child.exit_status
 
     def _say_died(self, child: _Child, zero: str) -> None:
         if STATUS.is_terminal:

@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -120,6 +121,20 @@ def test_the_port_under_another_name(bench: Bench) -> None:
     assert done.returncode == 0
     assert f"daemon {daemon.pid} ended" in done.stdout
     assert bench.registers.command_A == 0.0
+
+
+@pytest.mark.parametrize("options", [(), ("--supervise",)])
+@pytest.mark.parametrize("after_s", [0.05, 0.4, 1.0])
+def test_a_stop_reaches_a_run_that_is_still_starting(bench: Bench, options: tuple[str, ...], after_s: float) -> None:
+    """Stopped before it can have a claim, while it imports, while it attaches: it ends in order, and writes no more."""
+    config = str(bench.config())
+    with program("run", "--config", config, *options) as daemon:
+        time.sleep(after_s)
+        done = rw_ekf("stop", "--config", config)
+        written = len(bench.recorder.writes_A())
+        daemon.wait(30)
+    assert (done.returncode, daemon.returncode) == (0, 0)
+    assert not any(bench.recorder.writes_A()[written:])
 
 
 @other_users

@@ -14,7 +14,7 @@ import pytest
 from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import PortClaim, claim_path
-from rw_ekf.live.holder import HolderReport, stop_holder
+from rw_ekf.live.holder import HolderReport, holders_of, stop_holder
 from rw_ekf.live.port_name import names_of
 from rw_ekf.live.process import facts_of
 from tests.live.bench import ROOT, wait_for
@@ -111,7 +111,60 @@ def test_a_port_is_the_same_by_any_name(tmp_path: Path, monkeypatch: pytest.Monk
     assert claim_path("by-id") == claim_path("wheel") != claim_path("wheel2")
     assert not names_of("wheel") & names_of("wheel2")
     assert names_of("socket://LOCALHOST:7000?logging=debug") == names_of("rfc2217://127.0.0.1:7000?ign_set_control")
-    assert not names_of("socket://a:1") & names_of("socket://a:2")
+    assert not names_of("socket://a.invalid:1") & names_of("socket://a.invalid:2")
+
+
+@pytest.mark.parametrize(
+    "other", ["SOCKET://127.1:7000/", "rfc2217://[::1]:7000?logging=debug", "socket://[::ffff:127.0.0.1]:7000"]
+)
+def test_a_port_on_the_net_is_the_same_by_any_spelling(other: str) -> None:
+    """A second daemon is refused however it writes the address; another port of the same host is another wheel."""
+    with PortClaim("socket://localhost:7000", CLOCK):
+        with pytest.raises(DriverError, match="already running"), PortClaim(other, CLOCK):
+            pass
+        with PortClaim(other.replace("7000", "7001"), CLOCK):
+            pass
+
+
+def test_a_holder_whose_file_was_tidied_away_is_found(port: str) -> None:
+    """The file is removed, by hand or by a tidy-up of the directory: a second daemon is refused, and stop ends it."""
+    process = holder(port, "obeys")
+    claim_path(port).unlink()
+    with pytest.raises(DriverError, match="already running"), PortClaim(port, CLOCK):
+        pass
+    assert stop_holder(port, CLOCK) == HolderReport(ended=[process.pid])
+    assert process.wait(5) == 0
+
+
+@pytest.mark.parametrize("claims", [False, True])
+def test_a_foreign_program_with_the_port_open_is_never_signalled(port: str, tmp_path: Path, claims: bool) -> None:
+    """A lab's own `labctl run --config x`, which has the port open, lives on; even if it has a lock file like ours."""
+    Path(port).touch()
+    program = tmp_path / "labctl"
+    program.write_text(
+        "import fcntl, json, os, sys, time\nwheel = open(sys.argv[3])\nlock = open(sys.argv[4], 'a+')\n"
+        "fcntl.flock(lock, fcntl.LOCK_EX)\nstart = open('/proc/self/stat').read().rsplit(')')[1].split()[19]\n"
+        "json.dump({'pid': os.getpid(), 'start_ticks': int(start), 'names': [sys.argv[3]], 'device': None}, lock)\n"
+        "lock.flush()\nprint('held', flush=True)\ntime.sleep(60)\n"
+    )
+    path = claim_path(port)
+    lock = path if claims else tmp_path / "own.lock"
+    words = [sys.executable, str(program), "run", "--config=x", port, str(lock)]
+    lab = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    try:
+        assert lab.stdout is not None
+        assert lab.stdout.readline() == "held\n"
+        report = stop_holder(port, CLOCK, within_s=0.3)
+        assert (report.ended, report.killed, report.remaining) == ([], [], [])
+        assert holders_of(port, CLOCK) == []
+        assert len(report.notes) == int(claims)
+        assert lab.poll() is None
+    finally:
+        lab.kill()
+        lab.wait()
+        assert lab.stdout is not None
+        lab.stdout.close()
+        lock.unlink()
 
 
 @pytest.mark.parametrize("vanishes", [False, True])
