@@ -39,6 +39,7 @@ class CurrentWriter:
         main = wire_map.speed_register
         self._telling = next((r for r in (main, *registers_beside(main, wire_map)) if r.field("current_command")), None)
         self._reset_again_s = host.monotonic()
+        self.drives = False  # whether the last current that was written is not zero
 
     def command(self, current_A: float) -> Written:
         """Write a current [A] as `SerialWheel.command_current` says."""
@@ -52,6 +53,7 @@ class CurrentWriter:
             raise DriverError(f"{name}: {error}. Set limits.current_A to what the wheel takes") from error
         exchange, reason = self._write(register, data)
         sent_A = rounded_si(field, current_A)
+        self.drives = sent_A != 0.0
         received_s = exchange.received_by_wheel_s
         if reason is None:
             return Written(sent_A, received_s)

@@ -8,16 +8,24 @@ from drivers.line.registers import decode_register, is_plausible
 from drivers.line.serial_link import Exchange, OpenPort, SerialLink
 from drivers.line.serial_port import PortSettings, open_serial_port
 from drivers.line.wheel_clock import WheelClock
-from drivers.line.wheel_registers import FLAG_RESET, conditions, registers_beside, uptime_field
+from drivers.line.wheel_registers import (
+    FLAG_RESET,
+    MODES_OF_CURRENT,
+    conditions,
+    possible_temperature,
+    registers_beside,
+    uptime_field,
+)
 from drivers.line.wire_layout import Register
 from drivers.line.wire_map import WireMap
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines
-from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
+from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
 ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
+IDENTITY_EVERY_S = 5.0  # another wheel may answer without a gap: two on one bus, a switch in the line
 WRAP_WITHIN_S = 1.0
 QUIET_S = 0.3  # no wheel is unplugged and another plugged in sooner
 
@@ -41,6 +49,8 @@ class SerialWheel:
         self._uptime_field = uptime_field((self._main, *self._others))
         self._flags: int | None = None
         self._status_due_s = 0.0
+        self._identity_due_s = host.monotonic() + IDENTITY_EVERY_S
+        self._mode: float | None = None  # as the status register last said it
         self._crowded_out = False  # what was asked beside the last sample left no time for it
         self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
         self._quiet_since_s: float | None = None
@@ -77,18 +87,21 @@ class SerialWheel:
             self._read_identity_if_due(deadline_s)
         news, self.clock.news = self.clock.news, None
         flags = values.get("flags", self._flags)
+        said = conditions(flags)
+        if self._mode is not None and self._writer.drives and self._mode not in MODES_OF_CURRENT:
+            said |= {OTHER_MODE}
         return WheelSample(
             time_s=time_s,
             speed_rad_s=values["speed"],
             current_A=values.get("current"),
             current_command_A=values.get("current_command"),
-            temperature_degC=values.get("temperature"),
+            temperature_degC=possible_temperature(values.get("temperature")),
             pressure_Pa=values.get("pressure"),
             bus_voltage_V=values.get("bus_voltage"),
             angle_rad=values.get("angle"),
             status=None if flags is None else int(flags),
             segment=self.clock.segment,
-            conditions=conditions(flags),
+            conditions=said,
             news=news,
         )
 
@@ -181,6 +194,8 @@ class SerialWheel:
     def _read_beside(self, deadline_s: float) -> bool:
         """Ask what is due beside the sample, before it: behind it, it would delay the command. Whether anything was."""
         status = self._read_status_if_due(deadline_s)
+        if status and self._expected is None:  # one at a time, unless it is in doubt who answers
+            return True
         return self._read_identity_if_due(deadline_s) or status
 
     def _read_status_if_due(self, deadline_s: float) -> bool:
@@ -194,6 +209,7 @@ class SerialWheel:
             return True
         first = self._flags is None
         self._flags = int(values["flags"])
+        self._mode = values.get("mode")
         self._status_due_s = now_s + (ALARMED_EVERY_S if conditions(self._flags) else STATUS_EVERY_S)
         if self._flags & FLAG_RESET and self._uptime_field is not None:
             self.clock.note_restart()
@@ -215,11 +231,14 @@ class SerialWheel:
             self.doubt_identity()
 
     def _read_identity_if_due(self, deadline_s: float) -> bool:
-        """Ask who answers, while that is in doubt; whether it was asked."""
+        """Ask who answers, while that is in doubt, and now and then; whether it was asked."""
         register = self._map.register("identity")
-        if self._expected is None or register is None:
+        now_s = self._host.monotonic()
+        known = self.identity is None or self.identity.serial_number is None or now_s < self._identity_due_s
+        if register is None or (self._expected is None and known):
             return False
         self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
+        self._identity_due_s = now_s + IDENTITY_EVERY_S
         if self.identity is not None:
             self._expected = None
         return True

@@ -9,6 +9,8 @@ from rw_ekf.records import CURRENT_LIMITED, FAULT, OVER_TEMPERATURE
 FLAGS = {1: FAULT, 2: CURRENT_LIMITED, 4: OVER_TEMPERATURE}
 FLAG_RESET = 8  # reset since last read
 COARSEST_S = 0.05  # a clock that counts in larger steps gives no time to a sample
+MODES_OF_CURRENT = (0.0, 1.0)  # idle, where nothing has been written yet or was let go; current
+COLDEST_DEGC = -150.0  # a number below is a broken thermistor's, or a field at its end
 NO_CONDITIONS: frozenset[str] = frozenset()
 TELEMETRY = (
     "speed",
@@ -48,3 +50,8 @@ def uptime_field(registers: tuple[Register, ...]) -> Field | None:
 def conditions(flags: float | None) -> frozenset[str]:
     """What the wheel's status flags mean."""
     return NO_CONDITIONS if not flags else frozenset(name for bit, name in FLAGS.items() if int(flags) & bit)
+
+
+def possible_temperature(value_degC: float | None) -> float | None:
+    """A temperature [degC] where a bearing can have it; a hotter one is kept as hot, for it must stop the wheel."""
+    return None if value_degC is None or value_degC < COLDEST_DEGC else value_degC

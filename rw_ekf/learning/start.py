@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 _UNKNOWN_AGE_S = 365.0 * 86_400.0  # of a file from the future: some clock was wrong, nobody knows which
+_SURE = 2.0  # standard deviations by which a gain that drives must be positive
+_NO_CURRENT = 100.0  # times limits.current_A: what does not overcome Coulomb friction then has no motor
 _STEPPED_S = 60.0  # by so much a clock is set back now and then
 _OF_START = ("speed_noise_rpm", "acceleration_noise_rpm_per_sqrt_s", "parameter_drift_percent_per_sqrt_hour", "prior")
 
@@ -58,6 +61,8 @@ def start_of_run(
     said: list[tuple[str, str]] = []
     model = given.model
     if model is not None:
+        if configuration.command.writes:
+            _check_gain(model, given, configuration.limits.current_A)
         said += _whose(model, given, wheel, drives=configuration.command.writes)
         model, notes = carried_over(model)
         said += [("effect_not_carried_over", text) for text in notes]
@@ -91,6 +96,18 @@ def start_of_run(
         document=document,
         said=tuple(said),
         replaces=not goes_on and configuration.filter.continue_learned and os.path.lexists(learned),
+    )
+
+
+def _check_gain(model: WheelModel, given: GivenModel, limit_A: float) -> None:
+    """Raise BadInputError where no wheel has the model's gain, so that nothing may be driven by it."""
+    gain, std = model.parameters.motor_gain, math.sqrt(model.covariance[0][0])
+    if gain - _SURE * std > 0.0 and gain * _NO_CURRENT * limit_A > model.parameters.coulomb:
+        return
+    what = "is negative" if gain <= 0.0 else "may be none" if gain <= _SURE * std else "is too small to turn a wheel"
+    raise BadInputError(
+        f"{given.file}: motor_gain {gain:.4g} +- {std:.2g} rad/s^2/A {what}: no run drives a wheel by it. Fit the "
+        "model again with the sign and the scale of current and speed as the wheel has them"
     )
 
 

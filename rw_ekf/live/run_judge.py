@@ -31,7 +31,8 @@ _RESEEDS = 5.0  # turns in which a filter takes up readings again that are right
 _SAFE_AFTER_S = 5.0  # where limits.safe_after_s is null: that is said of silence, not of readings that are wrong
 _SIGN_WITHIN_S = 20.0  # the sign watch takes 3 to 21 s under every profile (docs/telemetry.md)
 _FORGIVEN = 0.25  # of its time a good turn takes from that of bad ones: one in five may be wild
-_GAIN_MAY = 1.35  # the limit's share for readings: with 1.15 for overshoot this keeps 1.5 of the limit
+_GAIN_MAY = 1.25  # the limit's share for readings: with 1.2 for what is not known of the gain this keeps 1.5 L
+_KNOWN = 0.2  # of a gain, its sigma
 _LEAST_SHARE = 0.05
 SAFE = "safe"  # why a current was replaced by zero
 
@@ -84,6 +85,7 @@ class RunJudge:
         self._refused = Patience(longest_s + _RESEEDS * period_s)
         self._off, self._unheated = Patience(longest_s), Patience(longest_s)
         self._turned = Patience(_SIGN_WITHIN_S)
+        self._known_share = 1.0
         self._hot: deque[bool] = deque(maxlen=_HOT_AMONG)
         self._command_A = 0.0
         self._last: WheelSample | None = None
@@ -150,9 +152,9 @@ class RunJudge:
         """Of the speed limit for readings: a gain that has become smaller may be a scale that has."""
         gain, std = self._sign.gain
         largest = max(abs(self._sign.expected.motor_gain), self._charge.shown_gain)
-        if not self._sign.is_known or largest == 0.0:
-            return 1.0
-        return min(max(_GAIN_MAY * (gain + 2.0 * std) / largest, _LEAST_SHARE), 1.0)
+        if self._sign.is_known and largest > 0.0 and std < _KNOWN * abs(gain):  # else what was known last counts
+            self._known_share = min(max(_GAIN_MAY * (gain + std) / largest, _LEAST_SHARE), 1.0)
+        return self._known_share
 
     def _too_quiet(self, reading: Reading) -> str | None:
         if self._longest_s is None or reading.quiet_s <= self._longest_s:
