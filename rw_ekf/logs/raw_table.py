@@ -15,7 +15,7 @@ from rw_ekf.errors import LogError
 MAX_NAMES_SHOWN = 30
 
 
-@dataclass
+@dataclass(eq=False)
 class RawTable:
     """Columns of one file in file order. `names` may repeat or be empty; the position is what identifies a column."""
 

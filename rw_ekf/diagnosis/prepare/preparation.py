@@ -55,7 +55,7 @@ _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known 
 _Given = TypeVar("_Given")
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Prepared:
     """Everything that a search starts from."""
 
