@@ -203,7 +203,7 @@ class Outlook(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(eq=False, frozen=True, slots=True)
 class Estimate:
     """What the filter says after a sample. `innovation` is None where there was no speed to compare with."""
 

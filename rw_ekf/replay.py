@@ -28,8 +28,10 @@ from rw_ekf.identify.record_scale import busiest
 from rw_ekf.learning.carry import carried_over
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.logs.metadata import metadata_path, read_metadata
+from rw_ekf.logs.record_print import made_of
 from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import sampling_of
+from rw_ekf.logs.sums import changed
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
 from rw_ekf.starting_point import (
     FilterSetup,
@@ -82,6 +84,7 @@ def replay_log(
     with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
     and filterpy; `advance` is then told of every 100 samples done.
     """
+    again = None if model is None else made_of(model.source, log)
     course = Course.of_log(log)
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
@@ -112,6 +115,8 @@ def replay_log(
     warnings = [
         *sampling_of(log).remarks(),
         *log.warnings,
+        *(() if model is None else model.remarks),
+        *([] if again is None else [again]),
         *([] if colour is None else [colour.sentence]),
         *setup.notes,
         *_remarks(course, log, setup, statistics),
@@ -134,12 +139,19 @@ def setup_of_run(log: Path) -> FilterSetup:
     if metadata is None:
         raise LogError(f"{log}: has no {metadata_path(log).name} beside it, which says how its run started")
     configuration = configuration_of(metadata.configuration, metadata_path(log))
+    remark = changed(metadata_path(log))
+    said = () if remark is None else (remark,)
     if start_path(log).is_file():
-        return setup_of_start(configuration, read_model(start_path(log)))
+        start = read_model(start_path(log))
+        setup = setup_of_start(configuration, start)
+        return replace(setup, notes=(*said, *start.remarks, *setup.notes))
     named = configuration.filter.model
     if named is None:
-        return setup_of_configuration(configuration, None)
-    return setup_of_configuration(configuration, carried_over(read_model(Path(named)))[0])
+        setup = setup_of_configuration(configuration, None)
+    else:
+        model = carried_over(read_model(Path(named)))[0]
+        setup, said = setup_of_configuration(configuration, model), (*said, *model.remarks)
+    return replace(setup, notes=(*said, *setup.notes))
 
 
 def refuse_runaway_model(log: str, course: Course, setup: FilterSetup, model: WheelModel) -> None:

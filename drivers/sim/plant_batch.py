@@ -47,7 +47,7 @@ for _function in (
 advance = plant.advance
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(eq=False, frozen=True, slots=True)
 class PlantRun:
     """One simulated run; every array has shape (n,), row i is at sample_times_s[i], before current_A[i] takes force."""
 

@@ -36,7 +36,7 @@ _SLOW_RAD_S = rad_s_from_rpm(20.0)
 _DEGREE = math.pi / 180.0
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class BenchRun:
     """What one run came to; arrays (n,), at each reading; truth but for what is named otherwise. It settles until 0."""
 

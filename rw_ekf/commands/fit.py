@@ -66,6 +66,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.identify.noise_colour import independent_readings
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
+    from rw_ekf.logs.record_print import made_of, print_of
     from rw_ekf.replay import refuse_runaway_model
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
     from rw_ekf.wheel.model_file import refusal_of
@@ -73,12 +74,15 @@ def execute(args: argparse.Namespace) -> int:
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)
     prior_model = read_wheel_model(args.prior, configuration)
-    ignored = []
+    ignored: list[str] = []
     if prior_model is not None and prior_model.effects.terms and args.method == "deterministic":
         named = ", ".join(prior_model.effects.ids)
-        ignored = [f"the effects of the prior ({named}) are left out: the deterministic method knows none"]
+        ignored += [f"the effects of the prior ({named}) are left out: the deterministic method knows none"]
         prior_model = without_effects(prior_model)
     (log,) = read_logs([args.log], args.columns)
+    if prior_model is not None:
+        again = made_of(prior_model.source, log)
+        ignored += [*prior_model.remarks, *([] if again is None else [again])]
     course = Course.of_log(log)
     readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < 10:
@@ -122,7 +126,7 @@ def execute(args: argparse.Namespace) -> int:
     }
     refusal = None
     if args.out is not None:
-        source = {"method": args.method, "log": Path(log.name).name, "samples": len(log)}
+        source = {"method": args.method, "log": Path(log.name).name, "samples": len(log), "record": print_of(log)}
         model = model_of(belief, setup, source, noise, wheel_of_logs([args.log]))
         refusal = refusal_of(model)
         if refusal is None:

@@ -121,9 +121,9 @@ def execute(args: argparse.Namespace) -> int:
         seconds = {"read": read_s, "filter": filter_s, "write": write_s}
         print_json({"schema": REPLAY_SCHEMA, "logs": entries, "seconds": seconds})
     else:
-        for entry, item in zip(entries, done, strict=True):
+        for entry, item, of_run in zip(entries, done, setups, strict=True):
             sys.stdout.write(entry_text(entry, item.statistics, item.belief, item.setup) + "\n")
-            if configuration is None and item.setup not in setups:
+            if configuration is None and of_run is None:
                 noise = rpm_from_rad_s(item.setup.constants.speed_noise_rad_s)
                 source = "the record" if model is None else "the model"
                 sys.stdout.write(f"  speed noise {noise:.3g} rpm taken from {source}; --config gives the run's own\n")

@@ -268,7 +268,10 @@ def _print(outcome: RunOutcome, warnings: list[str], planned: Planned | None, *,
         lines = [entry_text(entry, outcome.statistics, outcome.belief, outcome.setup)]
         if outcome.alarms:
             lines.append(f"  alarms: {len(outcome.alarms)} lines above, as they came")
-        lines.append(f"  model: {shown_path(outcome.files.model)}  (run, replay and diagnose take it: --model)")
+        if outcome.model is not None:
+            lines.append(f"  model: {shown_path(outcome.model)}  (run, replay and diagnose take it: --model)")
+        elif outcome.statistics.samples:
+            lines.append("  model: none, because the run learned nothing that its configuration does not say")
         if planned is not None:
             lines.append(planned.afterwards(shown_path(outcome.files.log)))
         sys.stdout.write("\n".join(lines) + "\n")
@@ -296,7 +299,7 @@ def _print(outcome: RunOutcome, warnings: list[str], planned: Planned | None, *,
         "stopped_by": outcome.stopped_by,
         "state": outcome.state._asdict(),
         "start": outcome.start,
-        "model": None if outcome.files.model.name in outcome.unwritten.other_files else str(outcome.files.model),
+        "model": None if outcome.model is None else str(outcome.model),
         "unwritten": {
             "log_rows": outcome.unwritten.log_rows,
             "estimate_rows": outcome.unwritten.estimate_rows,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
 from rw_ekf.course.current_schedule import pieces_of_log
 from rw_ekf.errors import LogError
 from rw_ekf.wheel.interval import Pieces
@@ -18,6 +18,7 @@ _PERIOD_SAMPLES = 100_000
 WILD = 1.0e9  # no machine turns, or is driven, by such numbers: a value beyond it is damage, and would only overflow
 
 
+@by_identity
 class Course(NamedTuple):
     """Samples of a log, (n,) arrays in SI, and the m pieces of constant current between them."""
 

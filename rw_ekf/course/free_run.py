@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.arrays import Float64Array, Int64Array, by_identity
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.model.friction import FrictionCurve, Stribeck
@@ -43,6 +43,7 @@ def stretches(course: Course, max_gap_s: float) -> list[Stretch]:
     return found
 
 
+@by_identity
 class FreeRun(NamedTuple):
     """What k free runs over n samples give; path and jacobian have no rows where they were not asked for."""
 

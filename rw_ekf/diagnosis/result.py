@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rw_ekf.wheel.model_file import WheelModel
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class ModelTrace:
     """One model, its parameters frozen at what the fit part gave, run over the whole record; arrays (n,).
 
@@ -27,7 +27,7 @@ class ModelTrace:
     normalised_innovation: Float64Array  # one-step error over its standard deviation
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Diagnosis:
     """The outcome of `diagnose` for one log."""
 

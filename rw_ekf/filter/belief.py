@@ -23,7 +23,7 @@ _RELATIVE_STD = (0.30, 1.00, 0.50)
 _EXCESS_STD_IN_COULOMB = 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Belief:
     """Gaussian over the state: mean (n,), covariance (n, n), the named state, then effects' coefficients.
 

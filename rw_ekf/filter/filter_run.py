@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 
 
+@by_identity
 class History(NamedTuple):
     """Everything a smoother needs of n samples and m states; no rows where it was not asked for."""
 
@@ -24,6 +25,7 @@ class History(NamedTuple):
         return cls(np.zeros((n, m)), np.zeros((n, m, m)), np.zeros((n, m)), np.zeros((n, m)))
 
 
+@by_identity
 class FilterRun(NamedTuple):
     """The final belief, the innovations, and states and histories where they were asked for."""
 

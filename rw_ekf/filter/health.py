@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.filter.decisions import GATED, RESEEDED, UPDATED
 from rw_ekf.model.state import MOTOR_GAIN, SPEED
 
@@ -81,6 +81,7 @@ def learns(P: Any) -> bool:
     return bool(widest > 0.0)
 
 
+@by_identity
 class Grounds(NamedTuple):
     """What a reset falls back to; only variances, for a covariance is part of what may be wrong."""
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.filter import constants as _constants
@@ -117,6 +117,7 @@ def _record(history: History, i: int, x: Float64Array, P: Float64Array, row: Flo
 make_jitable([_record])
 
 
+@by_identity
 class Workplace(NamedTuple):
     """What the pass remembers from one sample to the next beside its belief, and scratch for its linear algebra."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Wheels:
     """Reaction wheels on a spacecraft."""
 
@@ -34,7 +34,7 @@ class Wheels:
         return np.eye(len(self)) - self.allocation @ self.axes
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Flyby:
     """A straight flyby at constant speed with one body axis held at nadir ([L17] figure A1)."""
 

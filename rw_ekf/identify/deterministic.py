@@ -35,7 +35,7 @@ class DeterministicResult:
     break_aways: int
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class _Regression:
     solution: Float64Array
     covariance: Float64Array

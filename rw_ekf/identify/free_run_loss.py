@@ -25,7 +25,7 @@ _PARAMETER_STEP = 1.0e-3  # of a parameter
 _LEAST_PARAMETER_STEP = 1.0e-6
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Point:
     """Where the loss was evaluated."""
 

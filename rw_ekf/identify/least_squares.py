@@ -29,7 +29,7 @@ OUTLIER_STDS = 6.0  # of what is left: readings beyond are no noise, ...
 OUTLIER_SHARE = 0.01  # ... unless there are more of them than this share: then the model is wrong
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class LeastSquaresResult:
     """The estimate and how it was reached. Covariance (4 + m, 4 + m) is scaled by the residual's variance."""
 

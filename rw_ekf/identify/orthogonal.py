@@ -19,7 +19,7 @@ def triangularised(matrix: Float64Array) -> Float64Array:
     return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Eliminated:
     """A stretch after QR: its first row gives the first speed, head d_omega_0 + slopes dp = residual."""
 
@@ -32,7 +32,7 @@ class Eliminated:
         return (self.residual - float(self.slopes @ dp)) / self.head if abs(self.head) > least_head else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class NormalTriangle:
     """The linearised loss with first speeds eliminated, root dp = residual, and what gives these back."""
 

@@ -49,6 +49,8 @@ class Start:
     document: dict[str, Any]  # for the run's document: from, file, age_s, not_used
     said: tuple[tuple[str, str], ...] = ()  # events with their sentences
     replaces: bool = False  # a learned file stands there that this run does not go on from
+    standing: WheelModel | None = None  # what is in that file, as old as it is now, where it is of this wheel and sound
+    from_prior: bool = True  # from the configuration alone: what it says before its first reading is the prior
 
 
 def start_of_run(
@@ -63,12 +65,18 @@ def start_of_run(
     if model is not None:
         if configuration.command.writes:
             _check_gain(model, given, configuration.limits.current_A)
+        said += [("model_changed", text) for text in model.remarks]
         said += _whose(model, given, wheel, drives=configuration.command.writes)
         model, notes = carried_over(model)
         said += [("effect_not_carried_over", text) for text in notes]
     setup = origin = setup_of_configuration(configuration, model)
     began = _fingerprint(configuration, given.model)
     found, why_not = _read(learned, configuration, given)
+    standing = None
+    if found is not None and why_not is not None and found.of_another(wheel) is None:
+        standing = aged(found.model, origin, max((now - found.saved).total_seconds(), 0.0))
+        standing = None if out_of_bounds(found.model, origin) else standing
+    found = None if given.fresh else found
     if found is not None and why_not is None:
         why_not = _unfit(found, wheel, began, setup)
     tags = [known.wheel for known in (found, model) if known is not None and known.wheel is not None]
@@ -96,6 +104,8 @@ def start_of_run(
         document=document,
         said=tuple(said),
         replaces=not goes_on and configuration.filter.continue_learned and os.path.lexists(learned),
+        standing=standing,
+        from_prior=model is None,
     )
 
 
@@ -129,14 +139,14 @@ def _whose(model: WheelModel, given: GivenModel, wheel: WheelTag, *, drives: boo
 
 def _read(path: Path, configuration: Configuration, given: GivenModel) -> tuple[Learned | None, str | None]:
     """What was learned, where it can be read; and why nothing goes on from it: no word where there is no file."""
-    if given.fresh:
-        return None, "--fresh was given" if os.path.lexists(path) else None
     if not os.path.lexists(path):
         return None, None
     try:
         found = read_learned(path)
     except ConfigError as error:
-        return None, error.findings[0]
+        return None, "--fresh was given" if given.fresh else error.findings[0]
+    if given.fresh:
+        return found, "--fresh was given"
     if given.named:
         return found, "--model was given"
     return found, None if configuration.filter.continue_learned else "filter.continue_learned is false"

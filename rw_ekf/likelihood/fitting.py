@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 from rw_ekf.filter.belief import Belief
 from rw_ekf.likelihood.gauss_newton import (
     SMALL_STEP,
@@ -36,6 +36,7 @@ ROOM_SIGMAS = 2.0  # by which an effect may be larger than it was found
 _LOOSER = 3.0  # than the whole record knows it, a part takes the size of an event over
 
 
+@by_identity
 class FittedTerm(NamedTuple):
     """A term of a fitted model, and how well it is known."""
 
@@ -44,7 +45,7 @@ class FittedTerm(NamedTuple):
     shape_std: dict[str, float]  # of the shape constants that were fitted, by name
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Fit:
     """A model fitted to a part of a record: its likelihood, and the trajectory it was linearised along."""
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 from rw_ekf.filter.belief import Belief
 from rw_ekf.likelihood.free_path import free_trajectory
 from rw_ekf.likelihood.frozen_filter import filtered_trajectory
@@ -30,6 +30,7 @@ _NOT_WORSE = 0.5  # log-likelihood that a step may lose to the trajectory that m
 _LEAST_DAMPING = 0.02
 
 
+@by_identity
 class Problem(NamedTuple):
     """What a model is fitted to."""
 

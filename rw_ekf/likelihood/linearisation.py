@@ -21,7 +21,7 @@ _ANY_PHASE = math.pi / math.sqrt(3.0)  # standard deviation of a phase of which 
 _STUCK_SHARE = 0.1  # of the speed noise: what a wheel believed at rest may still be off by
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Linearisation:
     """Predictions of a model along a trajectory, and their slopes by everything that is fitted; arrays (n, ...)."""
 

@@ -36,7 +36,7 @@ from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 _SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class LogFit:
     """Parameters of a whole log, noises, and the fit they are linearised at."""
 

@@ -31,7 +31,7 @@ _MIDDLES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of fifths of the distribution
 _SEEN = 1.35  # half the 90 % quantile of chi-square(1): at the boundary zero only one side is left
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class NoisePosterior:
     """Noises and the model's vector, the ratio of noises integrated out."""
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.course.grid import grid_of
@@ -35,6 +35,7 @@ _COURSE_ANGLE = np.zeros(0)
 _ROUNDED = 0.5 / 12.0  # of the square of a grid, half of what an even error within a cell has
 
 
+@by_identity
 class Trajectory(NamedTuple):
     """The trajectory that everything is linearised along: smoothed speed and, with a memory, friction; arrays (n,)."""
 
@@ -61,6 +62,7 @@ class Trajectory(NamedTuple):
         return Trajectory.of_speed(speed, spread)
 
 
+@by_identity
 class Prediction(NamedTuple):
     """One-step predictions of every interval, (n,) at the sample it leads to; 0 where none does."""
 
@@ -171,7 +173,7 @@ def _example() -> tuple[Any, ...]:
 one_step_pass = compile_cached(_one_step_pass, [*EQUATIONS, _course, sys.modules[__name__]], _example)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Record:
     """A course with its conditions filled in, the intervals that are looked at, and the budget for looking."""
 

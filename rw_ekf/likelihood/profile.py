@@ -26,7 +26,7 @@ _LITTLE = 0.5  # log-likelihood that a correction gains: the noises beside it ar
 Rows = tuple[Float64Array, Float64Array]  # of an a priori, as `prior_rows` gives them
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Likelihood:
     """Of one model, at its best noises and corrections of its vector; what is known of the torque noise counts."""
 

@@ -19,12 +19,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 from rw_ekf.wheel.compiled import compile_cached
 
 _LARGE = 1.0e30  # of a product: its logarithm is due
 
 
+@by_identity
 class Chain(NamedTuple):
     """The linear model along the trajectory, but for its regressors and noises; arrays over samples."""
 

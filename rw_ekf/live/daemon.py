@@ -89,9 +89,7 @@ def run_daemon(
             )
             way_out.sinks = sinks_of(run)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
-            with run.unwritten.tried(files.start, logger.warning):
-                write_model(files.start, start.model)
-            readings = _with_metadata(live, live.readings(run.total_s), run, configuration)
+            readings = _with_metadata(live, live.readings(run.total_s), run, configuration, start)
             if commander is None:
                 readings, issue = following(readings)
             else:
@@ -204,9 +202,9 @@ def _tag(live: LiveWheel, protocol: WheelProtocol, configuration: Configuration)
 
 
 def _with_metadata(
-    live: LiveWheel, readings: Iterator[Reading], run: RunContext, configuration: Configuration
+    live: LiveWheel, readings: Iterator[Reading], run: RunContext, configuration: Configuration, start: Start
 ) -> Iterator[Reading]:
-    """Write the metadata when the first sample comes: only then is its UTC known."""
+    """Write the metadata and the start when the first sample comes: only then is its UTC known, and there is a run."""
     first = True
     for reading in readings:
         if first and reading.sample is not None:
@@ -220,4 +218,6 @@ def _with_metadata(
             )
             with run.unwritten.tried(metadata_path(run.files.log), run.logger.warning):
                 write_metadata(run.files.log, about)
+            with run.unwritten.tried(run.files.start, run.logger.warning):
+                write_model(run.files.start, start.model)
         yield reading

@@ -11,10 +11,12 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.learning.start import Start
+from rw_ekf.learning.worth import has_learned
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.timing import LoopTiming
 from rw_ekf.live.watches import RunWatches
 from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.sums import note_file
 from rw_ekf.records import LinkCounters, StateNow
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.registry import RunContext
@@ -44,6 +46,7 @@ class RunOutcome:
     findings: tuple[str, ...] = ()  # what the wheel, its line or its wire map did, in sentences, oldest first
     halted: str | None = None  # why the run ended before its time, where the wheel must not be driven on
     unwritten: Unwritten = field(default_factory=Unwritten)
+    model: Path | None = None  # that it left; None where it learned nothing, or there was no room
 
     def say(self, logger: Any, *, writes: bool) -> None:
         """Tell the log that the run has ended, and how. writes: whether it ever commanded the wheel."""
@@ -71,9 +74,14 @@ def outcome_of(
     belief = Belief(estimator.mean, estimator.covariance)
     run.statistics.points = estimator.points
     watches.find_negative_gain(belief)
-    with run.unwritten.tried(run.files.model, run.logger.warning):
-        source = {"method": "filter", "log": run.files.log.name}
-        write_model(run.files.model, model_of(belief, start.setup, source, wheel=watches.wheel))
+    model, known = None, belief.parameter_covariance
+    if run.statistics.samples and not (
+        start.from_prior and not has_learned(start.setup.prior.parameter_covariance, known)
+    ):
+        with run.unwritten.tried(run.files.model, run.logger.warning):
+            source = {"method": "filter", "log": run.files.log.name, "record": run.record.text}
+            write_model(run.files.model, model_of(belief, start.setup, source, wheel=watches.wheel))
+            model = run.files.model
     return RunOutcome(
         files=run.files,
         setup=start.setup,
@@ -91,6 +99,7 @@ def outcome_of(
         findings=(*watches.check.findings, *estimator.findings),
         halted=live.halted,
         unwritten=run.unwritten,
+        model=model,
     )
 
 
@@ -100,3 +109,4 @@ def write_model(path: Path, model: WheelModel) -> None:
     if refusal is not None:
         raise BadInputError(f"{path}: not written, because nothing could read it: {refusal}")
     write_text(path, model.to_text(), follow=False)
+    note_file(path)

@@ -121,6 +121,11 @@ def _decoded(head: bytes, name: str) -> str:
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise LogError(f"{name}: is UTF-16 text: save it as UTF-8")
     first_line = head.split(b"\n", 1)[0]
+    if head.startswith(b"\0") and b"," in head.lstrip(b"\0").split(b"\n", 1)[0]:
+        raise LogError(
+            f"{name}: begins with zero bytes, as a log does that another program cut while it was written (logrotate's "
+            "copytruncate): remove them, put the header row back from that program's copy, and read both"
+        )
     if b"\x00" in first_line:
         raise LogError(f"{name}: is binary, not a CSV log, nor Parquet or MATLAB: give a log in one of these forms")
     cut = head if len(head) < _HEAD_BYTES else head[: head.rfind(b"\n") + 1]

@@ -14,7 +14,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 _UNLIKE_NOISE = 2.0  # factor between the noises of two logs that is worth a word
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Joined:
     """One log made of several, and which of them each sample (n,) came from."""
 

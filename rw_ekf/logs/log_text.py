@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from rw_ekf.errors import EmptyLogError
+from rw_ekf.logs.packing import seal_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -24,6 +26,7 @@ class LogText:
     path: Path
     unpacked: bytes | None = None  # None: the file itself is the text
     torn: str | None = None  # what is wrong behind the text that could be unpacked
+    sealed: bool | None = None  # whether a checksum in the file says that the text is what was packed; None: no word
 
     @classmethod
     def unpack(cls, path: Path, packing: Packing, name: str) -> LogText:
@@ -40,7 +43,8 @@ class LogText:
                 raise EmptyLogError(
                     f"{name}: is a damaged or incomplete {packing} file ({torn}): not a line of it can be read"
                 )
-        return cls(path, text, torn)
+        seal = seal_of(packed)
+        return cls(path, text, torn, None if seal is None else seal == (len(text), zlib.crc32(text)))
 
     def open(self) -> BinaryIO:
         """Open the text from its beginning."""

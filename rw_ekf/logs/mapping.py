@@ -16,7 +16,7 @@ from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.units import rad_s_from_rpm
 
 
-@dataclass
+@dataclass(eq=False)
 class MappedColumns:
     """Log columns by name (n,), as read: no row dropped yet, gaps NaN."""
 

@@ -10,6 +10,7 @@ from typing import Any
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.parts import beside
+from rw_ekf.logs.sums import note_file
 from rw_ekf.records import WheelIdentity
 from rw_ekf.settings.yaml_loader import load_yaml
 
@@ -41,6 +42,7 @@ def write_metadata(log: str | Path, metadata: RunMetadata) -> Path:
 
     path = metadata_path(log)
     write_text(path, yaml.safe_dump(_plain(asdict(metadata)), sort_keys=False, allow_unicode=True), follow=False)
+    note_file(path)
     return path
 
 

@@ -10,9 +10,13 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import struct
 import sys
+import zlib
 from pathlib import Path
 
+_SEAL = struct.Struct("<IIQI")  # a frame that zstd skips: its magic number, its size; then bytes and CRC-32 of the text
+_SEAL_HEAD = (0x184D2A5E, 12)
 _AT_ONCE = 1 << 20
 _NICE = 15
 
@@ -22,8 +26,19 @@ def packed_path(part: Path) -> Path:
     return Path(f"{part}.zst")
 
 
+def seal_of(packed: bytes) -> tuple[int, int] | None:
+    """Length [bytes] and CRC-32 of the text that was packed, as the file's last bytes say; None where they do not."""
+    if len(packed) < _SEAL.size:
+        return None
+    magic, size, length, crc = _SEAL.unpack(packed[-_SEAL.size :])
+    return (length, crc) if (magic, size) == _SEAL_HEAD else None
+
+
 def pack(part: Path) -> None:
-    """Compress a part with zstd and remove the plain one. Raises BadInputError; the plain one then stays."""
+    """Compress a part with zstd, its checksum behind it, and remove the plain one.
+
+    Raises BadInputError; the plain one then stays.
+    """
     import pyarrow as pa
 
     from rw_ekf.errors import BadInputError
@@ -33,9 +48,13 @@ def pack(part: Path) -> None:
     if os.path.lexists(target):
         raise BadInputError(f"{target}: exists already and is not overwritten")
     with atomic_path(target, follow=False) as temporary:
+        length = crc = 0
         with part.open("rb") as plain, pa.output_stream(str(temporary), compression="zstd") as stream:
             while piece := plain.read(_AT_ONCE):
                 stream.write(piece)
+                length, crc = length + len(piece), zlib.crc32(piece, crc)
+        with temporary.open("ab") as end:
+            end.write(_SEAL.pack(*_SEAL_HEAD, length, crc))
         with part.open("rb") as plain, pa.input_stream(str(temporary), compression="zstd") as stream:
             while piece := plain.read(_AT_ONCE):
                 if stream.read(len(piece)) != piece:

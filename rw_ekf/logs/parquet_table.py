@@ -16,7 +16,7 @@ def read_parquet_table(path: Path, name: str) -> RawTable:
     try:
         # Opened by hand: a path would be searched for partitions (`key=value` directories) and gain columns.
         with path.open("rb") as stream:
-            table = parquet.ParquetFile(stream).read()
+            table = parquet.ParquetFile(stream, page_checksum_verification=True).read()
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise LogError(

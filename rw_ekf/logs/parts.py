@@ -77,9 +77,7 @@ def parts_of(path: Path) -> Parts:
         return Parts((path,), (said,) if others and path.exists() else ())
     if not found:
         return Parts((path,))
-    lacking = [str(number) for number in range(1, max(found)) if number not in found]
-    said = f"{path}: part {', '.join(lacking)} of the run is not there: what it held is missing"
-    return Parts(tuple(found[number] for number in sorted(found)), (said,) if lacking else ())
+    return Parts(tuple(found[number] for number in sorted(found)))
 
 
 def _beside(path: Path, asked: PartName) -> dict[int, Path]:

@@ -13,9 +13,10 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 
 MAX_NAMES_SHOWN = 30
+_SEGMENTS = 2.0**32  # more than any log has
 
 
-@dataclass
+@dataclass(eq=False)
 class RawTable:
     """Columns of one file in file order. `names` may repeat or be empty; the position is what identifies a column."""
 
@@ -25,6 +26,7 @@ class RawTable:
     rows: int
     place: Callable[[int], str]  # row index (from 0) -> "line 17", for messages
     warnings: list[str] = field(default_factory=list)
+    torn: bool = False  # rows are missing behind the last one
 
     def index_of(self, name: str) -> int | None:
         """Position of the column called `name`; None if there is none. Raises LogError if the name is repeated."""
@@ -59,6 +61,14 @@ class RawTable:
         values: Float64Array = column.to_numpy()
         # An array that arrow lends is read-only, and compiled code would be built twice for it; of chunks it is a copy.
         return values if values.flags.writeable else values.copy()
+
+    def begin_segment(self, number: int) -> None:
+        """Set the segments apart from those of other tables, where there are any: rows are missing before the first."""
+        index = self.index_of("segment")
+        if index is not None:
+            import pyarrow as pa
+
+            self.columns[index] = pa.array(self.floats(index) + _SEGMENTS * number)
 
     def described_columns(self) -> str:
         """Describe the columns for a message: `time, v, (unnamed)`."""

@@ -5,6 +5,7 @@ detect -> RawTable -> map_columns -> order of rows -> decimation -> derived spee
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from rw_ekf.logs.mapping import MappedColumns, map_columns
 from rw_ekf.logs.matlab_table import read_matlab_table
 from rw_ekf.logs.packing import packed_path
 from rw_ekf.logs.parquet_table import read_parquet_table
-from rw_ekf.logs.parts import parts_of
+from rw_ekf.logs.parts import FORMS, PartName, parts_of
 from rw_ekf.logs.raw_table import RawTable, stacked
 from rw_ekf.logs.row_rules import (
     backward_difference,
@@ -30,6 +31,7 @@ from rw_ekf.logs.row_rules import (
     rows_in_order,
     segment_ids,
 )
+from rw_ekf.logs.sums import Sums, all_sums, damage_of, part_key, sums_of, sums_path
 from rw_ekf.logs.wheel_log import CHANNELS, READABLE_COLUMNS, Drive, WheelLog
 from rw_ekf.units import rad_s_from_rpm
 
@@ -52,19 +54,69 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
 
 
 def read_table(path: Path, columns: ColumnMap) -> RawTable:
-    """Read the rows as they are, of every part. Raises LogError if a file is none of the known kinds or damaged."""
+    """Read the rows as they are, of every part. Raises LogError if a file is none of the known kinds or damaged.
+
+    Where rows are missing between two parts, for a part that is not there or torn, it is said which, and the next one
+    begins a segment of its own.
+    """
     parts = parts_of(path)
-    tables, empty = [], None
+    if len(parts.files) == 1 and PartName.of(parts.files[0].name) is None:
+        return _read_part(parts.files[0], columns)
+    missing = _missing_parts(path, parts.files)
+    tables: list[RawTable] = []
+    warnings, empty = [*parts.warnings, *missing.values()], None
+    gaps, before = 0, 0
+    broken = False
     for file in parts.files:
+        number = _number_of(file)
+        broken = broken or (before > 0 and number > before + 1)
+        before = number
         try:
-            tables.append(_read_part(file, columns))
+            table = _read_part(file, columns)
         except EmptyLogError as error:  # a part that was begun and no more, or is torn from its beginning
-            empty = error
+            empty, broken = error, True
+            if file != parts.files[-1] or sums_of(file).rows or file.suffix != ".csv":
+                warnings.append(f"{error}: what that part of the run held is missing{_rows(sums_of(file).rows)}")
+            continue
+        if broken and tables:
+            gaps += 1
+        table.begin_segment(gaps)
+        broken = table.torn
+        tables.append(table)
     if empty is not None and not tables:
         raise empty
     table = tables[0] if len(parts.files) == 1 else stacked(tables, str(path))
-    table.warnings += parts.warnings
+    table.warnings += warnings
     return table
+
+
+def _missing_parts(path: Path, files: tuple[Path, ...]) -> dict[int, str]:
+    """Say which parts of the run are not there, by their number: gaps in the numbers, and those known by checksums."""
+    asked = PartName.of(path.name)
+    if asked is None or asked.form != FORMS[0] or asked.number > 1 or not files[0].exists():
+        return {}
+    found = {_number_of(file) for file in files}
+    known = all_sums(path)
+    rows = {number: known.get(part_key(number, estimates=asked.estimates)) for number in range(1, max(found) + 1)}
+    number = max(found) + 1
+    while (later := known.get(part_key(number, estimates=asked.estimates))) is not None:
+        rows[number] = later
+        number += 1
+    return {
+        number: f"{path}: part {number} of the run is not there: what it held is missing"
+        f"{_rows(0 if sums is None else sums.rows)}"
+        for number, sums in rows.items()
+        if number not in found
+    }
+
+
+def _number_of(file: Path) -> int:
+    part = PartName.of(file.name)
+    return 1 if part is None else part.number
+
+
+def _rows(number: int) -> str:
+    return f" ({number} rows)" if number else ""
 
 
 def _read_part(file: Path, columns: ColumnMap) -> RawTable:
@@ -87,8 +139,49 @@ def _read_file(path: Path, columns: ColumnMap) -> RawTable:
         table = read_matlab_table(path, name, columns.variable, columns.layout)
         return _noting_suffix(table, path, ".mat", "MATLAB")
     text = LogText.unpack(path, kind, name) if kind in ("gzip", "zstd") else LogText(path)
-    return read_csv_table(
+    sums = sums_of(path)
+    text, said = _checked(text, sums, name)
+    table = read_csv_table(
         text, columns.csv, lambda number, column: column in READABLE_COLUMNS or columns.uses(number, column), name
+    )
+    table.torn = text.torn is not None or (sums.rows > 0 and said is not None and table.rows < sums.rows)
+    if table.torn and table.rows < sums.rows:
+        said = f"{said or f'{name}: is torn'}; {sums.rows - table.rows} rows that were written are missing"
+    table.warnings += [*([] if said is None else [said]), *([] if sums.damaged is None else [sums.damaged])]
+    return table
+
+
+def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]:
+    """Hold a run's text against its checksums, and say where it differs.
+
+    A compressed part is read up to there: nobody has edited it. A plain one may have been, and is read as it stands.
+    Raises LogError for a compressed part whose damage has no place.
+    """
+    if not sums.blocks:
+        if text.sealed is False and text.torn is None:
+            raise LogError(
+                f"{name}: does not unpack to what was packed (its checksum differs), and {sums_path(text.path).name} "
+                "is not there to say where: take a copy of this file, or unpack it and look at its rows yourself"
+            )
+        return text, None
+    content = text.path.read_bytes() if text.unpacked is None else text.unpacked
+    damage = damage_of(content, sums)
+    if damage is None:
+        return text, None
+    if text.unpacked is not None:
+        good = content[: damage.begin]
+        if not good:
+            raise EmptyLogError(f"{name}: is damaged from its beginning on (its checksum differs): nothing was read")
+        return replace(
+            text, unpacked=good, torn=text.torn or f"its checksum differs from line {damage.first_line} on"
+        ), None
+    if damage.cut and damage.last_line >= sums.lines:
+        what = f"is {sums.blocks[-1].end - len(content)} bytes shorter than it was written"
+        return text, f"{name}: {what}, and not the same from line {damage.first_line} on: read as it stands"
+    lines = f"lines {damage.first_line} to {damage.last_line}"
+    return text, (
+        f"{name}: {lines} are not as they were written (their checksum differs): somebody changed them, or the disk "
+        "did; they were read as they stand"
     )
 
 

@@ -32,7 +32,7 @@ _LEAST_RUNS = 20
 _DOUBT = 0.2  # speed noises that an unknown current may move the wheel by, for good, before the gap is not bridged
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Sampling:
     """How a log was sampled."""
 

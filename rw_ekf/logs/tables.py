@@ -41,7 +41,7 @@ def write_table(path: str | Path, columns: Mapping[str, Any]) -> None:
         if suffix == ".parquet":
             from pyarrow import parquet
 
-            parquet.write_table(table, temporary)
+            parquet.write_table(table, temporary, write_page_checksum=True)
         elif suffix == ".mat":
             _write_matlab(temporary, table)
         else:

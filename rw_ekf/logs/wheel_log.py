@@ -37,7 +37,7 @@ CHANNELS = (
 READABLE_COLUMNS = (*LOG_COLUMNS, "speed_rpm")  # what a reader understands; anything else is carried along
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class WheelLog:
     """A read log of n rows. All arrays are C-contiguous and of length n; NaN is a value that is missing."""
 

@@ -15,13 +15,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
+from zlib import crc32
 
 from rw_ekf.errors import BadInputError
+from rw_ekf.logs.sums import Block, note_block
 from rw_ekf.logs.wheel_log import LOG_COLUMNS
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
 STATE_KEYS = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
-_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+_NEW = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _SHORT = 0.99
 INNOVATION_COLUMNS = ("innovation_rad_s", "innovation_std_rad_s", "nis", "accepted", "reason")
 
@@ -39,14 +41,20 @@ def cell(value: float | str | None) -> str:
 
 
 class RowWriter:
-    """A CSV file that grows by whole lines. Never overwrites: a log that exists is someone's data."""
+    """A CSV file that grows by whole lines. Never overwrites: a log that exists is someone's data.
+
+    What is written is summed, and the sum noted beside the file whenever it is synced (`rw_ekf.logs.sums`).
+    """
 
     def __init__(self, path: str | Path, columns: Iterable[str]) -> None:
         """Make the file with its header. Raises BadInputError if it exists, or cannot be made."""
         self.path = Path(path)
         self.columns = tuple(columns)
         self.length = 0  # of the whole lines so far [bytes]
+        self.rows = -1  # so far, beside the header
         self.removed = False  # the file has no name any more: nobody would ever read what is added
+        self.cut = False  # another program has shortened the file, as logrotate does with copytruncate
+        self._noted = Block(0, 0, 0, 0)  # what no checksum has been noted of yet
         self._descriptor: int | None = None
         try:
             self._descriptor = os.open(self.path, _NEW, 0o666)
@@ -70,28 +78,41 @@ class RowWriter:
     def write_row(self, values: Iterable[float | str | None]) -> None:
         """Write one line; values in the order of `columns`.
 
-        Raises OSError if the line cannot be written whole, or if the file has been removed; the next may be tried.
+        Raises OSError if the line cannot be written whole, or if the file has been removed or cut; the next may be
+        tried.
         """
         if self._descriptor is None:
             raise OSError(errno.EBADF, "it is closed", str(self.path))
-        self.removed = os.fstat(self._descriptor).st_nlink == 0  # the system would go on taking lines
+        now = os.fstat(self._descriptor)
+        self.removed = now.st_nlink == 0  # the system would go on taking lines
         if self.removed:
             raise OSError(errno.ENOENT, "it has been removed", str(self.path))
+        self.cut = self.cut or now.st_size < self.length
+        if self.cut:  # a line more would stand without its header
+            said = "another program has cut it (logrotate's copytruncate?): its rows stand in that program's copy alone"
+            raise OSError(errno.EIO, said, str(self.path))
         line = (",".join(map(cell, values)) + "\n").encode()
         done = 0
         try:
             while done < len(line):
-                done += os.pwrite(self._descriptor, line[done:], self.length + done)
+                done += os.write(self._descriptor, line[done:])
         except OSError:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._descriptor, self.length)
             raise
         self.length += len(line)
+        self.rows += 1
+        unnoted = self._noted
+        self._noted = Block(unnoted.begin, self.length, unnoted.lines + line.count(b"\n"), crc32(line, unnoted.crc))
 
     def sync(self) -> None:
-        """Force what was written onto the disk. Raises OSError."""
-        if self._descriptor is not None:
-            os.fsync(self._descriptor)
+        """Force what was written onto the disk, and note its checksum. Raises OSError."""
+        if self._descriptor is None:
+            return
+        os.fsync(self._descriptor)
+        if self.rows > 0 and self._noted.lines > 0 and not (self.removed or self.cut):
+            note_block(self.path, self._noted)
+            self._noted = Block(self.length, self.length, 0, 0)
 
     def close(self) -> None:
         """Close the file. Safe to call twice."""

@@ -27,7 +27,7 @@ _MOST_BYTES = 20_000_000
 _LATEST_S = 1.0e10  # three centuries: beyond it the time of a sample says nothing of its period
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Explanation:
     """A model that explains the record, and how probable it is."""
 

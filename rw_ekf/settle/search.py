@@ -22,7 +22,7 @@ _TOLD_APART = 1.0  # of a divergence: a pair with less under the best motion is 
 _EVENTUALLY = 0.02  # weight of what a motion is worth beyond that, so that there is always a better one
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Design:
     """A motion and what it is expected to show."""
 

@@ -8,12 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.clock import Clock
 from rw_ekf.errors import RwEkfError
 from rw_ekf.filter.belief import Belief
 from rw_ekf.learning.learned_file import learned_text, out_of_bounds
 from rw_ekf.learning.start import Start
+from rw_ekf.learning.worth import has_learned, may_replace
 from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.record_print import RecordPrint
+from rw_ekf.model.state import PARAMETER_COUNT
 from rw_ekf.records import Estimate, RunState, Tick
 from rw_ekf.sinks.run_files import Note, RunFiles, Unwritten
 from rw_ekf.starting_point import model_of
@@ -31,13 +35,28 @@ class Learning:
 
 
 class LearnedSink:
-    """Saves every tick that it is given and the run trusts, but for the first ones; what is wrong replaces nothing."""
+    """Saves every tick that it is given and the run trusts, but for the first ones.
+
+    What is wrong replaces nothing, nor does a run that has learned nothing yet; and one that did not go on from what
+    stands there replaces it only once it knows as much.
+    """
 
     def __init__(
-        self, files: RunFiles, learning: Learning, clock: Clock, every_s: float, unwritten: Unwritten, note: Note
+        self,
+        files: RunFiles,
+        learning: Learning,
+        clock: Clock,
+        every_s: float,
+        unwritten: Unwritten,
+        note: Note,
+        record: RecordPrint,
     ) -> None:
-        """every_s: how often it is given a tick, by the run's clock; note: told once of what could not be saved."""
+        """every_s: how often it is given a tick, by the run's clock; note: told once of what could not be saved.
+
+        record: of the run.
+        """
         self._files = files
+        self._record = record
         self._learning = learning
         self._clock = clock
         self._unwritten = unwritten
@@ -47,6 +66,7 @@ class LearnedSink:
         self._replaces = learning.start.replaces
         self._said: set[str] = set()
         self._failed = False
+        self._too_little: str | None = None  # why what was learned last is not worth to be kept
 
     def write(self, tick: Tick) -> None:
         """Take a tick and save it, unless the run has only just begun."""
@@ -58,6 +78,8 @@ class LearnedSink:
     def close(self) -> None:
         """Save the last one."""
         self._save()
+        if self._too_little is not None:
+            self._say("learned_not_kept", self._too_little, "what was learned before stands, if there was anything")
         if self._failed:
             self._unwritten.other_files.append(self._files.learned.name)
 
@@ -70,7 +92,21 @@ class LearnedSink:
         if doubt is not None:
             self._say("learned_not_kept", doubt, "the next run does not go on from this one")
         elif model is not None:
-            self._put(model)
+            self._too_little = self._lacks(np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT])
+            if self._too_little is None:
+                self._put(model)
+
+    def _lacks(self, covariance: Float64Array) -> str | None:
+        """Say why a belief, covariance (4, 4), is of less worth than what there is; None where it is not."""
+        start = self._learning.start
+        if start.from_prior and not has_learned(start.setup.prior.parameter_covariance, covariance):
+            return "the run has learned nothing that its configuration does not say"
+        if start.standing is None:
+            return None
+        standing = np.array(start.standing.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
+        if may_replace(standing, covariance):
+            return None
+        return "this run knows the wheel much less well than what was learned before it, which it did not go on from"
 
     def _model(self, estimate: Estimate | None) -> WheelModel | None:
         """What was learned up to an estimate; None where there is none."""
@@ -78,7 +114,7 @@ class LearnedSink:
             return None
         known = len(estimate.values)
         belief = Belief(np.array(estimate.values), estimate.covariance[:known, :known])
-        return model_of(belief, self._learning.start.setup, {}, wheel=self._learning.wheel())
+        return model_of(belief, self._learning.start.setup, {"record": self._record.text}, wheel=self._learning.wheel())
 
     def _put(self, model: WheelModel) -> None:
         """Replace the file; what stands there and was not gone on from is kept beside the log."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from rw_ekf.clock import Clock
 from rw_ekf.errors import BadInputError
+from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.records import Outcome, Tick, WheelSample
 from rw_ekf.sinks.packer import Packer
@@ -49,11 +50,12 @@ class LogSink:
         clock: Clock,
         unwritten: Unwritten,
         note: Note,
+        record: RecordPrint | None = None,
     ) -> None:
         """Begin the first part.
 
         open_part: makes the files of a part by its number, BadInputError where they cannot be made; unwritten: where
-        the losses are counted; note: told of the first one.
+        the losses are counted; note: told of the first one; record: told of every row.
         """
         self._open_part = open_part
         self._size = size
@@ -61,6 +63,7 @@ class LogSink:
         self._clock = clock
         self._unwritten = unwritten
         self._note = note
+        self._record = record if record is not None else RecordPrint()
         self._number = 1
         self._part = open_part(1)
         self._part_s = 0.0  # time of samples in the part
@@ -82,6 +85,7 @@ class LogSink:
             told = replace(sample, segment=sample.segment + breaks) if breaks else sample
             self._part.samples.write(told, tick.command)
             self._breaks, self._broken = breaks, False
+            self._record.add(sample.time_s, sample.speed_rad_s)
         except OSError as error:
             self._broken = True
             self._unwritten.log_rows += 1
@@ -100,8 +104,14 @@ class LogSink:
         self._say(self._part.samples.path, "the disk is too slow")
 
     def close(self) -> None:
-        """Close both files; what a full disk did not take has been counted by the write that failed."""
+        """Close both files; what a full disk did not take has been counted by the write that failed.
+
+        Files in which there never was a row are not left behind.
+        """
         self._close_part()
+        if self._number == 1 and self._last is None and not self._unwritten.log_rows:
+            for file in self._part:
+                file.path.unlink(missing_ok=True)
         self._packer.close()
 
     def _in_part(self, tick: Tick) -> None:
@@ -114,7 +124,7 @@ class LogSink:
         if last is not None and sample.segment == last.segment:
             self._part_s += max(sample.time_s - last.time_s, 0.0)
         full = self._part_s >= self._size.seconds or max(file.length for file in self._part) >= self._size.bytes
-        removed = any(file.removed for file in self._part)
+        removed = any(file.removed or file.cut for file in self._part)
         whole = tick.command is not None and sample.speed_rad_s is not None
         if removed or (full and whole and self._part_s >= self._try_at_s):
             self._next_part(removed=removed)
@@ -131,6 +141,8 @@ class LogSink:
         self._close_part()
         if not removed:
             self._packer.pack([file.path for file in self._part])
+        self._unwritten.log_rows += self._part.samples.rows * self._part.samples.cut
+        self._unwritten.estimate_rows += self._part.estimates.rows * self._part.estimates.cut
         self._part, self._number = part, self._number + 1
         self._part_s = self._try_at_s = 0.0
 

@@ -11,6 +11,7 @@ from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Phase
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.parts import part_path
+from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
 from rw_ekf.records import LinkCounters, Sink, StateNow
 from rw_ekf.settings.schema import OutputSection
@@ -54,6 +55,7 @@ class RunContext:
     requests: Sink | None = None  # who takes a controller's requests, and tells it of each turn; None: nobody
     recent: RecentSink = field(default_factory=RecentSink)
     unwritten: Unwritten = field(default_factory=Unwritten)
+    record: RecordPrint = field(default_factory=RecordPrint)
 
 
 def _log(run: RunContext) -> tuple[Sink, Queue]:
@@ -69,7 +71,7 @@ def _log(run: RunContext) -> tuple[Sink, Queue]:
 
     size = PartSize(3600.0 * run.output.part_hours, 1e6 * run.output.part_megabytes)
     note = run.logger.warning
-    sink = LogSink(open_part, size, Packer(note), run.clock, run.unwritten, note)
+    sink = LogSink(open_part, size, Packer(note), run.clock, run.unwritten, note, run.record)
     return sink, Queue(_LOG_TICKS, lost=sink.lost)
 
 
@@ -87,7 +89,7 @@ def _learned(run: RunContext) -> tuple[Sink, Queue] | None:
     if run.learning is None:
         return None
     every_s = LEARNED_EVERY_S
-    sink = LearnedSink(run.files, run.learning, run.clock, every_s, run.unwritten, run.logger.warning)
+    sink = LearnedSink(run.files, run.learning, run.clock, every_s, run.unwritten, run.logger.warning, run.record)
     return sink, Queue(1, every_s=every_s)
 
 

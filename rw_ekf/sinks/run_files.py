@@ -15,6 +15,7 @@ from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.parts import FORMS, beside
 from rw_ekf.logs.run_directory import model_path, start_path
+from rw_ekf.logs.sums import sums_path
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -48,6 +49,9 @@ class RunFiles:
             raise BadInputError(
                 f"output.directory {directory} cannot be made ({error.strerror}): give another one"
             ) from None
+        # A link in the path is followed once: turned to another place meanwhile, it would tear the run's files apart.
+        if os.path.realpath(directory) != os.path.abspath(directory):
+            directory = directory.resolve()
         stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{_safe(wheel)}"
         log = directory / f"{stem}{FORMS[0]}"
         number = 1
@@ -68,7 +72,13 @@ class RunFiles:
 
 def _is_taken(log: Path) -> bool:
     """Whether a run has left a log of that name, in any form, or metadata."""
-    return any(os.path.lexists(path) for path in (*(log.with_suffix(form) for form in FORMS), metadata_path(log)))
+    named = (
+        *(log.with_suffix(form) for form in FORMS),
+        metadata_path(log),
+        sums_path(log),
+        beside(log, "events.jsonl"),
+    )
+    return any(os.path.lexists(path) for path in named)
 
 
 def state_path(configuration: Configuration) -> Path:

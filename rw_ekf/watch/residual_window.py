@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.watch.dependences import MODEL_TERMS, TORQUES
 
 LAGS = 8
@@ -20,6 +20,7 @@ _BETTER = 1.1  # what the model lacks must explain more than a change of what it
 _BETTER_BY = 10.0  # ... and by this in chi-square
 
 
+@by_identity
 class BlockSums(NamedTuple):
     """Sums over some samples; they add up over blocks."""
 

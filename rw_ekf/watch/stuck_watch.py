@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.model.friction import acceleration, stribeck
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.watch.standing_proof import StandingProof
@@ -57,6 +57,7 @@ _OF_HUM = 2.0  # widths: the first reading's noise and the last one's may both h
 _ALIVE_AFTER = 2.0  # a reading that moves again must have been plausible for so many times the silence
 
 
+@by_identity
 class ParameterBelief(NamedTuple):
     """What the estimator believes of the parameters: a copy."""
 

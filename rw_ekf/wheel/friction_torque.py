@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.model.friction import Stribeck, acceleration
 from rw_ekf.model.state import MOTOR_GAIN, SPEED
 from rw_ekf.records import Believed
@@ -21,6 +21,7 @@ _MOST_GAIN = 1.0e3  # of a current over what it leaves; more is no motor
 _INSTANT_S = 1.0e-7  # over which a friction with a memory is followed
 
 
+@by_identity
 class FrictionTorque(NamedTuple):
     """Friction per unit inertia [rad/s^2] at a moment; above zero it slows a wheel that turns forward.
 

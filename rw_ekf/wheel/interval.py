@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from rw_ekf.arrays import by_identity
 
+
+@by_identity
 class Pieces(NamedTuple):
     """Pieces of constant current in order of time; arrays over a log, lists over what the online filter remembers."""
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import ConfigError
+from rw_ekf.logs.sums import changed
 from rw_ekf.model import bounds as model_bounds
 from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import LAW_CODES
@@ -43,6 +44,7 @@ class WheelModel:
     source: Mapping[str, Any] = field(default_factory=dict)  # method, log, samples: for people
     effects: EffectSet = NO_EFFECTS
     wheel: WheelTag | None = None  # None: nobody knows whose it is
+    remarks: tuple[str, ...] = field(default=(), compare=False)  # what is to be said of the file it was read from
 
     def document(self) -> dict[str, Any]:
         """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""
@@ -93,7 +95,8 @@ def read_model(path: Path) -> WheelModel:
     from rw_ekf.settings.yaml_loader import load_yaml
 
     document = load_yaml(path)
-    return model_from_data(document.data, document.where)
+    model, remark = model_from_data(document.data, document.where), changed(path)
+    return model if remark is None else replace(model, remarks=(remark,))
 
 
 def model_from_data(data: Any, where: Any) -> WheelModel:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.arrays import Float64Array, Int64Array, by_identity
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.model.effect_kinds import (
     CurrentEffect,
@@ -28,6 +28,7 @@ from rw_ekf.model.state import STATE_SIZE
 ABSENT = -1
 
 
+@by_identity
 class EffectTable(NamedTuple):
     """What the compiled propagation reads. Positions are indices into the state; ABSENT where there is none."""
 

@@ -218,6 +218,37 @@ def test_fresh_and_the_key_and_a_model_go_before_what_was_learned(wheel: LineWhe
         assert ran_well(ran)
 
 
+def test_a_short_test_does_not_replace_what_was_learned(tmp_path: Path) -> None:
+    """Row 28: ten minutes stand against six seconds of --fresh; five minutes of it replace them and keep them aside."""
+    wheel = LineWheel(tmp_path)
+    first = wheel.run(600.0)
+    before = wheel.learned.read_bytes()
+    later = BEGAN + timedelta(minutes=11)
+    short = wheel.run(6.0, at=later, fresh=True)
+    assert wheel.learned.read_bytes() == before
+    assert "knows the wheel much less well" in said_of(short, "learned_not_kept")
+    assert wheel.run(10.0, at=later).outcome.start["from"] == "learned"
+    long = wheel.run(300.0, at=later, fresh=True)
+    assert read_learned(wheel.learned).model.source["log"] == long.outcome.files.log.name
+    assert long.outcome.files.replaced.exists()
+    assert first.outcome.model == first.outcome.files.model
+
+
+def test_a_run_that_learned_nothing_leaves_no_model(tmp_path: Path) -> None:
+    """Row 28: a wheel at rest for a minute: its log, no model, and nothing to go on from."""
+    wheel = LineWheel(tmp_path)
+    ran = wheel.run(60.0, command={"profile": "zero"})
+    assert ran.outcome.model is None
+    assert not ran.outcome.files.model.exists()
+    assert not list((tmp_path / "runs").glob("*.learned.yaml"))
+    assert "learned nothing" in said_of(ran, "learned_not_kept")
+
+
+def said_of(ran: Ran, event: str) -> str:
+    """The reason that was given with an event."""
+    return next(str(context["reason"]) for name, context in ran.notes.said if name == event)
+
+
 def test_an_old_learning_is_believed_less(wheel: LineWheel) -> None:
     """Row 28: after a year the gain is taken over with a sigma of a tenth of it, not with that of yesterday."""
     saved = read_learned(wheel.learned)

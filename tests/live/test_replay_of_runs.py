@@ -83,6 +83,16 @@ def test_the_command_takes_a_directory_and_a_run_by_name(runs: list[Ran], capsys
     assert others[1]["state"] != entries[1]["state"]
 
 
+def test_two_runs_from_one_belief_replay_as_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`replay DIR`, for a person: runs that began from the same belief, and no word of noise taken from a record."""
+    for _ in range(2):
+        run(tmp_path, 20.0, filter={"continue_learned": False})
+    assert main(["replay", str(tmp_path / "runs")]) == 0
+    out = capsys.readouterr().out
+    assert out.count("41 samples") == 2
+    assert "taken from" not in out
+
+
 def test_a_run_replays_from_the_model_it_started_from(runs: list[Ran], tmp_path: Path) -> None:
     """Where a STEM.start.yaml stands beside the log it is the start, and filter.prior does not count a second time."""
     first, second = runs[0].outcome, runs[1].outcome

@@ -24,6 +24,7 @@ from tests.contract import check_document
 from tests.live.bench import Bench, driven, program, rw_ekf, served_wheel, wait_for, write_config
 from tests.live.daemon import Ran, run
 from tests.live.test_line_faults import fault
+from tests.live.virtual import run as virtual_run
 
 
 @pytest.fixture
@@ -152,6 +153,37 @@ def test_a_wheel_s_name_may_be_anything(tmp_path: Path) -> None:
         files = RunFiles.of_run(load_configuration(path), datetime.now(UTC))
         assert files.log.parent == tmp_path
         files.log.write_text("", encoding="utf-8")
+
+
+def test_a_link_that_is_turned_in_mid_run_does_not_tear_the_run_apart(tmp_path: Path) -> None:
+    """output.directory is a link, turned after 100 s: every file of the run is where the link led at its start."""
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+    link = tmp_path / "out"
+    link.symlink_to("one")
+
+    def turn(*_: object) -> None:
+        link.unlink()
+        link.symlink_to("two")
+
+    output = {"directory": str(link), "part_hours": 1.0 / 60.0}
+    ran, _ = virtual_run(tmp_path, 240.0, (100.0, turn), output=output)
+    assert len(ran.log) == ran.outcome.statistics.samples
+    assert ran.log.warnings == ()
+    assert ran.outcome.files.log.parent == tmp_path / "one"
+    stem = ran.outcome.files.log.stem
+    assert not list((tmp_path / "two").glob(f"{stem}*"))
+    assert (tmp_path / "one" / f"{stem}.model.yaml").exists()
+
+
+def test_a_run_without_a_sample_leaves_what_happened_and_no_more(tmp_path: Path) -> None:
+    """The line is gone before the first reading: no log without a row, no model that is the prior."""
+    gone = (0.0, lambda wheel, stop: setattr(wheel, "unplugged", True))
+    ran, _ = virtual_run(tmp_path, 5.0, gone)
+    assert ran.outcome.statistics.samples == 0
+    assert ran.outcome.model is None
+    left = [path.name for path in (tmp_path / "runs").iterdir() if path.name.startswith(ran.outcome.files.log.stem)]
+    assert left == [ran.outcome.files.events.name]
 
 
 def test_output_that_cannot_be_made_is_bad_input(bench: Bench) -> None:

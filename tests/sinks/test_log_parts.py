@@ -71,6 +71,7 @@ def test_a_log_is_rotated_by_time_and_its_closed_parts_are_compressed(tmp_path: 
     assert names(made) == [
         "run.csv.zst", "run.estimates.csv.zst", "run.part002.csv.zst", "run.part002.estimates.csv.zst",
         "run.part003.csv.zst", "run.part003.estimates.csv.zst", "run.part004.csv", "run.part004.estimates.csv",
+            "run.sums",
     ]  # fmt: skip
     assert not made.unwritten
     assert made.logger.events == []
@@ -104,11 +105,22 @@ def test_a_directory_that_comes_back_gets_the_log_again_in_a_new_part(tmp_path: 
     runs.mkdir()
     made = context(runs)
     log = feed(made, range(300), {100: lambda: shutil.rmtree(runs), 200: runs.mkdir})
-    assert names(made) == ["run.part002.csv", "run.part002.estimates.csv"]
+    assert names(made) == ["run.part002.csv", "run.part002.estimates.csv", "run.sums"]
     assert np.array_equal(log.time_s, 0.1 * np.arange(200, 300))
     assert made.unwritten.log_rows == 100
     assert made.logger.events == ["not_written"]
     assert "part 1 of the run is not there" in log.warnings[-1]
+
+
+def test_a_log_that_another_program_cuts_goes_on_in_a_new_part(tmp_path: Path) -> None:
+    """copytruncate at row 150: what was there is counted and said, what comes reads, nothing begins with zeros."""
+    made = context(tmp_path)
+    log = feed(made, range(300), {150: lambda: made.files.log.write_bytes(b"")})
+    assert made.unwritten.log_rows == 151  # with the row that found it
+    assert made.logger.events == ["not_written"]
+    assert np.array_equal(log.time_s, 0.1 * np.arange(151, 300))
+    assert any("run.csv" in text and "missing" in text for text in log.warnings)
+    assert b"\0" not in b"".join(path.read_bytes() for path in tmp_path.glob("*.csv"))
 
 
 def test_a_run_in_parts_leaves_the_log_of_a_run_in_one(tmp_path: Path) -> None:

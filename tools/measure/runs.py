@@ -21,7 +21,7 @@ INSIDE = 1.959964  # sigmas of a 95 % interval
 PUBLISHED = ("P1", "P2", "S1", "S2", "S3", "S4", "S5")
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Run:
     """A simulated run: what is true and what was read, (n,) each."""
 

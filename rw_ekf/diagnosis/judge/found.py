@@ -87,6 +87,7 @@ def augmented_model(found: Found, lattice: Lattice | None) -> WheelModel:
 def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
     """A fit to the whole record as a file carries it on."""
     from rw_ekf import __version__
+    from rw_ekf.logs.record_print import print_of
     from rw_ekf.model.friction import LAW_NAMES
     from rw_ekf.wheel.model_file import WheelModel
 
@@ -105,6 +106,7 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
         source={
             "method": "diagnose, fitted to the whole record",
             "log": prepared.source.log.name,
+            "record": print_of(prepared.source.log),
             "rw_ekf": __version__,
         },
         effects=fit.model.effects.with_values(fit.model.effects.values, fit.std[PARAMETER_COUNT:known]),

@@ -30,7 +30,7 @@ _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a tor
 _STEPS_AT_MOST = 4_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Performance:
     """A model's figures on the held-out part, and its traces over the whole record."""
 

@@ -43,7 +43,7 @@ class Dependence:
     p_value: float
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Cover:
     """Functions of one quantity that multiply one kind of slope."""
 
@@ -173,7 +173,7 @@ def residual_map(fit: Fit, facts: RecordFacts, beside: Float64Array | None = Non
     return sorted(found.values(), key=lambda item: (item.p_value, -item.statistic))
 
 
-@dataclass
+@dataclass(eq=False)
 class _Test:
     """One way to look for a dependence."""
 

@@ -70,7 +70,7 @@ class Axis:
     scale: float  # SI of one such unit
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Curve:
     """A curve as it is told, (k,) arrays; times since the log's start."""
 

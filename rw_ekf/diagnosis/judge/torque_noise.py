@@ -42,7 +42,7 @@ _SEED = 20261
 _HARDLY = 10.0  # times larger than elsewhere: there it is as good as none
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Window:
     """Intervals whose noise is compared with that of the rest."""
 

@@ -55,7 +55,7 @@ _LEAST_VISCOUS = 1.0e-3  # 1/s: a model's viscous friction of zero is not known 
 _Given = TypeVar("_Given")
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Prepared:
     """Everything that a search starts from."""
 
@@ -176,7 +176,8 @@ def _set_up(
     if colour is not None:
         notes += (colour.sentence,)
     setup = setup_of_record(course, configuration, model)
-    if model is not None:
+    if model is not None:  # also one of this very log, whose say is small: its sigmas are widened
+        notes += model.remarks
         if model.effects.terms:
             refuse_runaway_model(source.log.name, course, setup, model)
         setup = replace(setup, prior=_aged(model))

@@ -30,7 +30,7 @@ _SAME_ROWS = 0.9  # of the shorter of two logs: two runs of one motion do not re
 _LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Source:
     """The log that is diagnosed, and what must be said of it first."""
 

@@ -19,7 +19,7 @@ _SPREAD_OVER = 8  # blocks at least, where there are so many: of a long block it
 _MOST_SAMPLES = 25_000  # of each part: what a diagnosis can look at within its budget
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Split:
     """Stretches of time in turn: `block` numbers them; each is searched, held out, or not looked at."""
 

@@ -130,7 +130,7 @@ _LEAST_IN_BIN = 8.0  # independent samples that make a mean
 _CLOCK_S = 1.0e5  # beyond it a clock's time, not a run's: too long for ticks
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class TimeAxis:
     """Time as it is drawn: since the log's start, increasing throughout, in seconds or hours."""
 
@@ -243,7 +243,7 @@ def point_indices(mask: BoolArray, most: int) -> Int64Array:
     return index[np.linspace(0, index.size - 1, most).astype(np.int64)]
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class BinnedMeans:
     """Mean of y over bins of x, with its standard error; bins with too little are joined."""
 

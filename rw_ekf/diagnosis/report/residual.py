@@ -46,7 +46,7 @@ _BETWEEN = 0.13  # of a panel's width, between neighbours
 _FEW_HELDOUT = 200  # below so many held-out samples the whole record is shown
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Panel:
     """One panel: the residual against one quantity."""
 
@@ -61,7 +61,7 @@ class Panel:
     in_time: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Series:
     """One model's residual in the report's unit."""
 

@@ -81,7 +81,7 @@ class Score:
     starts: tuple[Term, ...]  # where fits of the effect begin
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Hypothesis:
     """One place to look for one effect, with its regressors (n, 1 or 2), for coefficients of `unit` each."""
 

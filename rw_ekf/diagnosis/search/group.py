@@ -16,7 +16,7 @@ _SIGNALS, _SIGNAL_STEPS = (0.3, 300.0), 16  # of random coefficients, of the reg
 _GREATEST = 3000.0  # where every size is weighed
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class GroupFit:
     """A regression on many regressors at once, beside all that the model has."""
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import linearise
 from rw_ekf.likelihood.model import Model, prior_rows
@@ -25,6 +25,7 @@ _BETTER = 1.0  # log-likelihood by which another place must be better
 _MOST_HOPS = 3
 
 
+@by_identity
 class Moved(NamedTuple):
     """A model with its event's onset held elsewhere, along the trajectory of a fit."""
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
@@ -15,6 +15,7 @@ from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
 _RATIOS_BELOW = 6
 
 
+@by_identity
 class Sums(NamedTuple):
     """Of regressors, whitened, beside a model's own: the whole of a regression on them."""
 

@@ -22,7 +22,7 @@ _MOST_CONDITIONED = 1.0e10
 _SEEN = 1.0e-4  # a regressor that the model's own explain to this share of its length says nothing
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class _Gain:
     """What a hypothesis would add, and the regression's coefficients in its units."""
 
