@@ -36,6 +36,7 @@ from rw_ekf.units import RAD_S_PER_RPM
 _LEFT_OVER, _EXPLAINED, _BETTER = 0.15, 0.1, 4.0
 _GAIN_COUNTS = 4.0  # times as much is left without the current: then its gain has a sign
 _FOLLOWS, _OFTEN = 0.02, 0.3  # of the top speed: a loop holds its set-point so well, so much of the time
+_LOOP = 0.02  # by which the gain of a loop may differ from its rate: a standing set-point is reached
 _LOOP_FRICTION = 0.1  # of the drive at top speed: a speed loop's integral hides the friction
 _SLOWEST_S = 5.0  # a row: logs of machines have 1 to 2,000 a second
 _USUAL_PERIOD_S = 0.03
@@ -94,7 +95,8 @@ class _Reading:
         covariance[np.ix_(used, used)] = 4.0 * float(np.mean(residual**2)) * np.linalg.pinv(A.T @ A)
         viscous_std = math.sqrt(max(float(covariance[1, 1]), 0.0)) / (float(sizes[1]) or 1.0)
         left = max(float(residual @ residual), 1e-12 * total)
-        return cls(*(float(v) for v in solution), left / total, float(without @ without) / left, viscous_std)
+        gain, viscous, coulomb = (float(v) for v in solution)
+        return cls(gain, viscous, coulomb, left / total, float(without @ without) / left, viscous_std)
 
     def friction(self, top_speed: float) -> float:
         """At half the top speed, per unit inertia: below zero for no machine."""
@@ -149,13 +151,14 @@ def _other_reading(log: WheelLog, course: Course, sums: WindowSums, read: _Readi
                 "current and speed are exchanged: "
                 f"{of_speed.line(speed, column=of_drive.column)} and {of_drive.line(drive, column=of_speed.column)}"
             )
-    speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
-    backward, forward = (float(np.mean(way * speed > 0.05 * top)) for way in (-1.0, 1.0))
+    readings = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
+    backward, forward = (float(np.mean(way * readings > 0.05 * top)) for way in (-1.0, 1.0))
     one_way = float(np.min(log.current_A)) >= 0.0 or float(np.max(log.current_A)) <= 0.0
     if one_way and min(backward, forward) > 0.02:
         name, source, what = *_drive(log), "current"
-        other = _signed_by(np.arange(sums.change.size), sums)
-    elif min(backward, forward) == 0.0 and not one_way and float(np.min(speed)) >= -5.0 * noise:
+        kept = _between_steps(log, sums)
+        other = _signed_by(np.arange(kept.change.size), kept)
+    elif min(backward, forward) == 0.0 and not one_way and float(np.min(readings)) >= -5.0 * noise:
         name, source, what = *_speed(log), "speed"
         stretch = _between_rests(course, top, noise)
         whole = (stretch[sums.begin] == stretch[sums.end]) & (stretch[sums.begin] > 0)
@@ -175,6 +178,15 @@ def _exchanged(log: WheelLog) -> Course:
     return Course.of(log.time_s, np.array(log.current_A), speed, None, log.segment)
 
 
+def _between_steps(log: WheelLog, sums: WindowSums) -> WindowSums:
+    """The windows in which the drive does not step, where most do not: its direction may change with a step."""
+    steps = np.cumsum(np.abs(np.diff(log.current_A, prepend=log.current_A[:1])) > 0.05 * np.ptp(log.current_A))
+    whole = steps[sums.begin] == steps[sums.end]
+    if float(np.mean(whole)) < 0.3:
+        return sums
+    return replace(sums, change=sums.change[whole], integrals=sums.integrals[whole])
+
+
 def _between_rests(course: Course, top: float, noise: float) -> Int64Array:
     """Number of the stretch that each sample (n,) is in, from 1, a new one after each passage through rest; 0: slow."""
     slow = np.abs(np.nan_to_num(course.speed_rad_s)) < max(0.04 * top, 5.0 * noise)
@@ -183,29 +195,36 @@ def _between_rests(course: Course, top: float, noise: float) -> Int64Array:
 
 
 def _signed_by(groups: Int64Array, sums: WindowSums) -> _Reading:
-    """Solve with a sign of the current for each group of windows (m,), found by turns with the parameters."""
+    """Solve with a sign of the current for each group of windows (m,), found by turns with the parameters.
+
+    Begun with the sign of what the speed does, and with its own: a machine that settles at once hardly accelerates.
+    """
     change, A = sums.change, sums.integrals
     _, group = np.unique(groups, return_inverse=True)
-    agree = np.bincount(group, A[:, 0] * change)
-    sign = np.where(agree < 0.0, -1.0, 1.0)
-    for _ in range(20):
-        signed = A * np.column_stack((sign[group], np.ones((change.size, 2))))
-        read = _Reading.of(change, signed)
-        rest = change + A[:, 1] * -read.viscous - A[:, 2] * read.coulomb
-        better = np.where(np.bincount(group, rest * A[:, 0] * read.gain) < 0.0, -1.0, 1.0)
-        if np.array_equal(better, sign):
-            break
-        sign = better
-    return read
+    found = []
+    for start in (A[:, 0] * change, -A[:, 0] * A[:, 1]):
+        sign = np.where(np.bincount(group, start) < 0.0, -1.0, 1.0)
+        for _ in range(20):
+            read = _Reading.of(change, A * np.column_stack((sign[group], np.ones((change.size, 2)))))
+            rest = change - read.viscous * A[:, 1] - read.coulomb * A[:, 2]
+            better = np.where(np.bincount(group, rest * A[:, 0] * read.gain) < 0.0, -1.0, 1.0)
+            if np.array_equal(better, sign):
+                break
+            sign = better
+        found.append(read)
+    return min(found, key=lambda read: read.left)
 
 
 def _is_set_point(log: WheelLog, read: _Reading, top: float) -> bool:
     """Whether the speed stands, most of the time, where the "current" says, whatever that is."""
     if abs(read.coulomb) > _LOOP_FRICTION * abs(read.viscous) * top:
         return False
+    units = (1.0, RAD_S_PER_RPM, 1.0 / RAD_S_PER_RPM)
+    if read.left < _EXPLAINED and read.gain > 0.0 and read.viscous > 10.0 * read.viscous_std:  # a loop of first order
+        return any(abs(read.gain / (unit * read.viscous) - 1.0) < _LOOP for unit in units)
     speed, drive = log.speed_rad_s, log.current_A
     fast = np.isfinite(speed) & (np.abs(speed) > 0.1 * top)
-    for unit in (1.0, RAD_S_PER_RPM, 1.0 / RAD_S_PER_RPM):
+    for unit in units:
         there = speed[fast & (np.abs(speed - unit * drive) < _FOLLOWS * top)]
         if there.size > max(20.0, _OFTEN * int(fast.sum())) and float(np.ptp(there)) > 0.2 * top:
             return True
@@ -255,7 +274,9 @@ def _clock_set_forward(log: WheelLog, course: Course, noise: float) -> Iterator[
 def _closed_up(log: WheelLog, period_s: float) -> Course:
     """The log with every step as long as the usual one."""
     even = np.arange(len(log)) * period_s
-    return Course.of(even, log.speed_rad_s, np.array(log.current_A), log.command_delay_s, log.segment)
+    return Course.of(
+        np.asarray(even, dtype=np.float64), log.speed_rad_s, np.array(log.current_A), log.command_delay_s, log.segment
+    )
 
 
 def _angle_beside_speed(log: WheelLog, course: Course, top: float) -> Iterator[str]:

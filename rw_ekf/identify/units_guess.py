@@ -51,6 +51,7 @@ RIGHT = Slip(1.0, "")
 _WITHIN = math.log(2.0)  # wheels of one class differ by so much in gain and Coulomb friction,
 _VISCOUS_WITHIN = math.log(6.0)  # and in viscous friction, which depends on the lubricant's temperature
 _TWO_AT_ONCE = 0.5
+_BY_VISCOUS = 0.1  # what viscous friction counts beside the other two: short records hardly tell it
 
 
 class Slips(NamedTuple):
@@ -90,7 +91,8 @@ def question_of_units(
         off_b = max(0.0, -math.log(high), math.log(low))
         if max(off_c, off_k) > _WITHIN or off_b > _VISCOUS_WITHIN:
             continue
-        size = off_c + off_k + off_b + (_TWO_AT_ONCE if v != 1.0 and a != 1.0 else 0.0)
+        near_b = abs(math.log(max(found.viscous, 1e-12) * t / b))
+        size = off_c + off_k + off_b + _BY_VISCOUS * near_b + (_TWO_AT_ONCE if v != 1.0 and a != 1.0 else 0.0)
         if best is None or size < best[0]:
             best = size, slips
     return None if best is None else best[1]

@@ -41,7 +41,7 @@ def map_columns(table: RawTable, columns: ColumnMap) -> MappedColumns:
             continue
         index = _find(table, source)
         used.add(index)
-        values = _finite(table, index)
+        values = _finite(table, index, name)
         mapped.sources[name] = source
         mapped.faults += faults_of_column(table.names[index], name, source, values)
         if source.kind == "derivative":
@@ -72,9 +72,9 @@ def _find(table: RawTable, source: Source) -> int:
     return index
 
 
-def _finite(table: RawTable, index: int) -> Float64Array:
-    """Numbers of a column; infinity is an error, a gap is NaN."""
-    values = table.floats(index)
+def _finite(table: RawTable, index: int, name: str = "") -> Float64Array:
+    """Numbers of the column that is to be `name`; infinity is an error, a gap is NaN."""
+    values = table.floats(index, stamps=name == "time_s")
     infinite = np.isinf(values)
     if infinite.any():
         row = int(np.argmax(infinite))
@@ -119,7 +119,7 @@ def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns
         if index is not None and index not in used:
             used.add(index)
             source = Source("column", name)
-            mapped.sources[name], mapped.values[name] = source, _finite(table, index)
+            mapped.sources[name], mapped.values[name] = source, _finite(table, index, name)
             mapped.faults += faults_of_column("", name, source, mapped.values[name])
 
 

@@ -145,8 +145,8 @@ def clock_set_back(
         twice = np.isin(reading[row + 1 : row + 1 + _LEAST_ROWS], reading[: row + 1]).all()
         if out_of_order or anew or (twice and np.isin(time_s[row + 1], time_s[: row + 1])):
             return None
-    row = int(back[0])
-    return clock_sentence(step[row] - usual, place(row + 1), step[even])
+    first = int(back[0])
+    return clock_sentence(float(step[first]) - usual, place(first + 1), step[even])
 
 
 def clock_sentence(by_s: float, where: str, even_steps_s: Float64Array) -> str:

@@ -37,8 +37,11 @@ class RawTable:
             )
         return positions[0] if positions else None
 
-    def floats(self, index: int) -> Float64Array:
-        """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric."""
+    def floats(self, index: int, *, stamps: bool = False) -> Float64Array:
+        """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric.
+
+        stamps: dates with a time are taken too, as seconds since 1970.
+        """
         column = self.columns[index]
         if isinstance(column, np.ndarray):
             return np.array(column, dtype=np.float64).reshape(-1)
@@ -47,7 +50,7 @@ class RawTable:
         kind = column.type
         if pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
             column = column.cast(pa.int8() if pa.types.is_boolean(kind) else pa.float64())
-        elif pa.types.is_timestamp(kind):  # seconds since 1970
+        elif stamps and pa.types.is_timestamp(kind):
             column = column.cast(pa.timestamp("ns", kind.tz), safe=False).cast(pa.int64())
             return np.asarray(1.0e-9 * column.to_numpy())
         elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):

@@ -132,9 +132,9 @@ def misread(path: Path, how: str, machine: Machine, seed: int) -> tuple[Path, Pa
         stamps = 1.7e9 + m.t + np.where(np.arange(m.t.size) > 0.443 * m.t.size, step, 0.0)
         return write(path, plain | {"t": stamps}, PLAIN)
     if how == "iso clock back":
-        stamps = np.datetime64("2026-10-25T02:40:00.000") + np.round(m.t * 1e3).astype("timedelta64[ms]")
-        stamps[m.t > 0.5 * m.t[-1]] -= np.timedelta64(3600, "s")
-        return write(path, plain | {"t": [str(v) for v in stamps]}, PLAIN)
+        ms = np.round(1e3 * (m.t - np.where(m.t > 0.5 * m.t[-1], 3600.0, 0.0))).astype("timedelta64[ms]")
+        texts = [str(np.datetime64("2026-10-25T02:40:00.000") + v) for v in ms]
+        return write(path, plain | {"t": texts}, PLAIN)
     if how in ("wrap rad", "wrap deg"):
         turn = 2.0 * np.pi if how == "wrap rad" else 360.0
         scale = "" if how == "wrap rad" else ", scale: 0.017453292519943295"
