@@ -35,7 +35,7 @@ from rw_ekf.units import RAD_S_PER_RPM
 # catalogue, leave up to .05, misread ones .2 to 1 as they stand and below .06 when they are read rightly.
 _LEFT_OVER, _EXPLAINED, _BETTER = 0.15, 0.1, 4.0
 _GAIN_COUNTS = 4.0  # times as much is left without the current: then its gain has a sign
-_FOLLOWS, _OFTEN = 0.02, 0.3  # of the top speed: a loop holds its set-point so well, so much of the time
+_TOWARD = 0.9  # of the windows in which speed and set-point differ; of a current it is about half
 _LOOP = 0.02  # by which the gain of a loop may differ from its rate: a standing set-point is reached
 _LOOP_FRICTION = 0.1  # of the drive at top speed: a speed loop's integral hides the friction
 _SLOWEST_S = 5.0  # a row: logs of machines have 1 to 2,000 a second
@@ -114,7 +114,7 @@ def _suspicions(
     top = sums.top_speed
     driven = log.drive != "constant" and bool(np.any(sums.integrals[:, 0]))
     if driven:
-        if _is_set_point(log, read, top):
+        if _is_set_point(sums, read):
             yield _of_set_point(log)
         odd = read.gain < 0.0 or read.friction(top) < 0.0 or read.left > _LEFT_OVER
         if odd:
@@ -215,18 +215,25 @@ def _signed_by(groups: Int64Array, sums: WindowSums) -> _Reading:
     return min(found, key=lambda read: read.left)
 
 
-def _is_set_point(log: WheelLog, read: _Reading, top: float) -> bool:
-    """Whether the speed stands, most of the time, where the "current" says, whatever that is."""
-    if abs(read.coulomb) > _LOOP_FRICTION * abs(read.viscous) * top:
-        return False
-    units = (1.0, RAD_S_PER_RPM, 1.0 / RAD_S_PER_RPM)
-    if read.left < _EXPLAINED and read.gain > 0.0 and read.viscous > 10.0 * read.viscous_std:  # a loop of first order
-        return any(abs(read.gain / (unit * read.viscous) - 1.0) < _LOOP for unit in units)
-    speed, drive = log.speed_rad_s, log.current_A
-    fast = np.isfinite(speed) & (np.abs(speed) > 0.1 * top)
-    for unit in units:
-        there = speed[fast & (np.abs(speed - unit * drive) < _FOLLOWS * top)]
-        if there.size > max(20.0, _OFTEN * int(fast.sum())) and float(np.ptp(there)) > 0.2 * top:
+def _is_set_point(sums: WindowSums, read: _Reading) -> bool:
+    """Whether the speed goes where the "current" says, in one of a speed's units, whenever it is not there.
+
+    Either as a loop of first order does, whose gain is its rate, or in whatever way: always toward it.
+    """
+    for unit in (1.0, RAD_S_PER_RPM, 1.0 / RAD_S_PER_RPM):
+        if read.is_machine(sums.top_speed):
+            small = abs(read.coulomb) < _LOOP_FRICTION * read.viscous * sums.top_speed
+            sure = read.viscous > 10.0 * read.viscous_std
+            if small and sure and abs(read.gain / (unit * read.viscous) - 1.0) < _LOOP:
+                return True
+            continue
+        wanted, speed = unit * sums.integrals[:, 0] / sums.seconds, -sums.integrals[:, 1] / sums.seconds
+        if not 0.5 < float(np.quantile(np.abs(wanted), 0.95)) / sums.top_speed < 2.0:
+            continue
+        away = np.abs(wanted - speed) > 0.1 * sums.top_speed
+        toward = (wanted - speed)[away] * sums.change[away] > 0.0
+        up = float(np.mean(sums.change[away] > 0.0)) if away.any() else 0.0
+        if int(away.sum()) > 20 and 0.1 < up < 0.9 and float(np.mean(toward)) > _TOWARD:
             return True
     return False
 

@@ -5,6 +5,7 @@ The stepping is explicit Euler at 1 ms with a wheel that sticks: nothing of the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,7 +95,7 @@ def motion(machine: Machine, kind: str, seed: int) -> Motion:
     return Motion(np.arange(n) / machine.rate_hz, drive, speed, speed + machine.noise * rng.standard_normal(n), turned)
 
 
-def write(path: Path, columns: dict[str, Float64Array | list[str]], map_text: str = "") -> tuple[Path, Path | None]:
+def write(path: Path, columns: Mapping[str, Float64Array | list[str]], map_text: str = "") -> tuple[Path, Path | None]:
     """A CSV file, and the map beside it where there is one."""
     cells = [[v if isinstance(v, str) else repr(float(v)) for v in values] for values in columns.values()]
     rows = "\n".join(",".join(row) for row in zip(*cells, strict=True))
