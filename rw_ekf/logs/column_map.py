@@ -15,6 +15,8 @@ magnitude the sign of another column. docs/logs.md has examples.
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -53,7 +55,7 @@ class Source:
         kind = "derivative_of" if self.kind == "derivative" else "column"
         usual = {"scale": 1.0, "offset": 0.0, "wrap": 0.0, "sign_of": None}
         kept = [f"{key}: {_plain(value)}" for key, value in said.items() if value != usual[key]]
-        return f"`{name}: {{{', '.join([f'{kind}: {column}', *kept])}}}`"
+        return f"`{name}: {{{', '.join([f'{kind}: {_plain(column)}', *kept])}}}`"
 
 
 @dataclass(frozen=True)
@@ -247,7 +249,9 @@ class _MapReader:
 
 
 def _plain(value: object) -> str:
-    """A number as people write it: `1000`, not `1000.0`."""
+    """A value as a map has it: `1000`, not `1000.0`; a name in quotes where YAML asks for them."""
+    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_][\w.]*", value):
+        return json.dumps(value, ensure_ascii=False)
     return str(int(value)) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else f"{value}"
 
 
