@@ -11,12 +11,23 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.course.course import Course
+from rw_ekf.identify.other_reading import (
+    BETTER,
+    EXPLAINED,
+    GAIN_COUNTS,
+    LEFT_OVER,
+    Reading,
+    between_rests,
+    between_steps,
+    exchanged,
+    is_set_point,
+    signed_by,
+)
 from rw_ekf.identify.record_scale import (
     COULOMB_BAND,
     GAIN_BAND,
@@ -31,13 +42,6 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
-# Of the square sum of the changes, what the equation leaves. Machines that it holds for, with any effect of the
-# catalogue, leave up to .05, misread ones .2 to 1 as they stand and below .06 when they are read rightly.
-_LEFT_OVER, _EXPLAINED, _BETTER = 0.15, 0.1, 4.0
-_GAIN_COUNTS = 4.0  # times as much is left without the current: then its gain has a sign
-_TOWARD = 0.9  # of the windows in which speed and set-point differ; of a current it is about half
-_LOOP = 0.02  # by which the gain of a loop may differ from its rate: a standing set-point is reached
-_LOOP_FRICTION = 0.1  # of the drive at top speed: a speed loop's integral hides the friction
 _SLOWEST_S = 5.0  # a row: logs of machines have 1 to 2,000 a second
 _USUAL_PERIOD_S = 0.03
 _HALF_HOUR_S = 1800.0
@@ -58,7 +62,7 @@ def misreadings(log: WheelLog, *, described: bool = False) -> tuple[str, ...]:
     sums = window_sums(course, noise)
     if sums is None or sums.change.size < 8:
         return ()
-    read = _Reading.of(sums.change, sums.integrals)
+    read = Reading.of(sums.change, sums.integrals)
     for said in _suspicions(log, course, sums, read, noise, described=described):
         return (said,)
     return ()
@@ -69,57 +73,19 @@ def warnings_of(misread: tuple[str, ...]) -> list[str]:
     return [f"the log is misread, and no number here is a machine's: {text}" for text in misread]
 
 
-@dataclass(frozen=True)
-class _Reading:
-    """Equation 7 solved: gain, viscous and Coulomb friction, what is left of the changes, and left without a gain."""
-
-    gain: float
-    viscous: float
-    coulomb: float
-    left: float
-    without_gain: float
-    viscous_std: float
-
-    @classmethod
-    def of(cls, change: Float64Array, integrals: Float64Array) -> _Reading:
-        """Solve for the columns that are not zero throughout."""
-        sizes = np.linalg.norm(integrals, axis=0)
-        used = sizes > 0.0
-        total = float(change @ change) or 1.0
-        solution, covariance = np.zeros(3), np.zeros((3, 3))
-        A = integrals[:, used] / sizes[used]
-        solution[used] = np.linalg.lstsq(A, change, rcond=1e-9)[0] / sizes[used]
-        residual = change - integrals @ solution
-        without = change - integrals[:, 1:] @ np.linalg.lstsq(integrals[:, 1:], change, rcond=1e-9)[0]
-        # A window overlaps three others.
-        covariance[np.ix_(used, used)] = 4.0 * float(np.mean(residual**2)) * np.linalg.pinv(A.T @ A)
-        viscous_std = math.sqrt(max(float(covariance[1, 1]), 0.0)) / (float(sizes[1]) or 1.0)
-        left = max(float(residual @ residual), 1e-12 * total)
-        gain, viscous, coulomb = (float(v) for v in solution)
-        return cls(gain, viscous, coulomb, left / total, float(without @ without) / left, viscous_std)
-
-    def friction(self, top_speed: float) -> float:
-        """At half the top speed, per unit inertia: below zero for no machine."""
-        return 0.5 * self.viscous * top_speed + self.coulomb
-
-    def is_machine(self, top_speed: float) -> bool:
-        """Whether the equation holds, with the signs of a machine."""
-        return self.left < _EXPLAINED and self.gain > 0.0 and self.friction(top_speed) > 0.0
-
-
 def _suspicions(
-    log: WheelLog, course: Course, sums: WindowSums, read: _Reading, noise: float, *, described: bool
+    log: WheelLog, course: Course, sums: WindowSums, read: Reading, noise: float, *, described: bool
 ) -> Iterator[str]:
     """What may be wrong, the least doubtful first."""
     top = sums.top_speed
     driven = log.drive != "constant" and bool(np.any(sums.integrals[:, 0]))
     if driven:
-        if _is_set_point(sums, read):
+        if is_set_point(sums, read):
             yield _of_set_point(log)
-        odd = read.gain < 0.0 or read.friction(top) < 0.0 or read.left > _LEFT_OVER
+        odd = read.gain < 0.0 or read.friction(top) < 0.0 or read.left > LEFT_OVER
         if odd:
             yield from _other_reading(log, course, sums, read, noise)
-        if read.gain < 0.0 and read.left < _EXPLAINED and read.without_gain > _GAIN_COUNTS:
+        if read.gain < 0.0 and read.left < EXPLAINED and read.without_gain > GAIN_COUNTS:
             yield _of_sign(log, read, top)
     yield from _clock_set_forward(log, course, noise)
     yield from _angle_beside_speed(log, course, top)
@@ -127,7 +93,7 @@ def _suspicions(
         yield from _units(log, course, read, driven=driven)
 
 
-def _of_sign(log: WheelLog, read: _Reading, top: float) -> str:
+def _of_sign(log: WheelLog, read: Reading, top: float) -> str:
     if read.friction(top) < 0.0:
         return "the machine runs backward in time (negative gain and friction): are the rows reversed? `reverse: true`"
     name, source = _drive(log)
@@ -138,14 +104,14 @@ def _of_sign(log: WheelLog, read: _Reading, top: float) -> str:
     )
 
 
-def _other_reading(log: WheelLog, course: Course, sums: WindowSums, read: _Reading, noise: float) -> Iterator[str]:
+def _other_reading(log: WheelLog, course: Course, sums: WindowSums, read: Reading, noise: float) -> Iterator[str]:
     """Columns exchanged, or one of them a magnitude: what makes a machine of the log where as it stands it is none."""
     top = sums.top_speed
-    enough = min(read.left / _BETTER, _EXPLAINED)
-    exchanged = window_sums(_exchanged(log), None)
-    if exchanged is not None and exchanged.change.size >= 8:
-        other = _Reading.of(exchanged.change, exchanged.integrals)
-        if other.left < enough and other.is_machine(exchanged.top_speed) and other.coulomb > 0.0:
+    enough = min(read.left / BETTER, EXPLAINED)
+    swapped = window_sums(exchanged(log), None)
+    if swapped is not None and swapped.change.size >= 8:
+        other = Reading.of(swapped.change, swapped.integrals)
+        if other.left < enough and other.is_machine(swapped.top_speed) and other.coulomb > 0.0:
             (drive, of_drive), (speed, of_speed) = _drive(log), _speed(log)
             yield (
                 "current and speed are exchanged: "
@@ -156,86 +122,21 @@ def _other_reading(log: WheelLog, course: Course, sums: WindowSums, read: _Readi
     one_way = float(np.min(log.current_A)) >= 0.0 or float(np.max(log.current_A)) <= 0.0
     if one_way and min(backward, forward) > 0.02:
         name, source, what = *_drive(log), "current"
-        kept = _between_steps(log, sums)
-        other = _signed_by(np.arange(kept.change.size), kept)
+        kept = between_steps(log, sums)
+        other = signed_by(np.arange(kept.change.size), kept)
     elif min(backward, forward) == 0.0 and not one_way and float(np.min(readings)) >= -5.0 * noise:
         name, source, what = *_speed(log), "speed"
-        stretch = _between_rests(course, top, noise)
+        stretch = between_rests(course, top, noise)
         whole = (stretch[sums.begin] == stretch[sums.end]) & (stretch[sums.begin] > 0)
         if int(whole.sum()) < 8:
             return
         kept = replace(sums, change=sums.change[whole], integrals=sums.integrals[whole])
-        other = _signed_by(stretch[sums.begin][whole], kept)
+        other = signed_by(stretch[sums.begin][whole], kept)
     else:
         return
     if other.left < enough and other.is_machine(top):
         line = source.line(name, sign_of=_of_other(log, r"dir|sign|way|forward|cw") or "DIRECTION")
         yield f"the {what} is a magnitude, without the sign of its direction: {line} (the column that has the sign)"
-
-
-def _exchanged(log: WheelLog) -> Course:
-    speed = np.where(np.isfinite(log.speed_rad_s), log.speed_rad_s, 0.0)
-    return Course.of(log.time_s, np.array(log.current_A), speed, None, log.segment)
-
-
-def _between_steps(log: WheelLog, sums: WindowSums) -> WindowSums:
-    """The windows in which the drive does not step, where most do not: its direction may change with a step."""
-    steps = np.cumsum(np.abs(np.diff(log.current_A, prepend=log.current_A[:1])) > 0.05 * np.ptp(log.current_A))
-    whole = steps[sums.begin] == steps[sums.end]
-    if float(np.mean(whole)) < 0.3:
-        return sums
-    return replace(sums, change=sums.change[whole], integrals=sums.integrals[whole])
-
-
-def _between_rests(course: Course, top: float, noise: float) -> Int64Array:
-    """Number of the stretch that each sample (n,) is in, from 1, a new one after each passage through rest; 0: slow."""
-    slow = np.abs(np.nan_to_num(course.speed_rad_s)) < max(0.04 * top, 5.0 * noise)
-    number = np.cumsum(np.diff(slow, prepend=True) & ~slow)
-    return np.where(slow, 0, number).astype(np.int64)
-
-
-def _signed_by(groups: Int64Array, sums: WindowSums) -> _Reading:
-    """Solve with a sign of the current for each group of windows (m,), found by turns with the parameters.
-
-    Begun with the sign of what the speed does, and with its own: a machine that settles at once hardly accelerates.
-    """
-    change, A = sums.change, sums.integrals
-    _, group = np.unique(groups, return_inverse=True)
-    found = []
-    for start in (A[:, 0] * change, -A[:, 0] * A[:, 1]):
-        sign = np.where(np.bincount(group, start) < 0.0, -1.0, 1.0)
-        for _ in range(20):
-            read = _Reading.of(change, A * np.column_stack((sign[group], np.ones((change.size, 2)))))
-            rest = change - read.viscous * A[:, 1] - read.coulomb * A[:, 2]
-            better = np.where(np.bincount(group, rest * A[:, 0] * read.gain) < 0.0, -1.0, 1.0)
-            if np.array_equal(better, sign):
-                break
-            sign = better
-        found.append(read)
-    return min(found, key=lambda read: read.left)
-
-
-def _is_set_point(sums: WindowSums, read: _Reading) -> bool:
-    """Whether the speed goes where the "current" says, in one of a speed's units, whenever it is not there.
-
-    Either as a loop of first order does, whose gain is its rate, or in whatever way: always toward it.
-    """
-    for unit in (1.0, RAD_S_PER_RPM, 1.0 / RAD_S_PER_RPM):
-        if read.is_machine(sums.top_speed):
-            small = abs(read.coulomb) < _LOOP_FRICTION * read.viscous * sums.top_speed
-            sure = read.viscous > 10.0 * read.viscous_std
-            if small and sure and abs(read.gain / (unit * read.viscous) - 1.0) < _LOOP:
-                return True
-            continue
-        wanted, speed = unit * sums.integrals[:, 0] / sums.seconds, -sums.integrals[:, 1] / sums.seconds
-        if not 0.5 < float(np.quantile(np.abs(wanted), 0.95)) / sums.top_speed < 2.0:
-            continue
-        away = np.abs(wanted - speed) > 0.1 * sums.top_speed
-        toward = (wanted - speed)[away] * sums.change[away] > 0.0
-        up = float(np.mean(sums.change[away] > 0.0)) if away.any() else 0.0
-        if int(away.sum()) > 20 and 0.1 < up < 0.9 and float(np.mean(toward)) > _TOWARD:
-            return True
-    return False
 
 
 def _of_set_point(log: WheelLog) -> str:
@@ -263,7 +164,7 @@ def _clock_set_forward(log: WheelLog, course: Course, noise: float) -> Iterator[
     before_gaps = window_sums(_closed_up(log, usual), noise)
     if before_gaps is None:
         return
-    read = _Reading.of(before_gaps.change, before_gaps.integrals)
+    read = Reading.of(before_gaps.change, before_gaps.integrals)
     spread = float(np.ptp(current))
     for i in gaps:
         if abs(current[i + 1] - current[i]) > 0.05 * spread or not np.isfinite(speed[i : i + 2]).all():
@@ -315,7 +216,7 @@ def _angle_beside_speed(log: WheelLog, course: Course, top: float) -> Iterator[s
         yield f"the angle begins anew after 360: is it in degrees? {degrees}"
 
 
-def _units(log: WheelLog, course: Course, read: _Reading, *, driven: bool) -> Iterator[str]:
+def _units(log: WheelLog, course: Course, read: Reading, *, driven: bool) -> Iterator[str]:
     """A size that no wheel has and a usual slip of units explains; or rows so far apart that it must be one."""
     k, _, c, _ = CK13_STATISTICAL
     gain = read.gain / k if driven else 1.0
@@ -323,7 +224,7 @@ def _units(log: WheelLog, course: Course, read: _Reading, *, driven: bool) -> It
         return
     time = log.sources.get("time_s")
     period = course.period_s
-    if read.left < _EXPLAINED:
+    if read.left < EXPLAINED:
         found = FrictionParameters(read.gain if driven else k, read.viscous, read.coulomb, read.coulomb)
         slips = question_of_units(found, driven=driven, speed_name=_speed(log)[0], viscous_std=read.viscous_std)
         if slips is not None:
