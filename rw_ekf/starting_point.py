@@ -223,17 +223,17 @@ def _foreign_setup(course: Course, scale: RecordScale, period: float) -> FilterS
 
 def note_of_foreign_machine(course: Course, parameters: FrictionParameters, constants: FilterConstants) -> str:
     """What a person is told of a record that is not the default wheel's, and that nobody described."""
-    from rw_ekf.identify.units_guess import question_of_units, times
+    from rw_ekf.identify.units_guess import times
 
     noise, omega_s = constants.speed_noise_rad_s, constants.stribeck.omega_s
     driven = bool(np.any(course.pieces.current_A))
     gain, coulomb = (parameters.motor_gain / CK13_STATISTICAL.motor_gain, parameters.coulomb / CK13_STATISTICAL.coulomb)
     sizes = f"Coulomb friction {times(coulomb)} a wheel's" if coulomb > 0.0 else "no Coulomb friction"
-    if driven and gain > 0.0:
-        sizes = f"the gain is {times(gain)} a wheel's, {sizes}"
-    question = question_of_units(parameters, driven=driven)
+    if driven:
+        of_gain = f"{times(gain)} a wheel's" if gain > 0.0 else "not above zero"
+        sizes = f"the gain is {of_gain}, {sizes}"
     return (
-        f"the record does not look like the default wheel ({sizes}){': ' + question if question else '.'} "
+        f"the record does not look like the default wheel ({sizes}). "
         "Noise, prior and Stribeck speed were taken from the record itself "
         f"(speed noise {noise:.3g} rad/s = {rpm_from_rad_s(noise):.3g} rpm, "
         f"Stribeck speed {omega_s:.3g} rad/s), so that a wrong unit would not show in them; torques are not given, "

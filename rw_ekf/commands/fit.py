@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rw_ekf.likelihood.noise_posterior import NoisePosterior
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.starting_point import FilterSetup
+    from rw_ekf.wheel.model_file import WheelModel
 
 HELP = "fit the parameters to a whole log by least squares, or by dedicated experiments"
 EXAMPLE = """example:
@@ -63,13 +64,13 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.filter.identifiability import report
     from rw_ekf.filter.operating_points import OperatingPoints
     from rw_ekf.hindsight import with_stribeck_speeds
+    from rw_ekf.identify.misread import misreadings, warnings_of
     from rw_ekf.identify.noise_colour import independent_readings
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
     from rw_ekf.logs.record_print import made_of, print_of
     from rw_ekf.replay import refuse_runaway_model
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
-    from rw_ekf.wheel.model_file import refusal_of
 
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
     configuration = read_configuration(args.config)
@@ -89,6 +90,7 @@ def execute(args: argparse.Namespace) -> int:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     augmented = prior_model if prior_model is not None and prior_model.effects.terms else None
     make_ready(compile_ahead.FIT if augmented is None else compile_ahead.DIAGNOSIS)
+    odd = misreadings(log, described=configuration is not None or prior_model is not None)
     course, colour = independent_readings(course)
     setup = with_stribeck_speeds(course, setup_of_record(course, configuration, prior_model))
     if augmented is not None:
@@ -122,17 +124,24 @@ def execute(args: argparse.Namespace) -> int:
         "inertia_kg_m2": setup.inertia_kg_m2,
         **quality,
         "noise": _noise_document(noise),
-        "warnings": [*log.warnings, *([] if colour is None else [colour.sentence]), *setup.notes, *warnings, *ignored],
+        "warnings": [
+            *warnings_of(odd),
+            *log.warnings,
+            *([] if colour is None else [colour.sentence]),
+            *setup.notes,
+            *warnings,
+            *ignored,
+        ],
     }
     refusal = None
     if args.out is not None:
         source = {"method": args.method, "log": Path(log.name).name, "samples": len(log), "record": print_of(log)}
         model = model_of(belief, setup, source, noise, wheel_of_logs([args.log]))
-        refusal = refusal_of(model)
+        refusal = _refusal(model, odd)
         if refusal is None:
             write_text(Path(args.out), model.to_text())
         else:
-            document["warnings"].append(f"{args.out} was not written, because nothing could read it: {refusal}")
+            document["warnings"].append(f"{args.out} was not written, because {refusal}")
     if args.json:
         print_json(document)
     else:
@@ -141,6 +150,21 @@ def execute(args: argparse.Namespace) -> int:
             torques = torques_text(belief.parameters, belief.parameter_std, setup.inertia_kg_m2, setup.inertia_from)
         _print(document, reports, noise, torques)
     return 0 if refusal is None else 1
+
+
+def _refusal(model: WheelModel, misread: tuple[str, ...]) -> str | None:
+    """Why this model is not written for others to start from; None if it is."""
+    from rw_ekf.wheel.model_file import refusal_of
+
+    if misread:
+        return "the log is misread, and the model would be no machine's"
+    if model.parameters.motor_gain <= 0.0:
+        return (
+            f"its motor gain is {model.parameters.motor_gain:.3g}: no machine is driven against its command; "
+            "turn the current's sign in the column map (`scale: -1`)"
+        )
+    unreadable = refusal_of(model)
+    return None if unreadable is None else f"nothing could read it: {unreadable}"
 
 
 def _fit(

@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.search.excitation import information
 from rw_ekf.diagnosis.search.stepwise import Search
+from rw_ekf.identify.misread import misreadings
 from rw_ekf.logs.wheel_log import WheelLog
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from rw_ekf.wheel.model_file import WheelModel
 
 Advance = Callable[[str], object]
+_EXCITE = "`rw-ekf excite identification --config F` drives the wheel through all that is needed (600 s)"
 
 
 def diagnose_log(
@@ -43,9 +45,16 @@ def diagnose_log(
     model: what is known already, its effects included; without it the four parameters alone are the base. Raises
     BadInputError for one with which the filter runs away.
     """
-    source = source_of([log] if isinstance(log, WheelLog) else log)
+    logs = [log] if isinstance(log, WheelLog) else log
+    source = source_of(logs)
+    described = configuration is not None or model is not None
+    misread = [(one.name, text) for one in logs for text in misreadings(one, described=described)]
+    if misread:
+        said = "; ".join(f"{name}: {text}" if len(logs) > 1 else text for name, text in misread)
+        mend = "Mend the column map (`--columns map.yaml`) as the verdict says, and diagnose again."
+        return _unjudged(source, split, f"the log is misread: {said}", mend)
     if source.unfit is not None:
-        return _unjudged(source, split)
+        return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.record.work.start_clock()
@@ -86,11 +95,10 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     return figure
 
 
-def _unjudged(source: Source, kind: Kind) -> Diagnosis:
-    """The verdict for a log that cannot judge even the base model."""
+def _unjudged(source: Source, kind: Kind, why: str, advice: str | None = None) -> Diagnosis:
+    """The verdict for a log that cannot judge even the base model; advice: what to do, if not to excite the wheel."""
     log = source.log
     split = split_record(log.time_s, log.segment, log.speed_rad_s, kind, 0.0)
-    advice = "`rw-ekf excite identification --config F` drives the wheel through all that is needed (600 s)"
     nothing = dict.fromkeys(
         (
             "one_step_rms_rpm",
@@ -101,7 +109,7 @@ def _unjudged(source: Source, kind: Kind) -> Diagnosis:
             "torque_rms_mNm",
         )
     )
-    statement = f"{source.said_first}Cannot be judged: {source.unfit}; {advice}."
+    statement = f"{source.said_first}Cannot be judged: {why}."
     document = {
         "schema": SCHEMA,
         **source.document(),
@@ -120,5 +128,6 @@ def _unjudged(source: Source, kind: Kind) -> Diagnosis:
         "residual_tests": {"before": None, "after": None},
         "warnings": [*source.notes, *log.warnings],
         "left_out": [],
+        **({} if advice is None else {"advice": advice}),
     }
     return Diagnosis(log, document, split.heldout, in_rpm=log.in_rpm)

@@ -132,12 +132,46 @@ def rough_parameters(course: Course, speed_noise: float | None) -> FrictionParam
     Integrated over a window the model is linear in k, b, c and needs no differentiated speed; the window is long
     enough for the speed to change by many times its noise.
     """
+    sums = window_sums(course, speed_noise)
+    if sums is None or not np.any(sums.change):
+        return None
+    A, change = sums.integrals, sums.change
+    if not np.any(A[:, 0]):
+        solution = np.concatenate(([CK13_STATISTICAL.motor_gain], np.linalg.lstsq(A[:, 1:], change, rcond=1e-9)[0]))
+    else:
+        sizes = np.linalg.norm(A, axis=0)
+        if not sizes.all() or np.linalg.cond(A / sizes) > _TELLS_NOTHING:
+            return None
+        solution = np.linalg.lstsq(A, change, rcond=1e-9)[0]
+    k, b, c = (float(v) for v in solution)
+    if not np.isfinite(solution).all() or k == 0.0:
+        return None
+    spread = float(np.std(change)) / max(float(np.mean(sums.seconds)), 1e-9)
+    c = c if c > 0.0 else 0.1 * spread
+    b = b if b > 0.0 else 0.1 * c / sums.top_speed
+    return FrictionParameters(k, b, c, 1.03 * c)
+
+
+@dataclass(frozen=True)
+class WindowSums:
+    """Equation 7 of docs/identification.md over m windows."""
+
+    change: Float64Array  # (m,) of the speed [rad/s]
+    integrals: Float64Array  # (m, 3) of current, speed and direction over each, the latter two with a minus
+    seconds: Float64Array  # (m,) how long each is
+    begin: Int64Array  # (m,) the sample at which each begins, and the one at which it ends
+    end: Int64Array
+    top_speed: float  # [rad/s]
+
+
+def window_sums(course: Course, speed_noise: float | None) -> WindowSums | None:
+    """The sums of a record's first 200,000 rows; None where there are too few, or nothing turns."""
     course = course.window(0, _MAX_ROWS)
     t, y = course.time_s, course.speed_rad_s
-    if t.size < 20:
-        return None
     good = np.isfinite(y)
-    y = np.interp(np.arange(y.size), np.flatnonzero(good), y[good]) if good.any() else y
+    if t.size < 20 or not good.any():
+        return None
+    y = np.interp(np.arange(y.size), np.flatnonzero(good), y[good])
     current = course.mean_current_A[1:]
     dt = np.diff(t)
     top = float(np.quantile(np.abs(y), 0.99))
@@ -157,23 +191,7 @@ def rough_parameters(course: Course, speed_noise: float | None) -> FrictionParam
     if begin.size < 8:
         return None
     A = np.column_stack([s[end] - s[begin] for s in sums]) * np.array([1.0, -1.0, -1.0])
-    change = y[end] - y[begin]
-    if not np.any(change):
-        return None
-    if not np.any(A[:, 0]):
-        solution = np.concatenate(([CK13_STATISTICAL.motor_gain], np.linalg.lstsq(A[:, 1:], change, rcond=1e-9)[0]))
-    else:
-        sizes = np.linalg.norm(A, axis=0)
-        if not sizes.all() or np.linalg.cond(A / sizes) > _TELLS_NOTHING:
-            return None
-        solution = np.linalg.lstsq(A, change, rcond=1e-9)[0]
-    k, b, c = (float(v) for v in solution)
-    if not np.isfinite(solution).all() or k == 0.0:
-        return None
-    spread = float(np.std(change)) / max(float(np.mean(t[end] - t[begin])), 1e-9)
-    c = c if c > 0.0 else 0.1 * spread
-    b = b if b > 0.0 else 0.1 * c / top
-    return FrictionParameters(k, b, c, 1.03 * c)
+    return WindowSums(y[end] - y[begin], A, t[end] - t[begin], begin, end, top)
 
 
 def _turning(y: Float64Array, noise: float, least: float) -> BoolArray:

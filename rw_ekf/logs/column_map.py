@@ -5,13 +5,18 @@
     speed_rad_s: {derivative_of: x, scale: 1.0}           backward difference over time_s within a segment
     delimiter: ";"    skip_rows: 3    header: false       how a CSV file is laid out
     rate_hz: 100      decimate: 10                        where there is no time column; keep every n-th row
+    reverse: true                                         the last row is the first in time
     variable: data    layout: cells                       what to take from a MATLAB file
 
-`column: v` may be shortened to its name alone. The value is scale * column + offset. docs/logs.md has examples.
+`column: v` may be shortened to its name alone. The value is scale * column + offset. `wrap: 65536` takes the numbers of
+the column for a counter of that many (two's complement, an angle that begins anew each turn); `sign_of: dir` gives a
+magnitude the sign of another column. docs/logs.md has examples.
 """
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -24,8 +29,8 @@ from rw_ekf.settings.yaml_loader import PathTuple, YamlDocument, load_yaml
 
 MatlabLayout = Literal["columns", "rows", "cells"]
 _LAYOUTS = ("columns", "rows", "cells")
-_SOURCE_KEYS = ("column", "constant", "derivative_of", "scale", "offset")
-_OPTIONS = ("delimiter", "skip_rows", "header", "rate_hz", "decimate", "variable", "layout")
+_SOURCE_KEYS = ("column", "constant", "derivative_of", "scale", "offset", "wrap", "sign_of")
+_OPTIONS = ("delimiter", "skip_rows", "header", "rate_hz", "decimate", "reverse", "variable", "layout")
 _MAX_RATE_HZ = 1e6
 
 
@@ -39,6 +44,18 @@ class Source:
     scale: float = 1.0
     offset: float = 0.0
     where: str = ""  # file:line:column in the mapping file, for messages
+    wrap: float = 0.0  # the column counts modulo this much, before the scale; 0: it does not
+    sign_of: str | int | None = None  # the column that holds the sign of this one
+    says_scale: bool = False  # the map gives a scale, be it 1: whoever wrote it has thought of the unit
+
+    def line(self, name: str, **changes: object) -> str:
+        """The line of a map that says this, as `name`, with other scale, offset, wrap, sign_of or column."""
+        said = {"scale": self.scale, "offset": self.offset, "wrap": self.wrap, "sign_of": self.sign_of} | changes
+        column = said.pop("column", self.column)
+        kind = "derivative_of" if self.kind == "derivative" else "column"
+        usual = {"scale": 1.0, "offset": 0.0, "wrap": 0.0, "sign_of": None}
+        kept = [f"{key}: {_plain(value)}" for key, value in said.items() if value != usual[key]]
+        return f"`{name}: {{{', '.join([f'{kind}: {_plain(column)}', *kept])}}}`"
 
 
 @dataclass(frozen=True)
@@ -50,14 +67,14 @@ class ColumnMap:
     csv: CsvLayout = field(default_factory=CsvLayout)
     rate_hz: float | None = None
     decimate: int = 1
+    reverse: bool = False
     variable: str | None = None
     layout: MatlabLayout = "columns"
 
     def uses(self, number: int, name: str) -> bool:
         """Whether a source takes the column with this number or name."""
-        return any(
-            source.column == number or (bool(name) and source.column == name) for source in self.sources.values()
-        )
+        taken = [column for source in self.sources.values() for column in (source.column, source.sign_of)]
+        return any(column == number or (bool(name) and column == name) for column in taken if column is not None)
 
 
 def load_column_map(path: str | Path) -> ColumnMap:
@@ -93,9 +110,10 @@ class _MapReader:
         result = ColumnMap(
             path=self.document.path,
             sources=sources,
-            csv=CsvLayout(self._delimiter(), self._count("skip_rows", 0, 0), self._header()),
+            csv=CsvLayout(self._delimiter(), self._count("skip_rows", 0, 0), self._flag("header")),
             rate_hz=self._rate(),
             decimate=self._count("decimate", 1, 1),
+            reverse=self._flag("reverse") or False,
             variable=self._text("variable"),
             layout=self._layout(),
         )
@@ -131,12 +149,20 @@ class _MapReader:
         if kinds[0] == "derivative_of" and not key.startswith("speed_"):
             self._add(place, f"{key}: only a speed can be a derivative (speed_rad_s or speed_rpm)")
         kind: Literal["column", "derivative"] = "column" if kinds[0] == "column" else "derivative"
-        return Source(kind, column, scale=scale, offset=offset, where=place)
+        wrap = self._number((key, "wrap"), value, 0.0)
+        if wrap < 0.0 or ("wrap" in value and wrap == 0.0):
+            self._add(self.document.where((key, "wrap")), f"{key}.wrap: must be above 0, found {wrap:g}")
+        sign_of = value.get("sign_of")
+        if sign_of is not None and not self._is_column((key, "sign_of"), sign_of):
+            return None
+        if sign_of is not None and kind == "derivative":
+            self._add(self.document.where((key, "sign_of")), f"{key}.sign_of: a derivative has its own sign")
+        return Source(kind, column, 0.0, scale, offset, place, wrap, sign_of, says_scale="scale" in value)
 
     def _constant(self, key: str, value: dict[Any, Any], place: str) -> Source:
         if key in ("time_s", "segment"):
             self._add(place, f"{key}: cannot be a constant" + ("; give rate_hz instead" if key == "time_s" else ""))
-        for name in ("scale", "offset"):
+        for name in ("scale", "offset", "wrap", "sign_of"):
             if name in value:
                 self._add(self.document.where_key((key, name)), f"{key}.{name}: has no meaning beside a constant")
         return Source("constant", constant=self._number((key, "constant"), value, 0.0), where=place)
@@ -179,10 +205,10 @@ class _MapReader:
             )
         return rate_hz
 
-    def _header(self) -> bool | None:
-        value = self.data.get("header")
+    def _flag(self, key: str) -> bool | None:
+        value = self.data.get(key)
         if value is not None and not isinstance(value, bool):
-            self._add(self.document.where(("header",)), f"header must be true or false, found {shown(value)}")
+            self._add(self.document.where((key,)), f"{key} must be true or false, found {shown(value)}")
             return None
         return value
 
@@ -220,6 +246,13 @@ class _MapReader:
 
     def _add(self, place: str, message: str) -> None:
         self.findings.append(f"{place}: {message}")
+
+
+def _plain(value: object) -> str:
+    """A value as a map has it: `1000`, not `1000.0`; a name in quotes where YAML asks for them."""
+    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_][\w.]*", value):
+        return json.dumps(value, ensure_ascii=False)
+    return str(int(value)) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else f"{value}"
 
 
 def _dotted(path: PathTuple) -> str:

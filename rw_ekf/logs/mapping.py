@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
+from rw_ekf.logs.odd_columns import faults_of_column
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import segment_ids
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
@@ -24,6 +25,8 @@ class MappedColumns:
     constant: frozenset[str]  # those of `values` that the map gives as a constant
     position: tuple[Float64Array, Source, str] | None  # what the speed is the derivative of, and the speed's name
     in_rpm: bool = False  # the speed was given in rpm
+    sources: dict[str, Source] = field(default_factory=dict)  # where each of `values` came from, and the speed
+    faults: list[str] = field(default_factory=list)  # what shows that a column is not what it is taken for
     other: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
@@ -38,11 +41,13 @@ def map_columns(table: RawTable, columns: ColumnMap) -> MappedColumns:
             continue
         index = _find(table, source)
         used.add(index)
-        values = _finite(table, index)
+        values = _finite(table, index, name)
+        mapped.sources[name] = source
+        mapped.faults += faults_of_column(table.names[index], name, source, values)
         if source.kind == "derivative":
             mapped.position = (values, source, name)
         else:
-            mapped.values[name] = _scaled(table, source, values)
+            mapped.values[name] = _signed(table, source, _scaled(table, source, values), used)
     _take_by_own_name(table, columns, mapped, used)
     _make_time(table, columns, mapped)
     _one_speed(table, mapped)
@@ -67,9 +72,9 @@ def _find(table: RawTable, source: Source) -> int:
     return index
 
 
-def _finite(table: RawTable, index: int) -> Float64Array:
-    """Numbers of a column; infinity is an error, a gap is NaN."""
-    values = table.floats(index)
+def _finite(table: RawTable, index: int, name: str = "") -> Float64Array:
+    """Numbers of the column that is to be `name`; infinity is an error, a gap is NaN."""
+    values = table.floats(index, stamps=name == "time_s")
     infinite = np.isinf(values)
     if infinite.any():
         row = int(np.argmax(infinite))
@@ -82,7 +87,9 @@ def _finite(table: RawTable, index: int) -> Float64Array:
 
 
 def _scaled(table: RawTable, source: Source, values: Float64Array) -> Float64Array:
-    """Apply scale and offset; without them the values stay bit for bit what they were."""
+    """Apply wrap, scale and offset; without them the values stay bit for bit what they were."""
+    if source.wrap:
+        values = (values + 0.5 * source.wrap) % source.wrap - 0.5 * source.wrap
     if source.scale == 1.0 and source.offset == 0.0:
         return values
     with np.errstate(over="ignore"):
@@ -91,6 +98,15 @@ def _scaled(table: RawTable, source: Source, values: Float64Array) -> Float64Arr
         place = table.place(int(np.argmax(np.isinf(scaled))))
         raise LogError(f"{source.where}: scale and offset make {table.path}, {place}, too large for a number")
     return np.asarray(scaled)
+
+
+def _signed(table: RawTable, source: Source, values: Float64Array, used: set[int]) -> Float64Array:
+    """A magnitude with the sign of the column that the map names for it."""
+    if source.sign_of is None:
+        return values
+    index = _find(table, replace(source, column=source.sign_of))
+    used.add(index)
+    return np.asarray(np.abs(values) * np.sign(_finite(table, index)))
 
 
 def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:
@@ -102,7 +118,9 @@ def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns
         index = table.index_of(name)
         if index is not None and index not in used:
             used.add(index)
-            mapped.values[name] = _finite(table, index)
+            source = Source("column", name)
+            mapped.sources[name], mapped.values[name] = source, _finite(table, index, name)
+            mapped.faults += faults_of_column("", name, source, mapped.values[name])
 
 
 def _make_time(table: RawTable, columns: ColumnMap, mapped: MappedColumns) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -39,8 +39,11 @@ class RawTable:
             )
         return positions[0] if positions else None
 
-    def floats(self, index: int) -> Float64Array:
-        """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric."""
+    def floats(self, index: int, *, stamps: bool = False) -> Float64Array:
+        """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric.
+
+        stamps: dates with a time are taken too, as seconds since 1970.
+        """
         column = self.columns[index]
         if isinstance(column, np.ndarray):
             return np.array(column, dtype=np.float64).reshape(-1)
@@ -49,6 +52,9 @@ class RawTable:
         kind = column.type
         if pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
             column = column.cast(pa.int8() if pa.types.is_boolean(kind) else pa.float64())
+        elif stamps and pa.types.is_timestamp(kind):
+            column = column.cast(pa.timestamp("ns", kind.tz), safe=False).cast(pa.int64())
+            return np.asarray(1.0e-9 * column.to_numpy())
         elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
             raise LogError(
                 f"{self.path}: column '{self.names[index]}' holds {kind}, not numbers: convert it to a number "
@@ -69,6 +75,11 @@ class RawTable:
             import pyarrow as pa
 
             self.columns[index] = pa.array(self.floats(index) + _SEGMENTS * number)
+
+    def reversed(self) -> RawTable:
+        """The rows from the last to the first."""
+        columns = [column[::-1] if isinstance(column, np.ndarray) else _backward(column) for column in self.columns]
+        return replace(self, columns=columns, place=lambda row: self.place(self.rows - 1 - row))
 
     def described_columns(self) -> str:
         """Describe the columns for a message: `time, v, (unnamed)`."""
@@ -100,6 +111,10 @@ def stacked(tables: list[RawTable], name: str) -> RawTable:
     columns = [_stacked_column([table.columns[index] for table in tables]) for index in range(len(first.names))]
     warnings = [text for table in tables for text in table.warnings]
     return RawTable(name, first.names, columns, int(begins[-1]), place, warnings)
+
+
+def _backward(column: Any) -> Any:
+    return column.take(np.arange(len(column) - 1, -1, -1))
 
 
 def _stacked_column(parts: list[Any]) -> Any:

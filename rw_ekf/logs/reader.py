@@ -19,6 +19,7 @@ from rw_ekf.logs.file_kind import file_kind
 from rw_ekf.logs.log_text import LogText
 from rw_ekf.logs.mapping import MappedColumns, map_columns
 from rw_ekf.logs.matlab_table import read_matlab_table
+from rw_ekf.logs.odd_columns import clock_set_back
 from rw_ekf.logs.packing import packed_path
 from rw_ekf.logs.parquet_table import read_parquet_table
 from rw_ekf.logs.parts import FORMS, PartName, parts_of
@@ -50,6 +51,8 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
     """
     column_map = columns if isinstance(columns, ColumnMap) else load_column_map(columns) if columns else ColumnMap()
     table = read_table(Path(path), column_map)
+    if column_map.reverse:
+        table = table.reversed()
     return _assemble(table, map_columns(table, column_map), column_map)
 
 
@@ -200,8 +203,11 @@ def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> Whe
     keep = rows_in_order(time_s, segment)
     skipped = int(len(keep) - keep.sum())
     rows: Any = slice(None)
+    faults = list(mapped.faults)
     if skipped:
-        warnings.append(_skipped_message(table, keep, skipped))
+        stepped = clock_set_back(time_s, _reading(mapped), segment, table.place)
+        warnings.append(_skipped_message(table, keep, skipped, stepped))
+        faults += [] if stepped is None else [stepped]
         rows = np.flatnonzero(keep)
     values = {name: array[rows] for name, array in mapped.values.items()}
     position = None if mapped.position is None else mapped.position[0][rows]
@@ -217,7 +223,7 @@ def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> Whe
     if position is not None and mapped.position is not None:
         _, source, name = mapped.position
         unit = rad_s_from_rpm(1.0) if name == "speed_rpm" else 1.0
-        slope = backward_difference(position, values["time_s"], segment)
+        slope = backward_difference(position, values["time_s"], segment, source.wrap)
         values["speed_rad_s"] = unit * (source.scale * slope + source.offset)
     drive, current_A = _drive(table, values, mapped, segment, warnings)
     delay_s = values.get("command_delay_s")
@@ -238,7 +244,13 @@ def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> Whe
         skipped_rows=skipped,
         warnings=tuple(warnings),
         in_rpm=mapped.in_rpm or (mapped.position is not None and mapped.position[2] == "speed_rpm"),
+        sources=mapped.sources,
+        faults=tuple(faults),
     )
+
+
+def _reading(mapped: MappedColumns) -> Float64Array:
+    return mapped.values["speed_rad_s"] if mapped.position is None else mapped.position[0]
 
 
 def _all_present(table: RawTable, values: Float64Array, name: str, why: str) -> None:
@@ -256,11 +268,13 @@ def _segments(table: RawTable, mapped: MappedColumns) -> Int64Array:
     return segment_ids(values)
 
 
-def _skipped_message(table: RawTable, keep: Any, skipped: int) -> str:
+def _skipped_message(table: RawTable, keep: Any, skipped: int, stepped: str | None) -> str:
     """Warn about skipped rows. Raises LogError if they are too many to be an accident."""
     first = table.place(int(np.argmin(keep)))
     share = skipped / table.rows
     rows = f"{skipped} of {table.rows} rows" if skipped > 1 else f"1 of {table.rows} rows"
+    if share > MAX_SKIPPED_SHARE and stepped is not None:
+        raise LogError(f"{table.path}: {stepped}")
     if share > MAX_SKIPPED_SHARE:
         raise LogError(
             f"{table.path}: {rows} ({100 * share:.1f} %) repeat a time or go backward, first at {first}; above "

@@ -55,11 +55,19 @@ def block_means(values: Float64Array, starts: NDArray[np.intp]) -> Float64Array:
     return means
 
 
-def backward_difference(values: Float64Array, time_s: Float64Array, segment: Int64Array) -> Float64Array:
-    """Difference to the row before over the time between them (n,); NaN in the first row of a segment."""
+def backward_difference(
+    values: Float64Array, time_s: Float64Array, segment: Int64Array, wrap: float = 0.0
+) -> Float64Array:
+    """Difference to the row before over the time between them (n,); NaN in the first row of a segment.
+
+    wrap: values begin anew after so much, and the shorter way is taken; 0: they do not.
+    """
+    change = np.diff(values)
+    if wrap:
+        change -= wrap * np.round(change / wrap)
     result = np.full(len(values), np.nan)
     inside = np.diff(segment) == 0
     with np.errstate(over="ignore"):  # a step too short for its difference gives no speed, rather than infinity
-        np.divide(np.diff(values), np.diff(time_s), out=result[1:], where=inside)
+        np.divide(change, np.diff(time_s), out=result[1:], where=inside)
     result[np.isinf(result)] = np.nan
     return result

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
+
+if TYPE_CHECKING:
+    from rw_ekf.logs.column_map import Source
 
 Drive = Literal["current_command_A", "current_A", "constant"]
 
@@ -54,6 +57,8 @@ class WheelLog:
     skipped_rows: int = 0  # repeated or backward in time
     warnings: tuple[str, ...] = ()  # what was mended in reading; each fit to be shown to a user
     in_rpm: bool = False  # the speed came in rpm: whatever the plant is, it turns, and a reader thinks in rpm
+    sources: dict[str, Source] = field(default_factory=dict)  # where its columns came from, by name; empty: no file
+    faults: tuple[str, ...] = ()  # what shows that a column is not what it is taken for (`rw_ekf.identify.misread`)
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -118,8 +118,8 @@ def test_a_parquet_column_that_is_no_number(tmp_path: Path) -> None:
 
     path = tmp_path / "a.parquet"
     stamps = pa.array([0, 1], type=pa.timestamp("us"))
-    parquet.write_table(pa.table({"time_s": stamps, "speed_rad_s": [1.0, 2.0], "current_A": [1.0, 2.0]}), path)
-    assert "column 'time_s' holds timestamp[us], not numbers" in message(path)
+    parquet.write_table(pa.table({"time_s": [1.0, 2.0], "speed_rad_s": stamps, "current_A": [1.0, 2.0]}), path)
+    assert "column 'speed_rad_s' holds timestamp[us], not numbers" in message(path)
     numbers = pa.array([], type=pa.float64())
     parquet.write_table(pa.table({"time_s": numbers}), path)
     assert "no rows" in message(path)

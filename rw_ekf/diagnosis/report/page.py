@@ -210,7 +210,11 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
     open_ones = [item for item in document.get("explanations") or () if item["posterior"] >= _OPEN]
     if kind == "unexplained" and open_ones:
         steps.append(_UNSETTLED)
-    elif kind in _FIRST and not (kind == "adequate" and (document.get("torque_noise") or len(open_ones) > 1)):
+    elif (
+        kind in _FIRST
+        and not (kind == "insufficient_excitation" and steps)
+        and not (kind == "adequate" and (document.get("torque_noise") or len(open_ones) > 1))
+    ):
         steps.append(_FIRST[kind])
     if len(open_ones) > 1:
         steps.append(_settle(open_ones))

@@ -1,0 +1,157 @@
+"""What shows, column by column, that it is not what it is taken for, with the line of the column map that mends it.
+
+A unit in a column's name that the map forgets; negative numbers read as unsigned; an angle that begins anew each turn
+and is differentiated; a clock that was set back. What only the motion shows is in `rw_ekf.identify.misread`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.logs.column_map import Source
+
+_RPM = math.pi / 30.0
+# What a name ends in, and one of its unit in the log's own: of speed_rad_s and of angle_rad unless said otherwise.
+_UNITS: dict[str, dict[str, float]] = {
+    "time_s": {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0},
+    "current": {"ma": 1e-3, "milliamps": 1e-3, "ua": 1e-6},
+    "speed": {"rpm": _RPM, "deg_s": math.radians(1.0), "deg/s": math.radians(1.0), "dps": math.radians(1.0),
+              "rps": 2.0 * math.pi, "rad_s": 1.0, "rad/s": 1.0},
+    "angle_rad": {"deg": math.radians(1.0), "degrees": math.radians(1.0), "turns": 2.0 * math.pi},
+}  # fmt: skip
+_SAME = 1.05  # a scale that agrees with the name
+_COUNTERS = (2.0**16, 2.0**32)
+_STEPS = (1.0, 0.1, 0.01, 1e-3, 1e-4)  # of a counter that was written in another unit
+_EMPTY = (0.25, 0.75)  # of its range: nothing lies between small positive numbers and small negative ones
+_NEAR_END = 0.99  # of its range: so near come small negative numbers, and hardly anything else
+_LEAST_ROWS = 3
+_TURNS = (2.0 * math.pi, 360.0, *(2.0**bits for bits in range(8, 25)), 2.0**32, 4000.0, 1.0)
+_FULL = 0.9  # of a turn, which an angle that begins anew covers
+_EVEN = 0.3  # of the usual step, by which a regular clock may be early or late
+_MOSTLY = 0.8
+_LANDS = 10.0  # steps: a clock that begins anew begins near where it began
+_SETS = 5  # times at most that a clock is set in one log; rows out of order come oftener
+
+
+def faults_of_column(header: str, name: str, source: Source, values: Float64Array) -> list[str]:
+    """Sentences (without the file) on a column as it stands in the file, (n,) before scale; `name` is the log's."""
+    if name not in {"time_s", "angle_rad", "current_A", "current_command_A", "speed_rad_s", "speed_rpm"}:
+        return []
+    if source.wrap or source.sign_of is not None:
+        return []
+    finite = values[np.isfinite(values)]
+    if finite.size < 2 * _LEAST_ROWS:
+        return []
+    found = [_unit_in_name(header, name, source)]
+    if source.kind == "derivative":
+        found.append(_begins_anew(name, source, finite))
+    elif name not in {"time_s", "angle_rad"}:
+        found.append(_unsigned_counter(name, source, finite))
+    return [text for text in found if text is not None]
+
+
+def _unit_in_name(header: str, name: str, source: Source) -> str | None:
+    """A unit that the header says and the map does not; a map that gives a scale has thought of it."""
+    if source.says_scale or source.scale != 1.0 or not header:
+        return None
+    group = "angle_rad" if source.kind == "derivative" else name
+    units = _UNITS.get(group) or _UNITS[group.split("_")[0]]
+    words = re.split(r"[\s(){}\[\]]+", header.strip().lower().rstrip(")]}"))
+    for unit, in_si in units.items():
+        if words[-1] != unit and not words[-1].endswith(f"_{unit}"):
+            continue
+        size = in_si / (_RPM if name == "speed_rpm" else 1.0)
+        if max(size, 1.0 / size) < _SAME:
+            return None
+        line = source.line(name, scale=float(f"{size:.6g}"))
+        if group == "speed" or name.startswith("speed"):
+            if unit == "rpm" and source.kind == "column":
+                line = source.line("speed_rpm")
+            elif unit in {"rad_s", "rad/s"}:
+                line = source.line("speed_rad_s")
+        return f"column '{header}' is taken for {name} as it stands, and its name says {unit}: {line}"
+    return None
+
+
+def _unsigned_counter(name: str, source: Source, values: Float64Array) -> str | None:
+    """Negative numbers of 16 or 32 bits that were written as unsigned: all at the upper end, with nothing between."""
+    low, high = float(values.min()), float(values.max())
+    if low < 0.0:
+        return None
+    for step in _STEPS:
+        for size in _COUNTERS:
+            full = size * step
+            if not _NEAR_END * full <= high < full:
+                continue
+            part = values / full
+            upper, lower = part > _EMPTY[1], part < _EMPTY[0]
+            whole = np.abs(values / step - np.round(values / step)) < 1.0e-3
+            if min(upper.sum(), lower.sum()) >= _LEAST_ROWS and (upper | lower).all() and whole.all():
+                return (
+                    f"{int(upper.sum())} values of {name} lie just below {full:.10g}: negative numbers of "
+                    f"{round(math.log2(size))} bits, read as unsigned: {source.line(name, wrap=full)}"
+                )
+    return None
+
+
+def _begins_anew(name: str, source: Source, values: Float64Array) -> str | None:
+    """An angle or counter that falls back after a full turn, and whose derivative is the speed."""
+    spread = float(np.ptp(values))
+    change = np.diff(values)
+    for turn in _TURNS:
+        fits = _FULL * turn <= spread <= turn * (1.0 + 1.0e-9)
+        jumps = np.abs(change) > 0.5 * turn
+        if not fits or not jumps.any():
+            continue
+        mended = change - turn * np.round(change / turn)
+        fast = float(np.quantile(np.abs(mended), 0.99)) > 0.4 * turn
+        also = "; it turns half a turn and more from row to row, which no map mends: log it faster" if fast else ""
+        return (
+            f"column '{source.column}' begins anew after {turn:.10g}, {int(jumps.sum())} times, and each time its "
+            f"derivative, the speed, jumps: {source.line(name, wrap=turn)}{also}"
+        )
+    return None
+
+
+def clock_set_back(
+    time_s: Float64Array, reading: Float64Array, segment: Int64Array, place: Callable[[int], str]
+) -> str | None:
+    """A sentence where rows stand in order but their clock was set back, or where all stand in reverse; else None.
+
+    Rows out of order, rows sent twice and a clock that begins anew are something else (`rw_ekf.logs.row_rules`).
+    """
+    step = np.diff(time_s)
+    inside = np.diff(segment) == 0
+    if step.size < 10 or not inside.any():
+        return None
+    if float(np.mean(step[inside] < 0.0)) > _MOSTLY:
+        return "the rows stand in reverse order of time, the last first: `reverse: true`"
+    back = np.flatnonzero((step < 0.0) & inside)
+    forth = step[inside & (step > 0.0)]
+    if not 0 < back.size <= _SETS or forth.size == 0:
+        return None
+    usual = float(np.median(forth))
+    even = np.abs(step - usual) < _EVEN * usual
+    if float(np.mean(even[inside])) < _MOSTLY:
+        return None
+    for row in back:
+        out_of_order = np.count_nonzero(~even[max(row - 2, 0) : row + 3]) > 1
+        anew = abs(time_s[row + 1] - time_s[0]) <= _LANDS * usual
+        twice = np.isin(reading[row + 1 : row + 1 + _LEAST_ROWS], reading[: row + 1]).all()
+        if out_of_order or anew or (twice and np.isin(time_s[row + 1], time_s[: row + 1])):
+            return None
+    first = int(back[0])
+    return clock_sentence(float(step[first]) - usual, place(first + 1), step[even])
+
+
+def clock_sentence(by_s: float, where: str, even_steps_s: Float64Array) -> str:
+    """What is said of a clock that was set by so much [s] at a row, in a log whose other rows are evenly spaced."""
+    return (
+        f"the clock was set {'forward' if by_s > 0.0 else 'back'} by {abs(by_s):.6g} s at {where}, while the rows went "
+        f"on evenly: `rate_hz: {1.0 / float(np.mean(even_steps_s)):.5g}` in place of `time_s`"
+    )
