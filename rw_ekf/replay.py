@@ -29,7 +29,7 @@ from rw_ekf.learning.carry import carried_over
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.run_directory import start_path
-from rw_ekf.logs.sampling import sampling_of
+from rw_ekf.logs.sampling import sampling_of, without_repeats
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
 from rw_ekf.starting_point import (
     FilterSetup,
@@ -82,6 +82,8 @@ def replay_log(
     with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
     and filterpy; `advance` is then told of every 100 samples done.
     """
+    # A run goes on from its own start just as it went: every reading that it took then.
+    log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
     course = Course.of_log(log)
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
@@ -110,7 +112,7 @@ def replay_log(
         statistics.points = _where_it_has_been(course, setup, run)
         consistency = judge_log(course, setup, belief)
     warnings = [
-        *sampling_of(log).remarks(),
+        *sampling.remarks(),
         *log.warnings,
         *([] if colour is None else [colour.sentence]),
         *setup.notes,

@@ -66,6 +66,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.identify.noise_colour import independent_readings
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
+    from rw_ekf.logs.sampling import without_repeats
     from rw_ekf.replay import refuse_runaway_model
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
     from rw_ekf.wheel.model_file import refusal_of
@@ -79,6 +80,7 @@ def execute(args: argparse.Namespace) -> int:
         ignored = [f"the effects of the prior ({named}) are left out: the deterministic method knows none"]
         prior_model = without_effects(prior_model)
     (log,) = read_logs([args.log], args.columns)
+    log, sampling = without_repeats(log)
     course = Course.of_log(log)
     readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < 10:
@@ -118,7 +120,14 @@ def execute(args: argparse.Namespace) -> int:
         "inertia_kg_m2": setup.inertia_kg_m2,
         **quality,
         "noise": _noise_document(noise),
-        "warnings": [*log.warnings, *([] if colour is None else [colour.sentence]), *setup.notes, *warnings, *ignored],
+        "warnings": [
+            *sampling.remarks(),
+            *log.warnings,
+            *([] if colour is None else [colour.sentence]),
+            *setup.notes,
+            *warnings,
+            *ignored,
+        ],
     }
     refusal = None
     if args.out is not None:
