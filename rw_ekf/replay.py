@@ -31,7 +31,7 @@ from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.record_print import made_of
 from rw_ekf.logs.run_directory import start_path
-from rw_ekf.logs.sampling import sampling_of
+from rw_ekf.logs.sampling import sampling_of, without_repeats
 from rw_ekf.logs.sums import changed
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
 from rw_ekf.starting_point import (
@@ -86,6 +86,8 @@ def replay_log(
     and filterpy; `advance` is then told of every 100 samples done.
     """
     again = None if model is None else made_of(model.source, log)
+    # A run goes on from its own start just as it went: every reading that it took then.
+    log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
     course = Course.of_log(log)
     if not np.isfinite(course.speed_rad_s).any():
         raise LogError(f"{log.name}: not one of its {len(log)} samples has a speed; there is nothing to filter")
@@ -116,7 +118,7 @@ def replay_log(
         consistency = judge_log(course, setup, belief)
     warnings = [
         *warnings_of(odd),
-        *sampling_of(log).remarks(),
+        *sampling.remarks(),
         *log.warnings,
         *(() if model is None else model.remarks),
         *([] if again is None else [again]),

@@ -69,6 +69,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
     from rw_ekf.logs.record_print import made_of, print_of
+    from rw_ekf.logs.sampling import without_repeats
     from rw_ekf.replay import refuse_runaway_model
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 
@@ -84,6 +85,8 @@ def execute(args: argparse.Namespace) -> int:
     if prior_model is not None:
         again = made_of(prior_model.source, log)
         ignored += [*prior_model.remarks, *([] if again is None else [again])]
+    record = print_of(log)
+    log, sampling = without_repeats(log)
     course = Course.of_log(log)
     readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < 10:
@@ -126,6 +129,7 @@ def execute(args: argparse.Namespace) -> int:
         "noise": _noise_document(noise),
         "warnings": [
             *warnings_of(odd),
+            *sampling.remarks(),
             *log.warnings,
             *([] if colour is None else [colour.sentence]),
             *setup.notes,
@@ -135,7 +139,7 @@ def execute(args: argparse.Namespace) -> int:
     }
     refusal = None
     if args.out is not None:
-        source = {"method": args.method, "log": Path(log.name).name, "samples": len(log), "record": print_of(log)}
+        source = {"method": args.method, "log": Path(log.name).name, "samples": len(log), "record": record}
         model = model_of(belief, setup, source, noise, wheel_of_logs([args.log]))
         refusal = _refusal(model, odd)
         if refusal is None:

@@ -53,14 +53,15 @@ class ExternalTorque(PeriodicEffect):
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
-        """From one and a half periods in the record to two samples a period, 1500 at most.
+        """From one and a half periods in the record to two readings a period, 1500 at most.
 
+        Above, a line is an alias, and at the rate of the readings it is their own clock: neither is a torque.
         Harmonics of a current that repeats itself are among them: whether the torque says anything beside laws of the
         motion is asked of whatever has a clock.
         """
-        if facts.duration_s < _LEAST_SAMPLES * facts.period_s:
+        if facts.duration_s < _LEAST_SAMPLES * max(facts.period_s, facts.reading_s):
             return []
-        spacing, top = 0.5 / facts.duration_s, 0.5 / facts.period_s
+        spacing, top = 0.5 / facts.duration_s, 0.5 / max(facts.period_s, facts.reading_s)
         count = min(_DENSE, math.floor(top / spacing) - 2)
         frequencies = [spacing * (3 + i) for i in range(count)]
         last = frequencies[-1]
@@ -74,7 +75,7 @@ class ExternalTorque(PeriodicEffect):
     @classmethod
     def untestable(cls, facts: RecordFacts) -> str | None:
         """In a record of a few samples."""
-        if facts.duration_s < _LEAST_SAMPLES * facts.period_s:
+        if facts.duration_s < _LEAST_SAMPLES * max(facts.period_s, facts.reading_s):
             return f"needs a record of {_LEAST_SAMPLES:g} samples or more"
         return super().untestable(facts)
 

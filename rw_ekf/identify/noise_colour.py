@@ -9,7 +9,9 @@ readings,
 have the torque noise as their floor and the reading noise above it; C is 1 where readings are independent,
 (1 - a^2) / |1 - a exp(-i w)|^2 behind a low-pass of first order and |sum of exp(-i w k), k < N|^2 / N behind a mean of
 the last N readings. Which of them the spectrum has is asked of stretches in which the wheel keeps its direction, less
-what the current does, by their median: a step that a model lacks is in few of them.
+what the current does, by their median: a step that a model lacks is in few of them. A filter that is found must show as
+well in what does not follow the command's past: a machine that settles within a few rows and a command that acts late
+leave differences of much the same spectrum.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.course.grid import grid_of
-from rw_ekf.identify.record_scale import rough_parameters, speed_noise_of
+from rw_ekf.identify.command_past import answer_taken_off
+from rw_ekf.identify.record_scale import noise_beside_motion, rough_parameters
 
 _SAMPLES = 40_000
 _BLOCK = 128  # readings of a stretch
@@ -65,13 +68,20 @@ class NoiseColour:
 
 def independent_readings(course: Course) -> tuple[Course, NoiseColour | None]:
     """The course with so many readings left out that the noises of those left are independent; None: all are."""
-    speed_noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment)
+    speed_noise = noise_beside_motion(course)
     if speed_noise is None or _is_rounding(course.speed_rad_s, speed_noise):
         return course, None
     colour = noise_colour(course, speed_noise)
     if colour is None:
         return course, None
-    return course.only(np.arange(course.samples) % colour.stride == 0), colour
+    return course.only(_walking(course.samples, colour.stride)), colour
+
+
+def _walking(rows: int, stride: int) -> BoolArray:
+    """One row in `stride` (rows,), and after as many a row later: never in step with a command that has a clock."""
+    place = np.arange(rows) % (stride * stride + 1)
+    kept: BoolArray = (place % stride == 0) & (place < stride * stride)
+    return kept
 
 
 def _is_rounding(speed_rad_s: Float64Array, speed_noise_rad_s: float) -> bool:
@@ -92,24 +102,41 @@ def noise_colour(course: Course, speed_noise_rad_s: float) -> NoiseColour | None
             break
         found, variance = _explained(spectra, stride, course.period_s)
         if found is not None:
+            alone = _spectra(part, rough.motor_gain, speed_noise_rad_s, stride, answer_off=True)
+            if alone.shape[0] >= _FEWEST_BLOCKS:
+                found, variance = _explained(alone, stride, course.period_s)
+            if found is None:
+                return None
             # Behind a slow filter neighbouring readings are all but the same: what is between them is no noise of its.
             return found if stride == 1 or independent < _LITTLE * variance else None
         independent = min(independent, variance)
     return None
 
 
-def _spectra(course: Course, motor_gain: float, speed_noise_rad_s: float, stride: int) -> Float64Array:
-    """Power of the differences of every `stride`-th reading, (stretches, _BLOCK / 2 + 1)."""
+def _spectra(
+    course: Course, motor_gain: float, speed_noise_rad_s: float, stride: int, *, answer_off: bool = False
+) -> Float64Array:
+    """Power of the differences of every `stride`-th reading, (stretches, _BLOCK / 2 + 1).
+
+    answer_off: of what does not follow the command's past; no stretch where that cannot be told.
+    """
     speed, usual_s = course.speed_rad_s[::stride], stride * course.period_s
     step_s = np.diff(course.time_s[::stride], prepend=np.nan)
     follows = (np.abs(step_s - usual_s) < 0.5 * usual_s) & (np.diff(course.segment[::stride], prepend=-1) == 0)
     moving = np.where(np.abs(speed) > _MOVING * speed_noise_rad_s, np.sign(speed), 0.0)
-    # No regression on the current here: in a closed loop it holds the noise of the readings before, and takes it away.
     charge = np.cumsum(course.mean_current_A * np.diff(course.time_s, prepend=course.time_s[:1]))
     coasting = np.diff(speed - motor_gain * charge[::stride], prepend=np.nan)
+    steady = follows & (moving * np.roll(moving, 1) > 0.0)
+    if answer_off:
+        apart = np.full(course.samples, np.nan)
+        apart[::stride] = np.where(steady, coasting, np.nan)
+        taken = answer_taken_off(course, apart)
+        if taken is None:
+            return np.zeros((0, _BLOCK // 2 + 1))
+        coasting, steady = taken[::stride], steady & np.isfinite(taken[::stride])
     ramp, taper = np.arange(_BLOCK) - 0.5 * _BLOCK, np.hanning(_BLOCK + 2)[1:-1]
     found: list[Float64Array] = []
-    for first in _starts(follows & (moving * np.roll(moving, 1) > 0.0)):
+    for first in _starts(steady):
         here = slice(first, first + _BLOCK)
         basis, _ = np.linalg.qr(np.column_stack((step_s[here], step_s[here] * ramp)))
         left = coasting[here] - basis @ (basis.T @ coasting[here])

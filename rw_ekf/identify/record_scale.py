@@ -5,6 +5,7 @@ Used where no configuration describes the plant: a foreign machine may be of ano
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +14,12 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.course import Course
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief, prior_around
 from rw_ekf.filter.constants import DEFAULT_SPEED_NOISE_RAD_S, FilterConstants, filter_constants
+from rw_ekf.identify.command_past import answer_taken_off
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
 _MAX_ROWS = 200_000
+_ANSWER_ROWS = 20_000
 STRIBECK_SHARE_OF_TOP_SPEED = 0.02
 DEFAULT_STRIBECK_SPEED_RAD_S = 4.0 * RAD_S_PER_RPM
 _PRIOR_STD = (0.5, 2.0, 0.75)
@@ -40,7 +43,7 @@ def measure(course: Course) -> RecordScale:
     Rough: where the wheel hardly moves the parameters come out far off, so that a record which does not look like the
     default wheel here may be one nevertheless (`rw_ekf.likelihood.record_noise` decides).
     """
-    speed_noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment)
+    speed_noise = noise_beside_motion(course)
     rough = rough_parameters(course, speed_noise)
     if rough is None or _like_default(rough, speed_noise):
         return default_scale(speed_noise, course.period_s, rough)
@@ -93,6 +96,23 @@ def busiest(course: Course, count: int) -> Course:
     wide = min(count // block, moved.size - 1)
     at = int(np.argmax(moved[wide:] - moved[:-wide])) * block
     return course.window(at, at + count)
+
+
+def noise_beside_motion(course: Course) -> float | None:
+    """`speed_noise_of` a course; where that is mostly a motion that is not smooth from row to row, without it.
+
+    A machine that settles within a few rows answers a quick command with third differences of its own. Half: what the
+    command's past takes off independent readings is a few in a hundred.
+    """
+    found = speed_noise_of(course.time_s, course.speed_rad_s, course.segment)
+    head = course.window(0, _ANSWER_ROWS)
+    third = np.diff(head.speed_rad_s, 3, prepend=(np.nan,) * 3)
+    third[1:][np.diff(head.segment) != 0] = np.nan
+    taken = None if found is None else answer_taken_off(head, third)
+    if found is None or taken is None:
+        return found
+    apart = 1.4826 * float(np.nanmedian(np.abs(taken))) / math.sqrt(20.0)
+    return apart if 0.0 < apart < 0.5 * found else found
 
 
 def speed_noise_of(time_s: Float64Array, speed_rad_s: Float64Array, segment: Int64Array) -> float | None:

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.logs.wheel_log import WheelLog
 
 _GAP = 1.5  # periods: a longer step has lost a row
 _OFF_GRID = 0.4  # of a period, by which a step may miss a whole number of them: both its ends may be early or late
 _ON_GRID = 0.95  # of the gaps must be a whole number of periods; of gaps of any length four in five are
 _TURNS, _LONG = 4, 4.0  # rounds in which the period is refined, over steps shorter than so many of it
+_SPARSE = 5.0  # periods a row: where more are lost it is no grid, but rows that come in batches
 _MOST_FILLED = 9  # rows of a gap: over more nothing is known of the current
 _LEAST_STEPS = 20
 _TOLD = 0.005  # share of rows lost that is worth a word
@@ -27,7 +28,10 @@ _HELD_SHARE = 0.2  # of the rows of a wheel that turns must repeat
 _LATTICE = 1.5  # steps of the lattice: rounding alone changes a reading by one at a time
 _FAR = 0.5  # share of the changes that must be further than that
 _STANDS = 4.0  # refresh periods without a change: the wheel, not the sensor, may stand still
-_TWICE = 1.7  # median runs: two readings in a row that happen to be alike
+_ON_TIME = 0.25  # of the refresh, by which a run may miss whole multiples of it: runs of any length reach half of it
+_REGULAR = 0.8  # share of the runs that must not: of runs of any length half do not
+_EVEN = 0.01  # of the refresh: on a clock of seconds a whole number of them is not quite one
+_PAUSE = 0.05  # of a record: a longer step is a pause, and says nothing of how often rows come
 _LEAST_RUNS = 20
 _DOUBT = 0.2  # speed noises that an unknown current may move the wheel by, for good, before the gap is not bridged
 
@@ -36,7 +40,7 @@ _DOUBT = 0.2  # speed noises that an unknown current may move the wheel by, for 
 class Sampling:
     """How a log was sampled."""
 
-    period_s: float  # of the grid of rows, or the median step where there is none
+    period_s: float  # of the grid of rows, or the time per row where there is none
     lost: int  # rows missing from the grid
     rows: int
     held: BoolArray  # (rows,) readings that only repeat the one before
@@ -81,15 +85,18 @@ def sampling_of(log: WheelLog) -> Sampling:
     """Look at the rows of a log."""
     same = np.diff(log.segment) == 0
     step = np.diff(log.time_s)
+    held, refresh_s = held_readings(log)
     period = _grid(step[same])
-    held, refresh = held_readings(log.speed_rad_s, log.segment)
     if period is None:
-        usual = float(np.median(step[same])) if same.any() else math.nan
-        return Sampling(usual, 0, len(log), held, None if refresh is None else refresh * usual)
+        return Sampling(_mean_step(step[same]), 0, len(log), held, refresh_s)
     lost = np.round(step[same] / period) - 1.0
-    return Sampling(
-        period, int(np.sum(lost[lost > 0.0])), len(log), held, None if refresh is None else refresh * period
-    )
+    return Sampling(period, int(np.sum(lost[lost > 0.0])), len(log), held, refresh_s)
+
+
+def _mean_step(step_s: Float64Array) -> float:
+    """Time per row [s], pauses left out: rows that come in batches have a median step of nothing."""
+    running = step_s[step_s <= _PAUSE * step_s.sum()]
+    return float(np.mean(running if running.size else step_s)) if step_s.size else math.nan
 
 
 def _grid(step_s: Float64Array) -> float | None:
@@ -104,6 +111,8 @@ def _grid(step_s: Float64Array) -> float | None:
         counted = np.maximum(np.round(step_s / period), 1.0)
         whole = counted < _LONG
         period = float(step_s[whole].sum() / counted[whole].sum())
+    if _mean_step(step_s) > _SPARSE * period:
+        return None
     gaps = step_s[step_s > _GAP * period] / period
     if gaps.size == 0:
         return period
@@ -111,34 +120,75 @@ def _grid(step_s: Float64Array) -> float | None:
     return period if float(np.mean(whole)) >= _ON_GRID else None
 
 
-def held_readings(speed: Float64Array, segment: Int64Array) -> tuple[BoolArray, float | None]:
-    """Readings (n,) that a sensor or a register only repeats, and the rows from one new reading to the next.
+def held_readings(log: WheelLog) -> tuple[BoolArray, float | None]:
+    """Readings (n,) that a sensor or a register only repeats, and the time from one new reading to the next [s].
 
-    A coarse grid repeats readings too, but then they change by one step of the grid; a slow sensor's change by many, at
-    about the same number of rows. None, and no reading, where that is not so. Of a wheel that stands each such number
-    of rows counts as one reading.
+    A coarse grid repeats readings too, but then they change by one step of it; a slow sensor's change by many, and
+    stand for whole multiples of its refresh: two readings in a row may be alike, and of a wheel that stands many are.
+    The refresh is regular in rows, or in time where rows come at any moment. None, and no reading, where that is not
+    so.
     """
-    n = speed.size
-    none = np.zeros(n, dtype=bool)
+    speed, n = log.speed_rad_s, len(log)
     good = np.isfinite(speed)
     repeat = np.zeros(n, dtype=bool)
-    repeat[1:] = (speed[1:] == speed[:-1]) & (segment[1:] == segment[:-1])
-    starts = np.flatnonzero(good & ~repeat)
+    repeat[1:] = (speed[1:] == speed[:-1]) & (log.segment[1:] == log.segment[:-1])
+    new = good & ~repeat
+    starts = np.flatnonzero(new)
+    none = np.zeros(n, dtype=bool), None
     if starts.size < _LEAST_RUNS or float(np.mean(repeat)) < _HELD_SHARE:
-        return none, None
-    run = np.diff(np.append(starts, n))
+        return none
     change = np.abs(np.diff(speed[starts]))
     change = change[change > 0.0]
-    moving = run[run <= _STANDS * float(np.median(run))]
-    refresh = float(np.mean(run[run < _TWICE * float(np.median(run))]))
     lattice = float(np.quantile(change, 0.02)) if change.size else 0.0
-    regular = float(np.quantile(moving, 0.95) - np.quantile(moving, 0.05)) <= max(1.0, 0.5 * refresh)
-    if refresh < 1.0 + _HELD_SHARE or not regular or float(np.mean(change > _LATTICE * lattice)) < _FAR:
-        return none, None
-    place = np.arange(n) - np.maximum.accumulate(np.where(good & ~repeat, np.arange(n), 0))
-    fresh = place % max(round(refresh), 1) == 0
-    fresh &= (place == 0) | (place >= _STANDS * refresh)
-    return repeat & ~fresh, refresh
+    if not change.size or float(np.mean(change > _LATTICE * lattice)) < _FAR:
+        return none
+    step_s = np.diff(log.time_s)[np.diff(log.segment) == 0]
+    runs = np.diff(log.segment[starts]) == 0
+    rows = np.arange(n, dtype=np.float64)
+    in_rows = _Refresh.of(np.diff(rows[starts])[runs], 1.0)
+    in_time = _Refresh.of(np.diff(log.time_s[starts])[runs], float(np.quantile(step_s, 0.95)))
+    refresh, clock = (in_rows, rows) if in_rows.regular >= in_time.regular else (in_time, log.time_s)
+    if refresh.regular < _REGULAR or float(np.median(np.diff(starts)[runs])) < 1.0 + _HELD_SHARE:
+        return none
+    stood = clock - clock[np.maximum.accumulate(np.where(new, np.arange(n), 0))]
+    turn = np.floor(stood / refresh.length + _EVEN)
+    again = (np.diff(turn, prepend=0.0) > 0.0) & (turn >= _STANDS)
+    return repeat & ~again, float(np.diff(log.time_s[starts])[runs].sum() / refresh.multiples.sum())
+
+
+@dataclass(frozen=True)
+class _Refresh:
+    """The length that runs of repeats are whole multiples of, in rows or in seconds."""
+
+    length: float
+    regular: float  # share of the runs that are
+    multiples: Float64Array  # of each run
+
+    @classmethod
+    def of(cls, run: Float64Array, late: float) -> _Refresh:
+        """Of runs (m,); late: by how much a row may see a new reading after it is there."""
+        length = float(np.median(run)) if run.size else 0.0
+        if not length > 0.0:
+            return cls(0.0, 0.0, np.ones(run.size))
+        for _ in range(_TURNS):
+            multiples = np.maximum(np.round(run / length), 1.0)
+            short = multiples < _STANDS
+            length = float(run[short].sum() / multiples[short].sum())
+        multiples = np.maximum(np.round(run / length), 1.0)
+        off = np.abs(run - multiples * length)[multiples < _STANDS]
+        return cls(length, float(np.mean(off <= max(late, _ON_TIME * length))), multiples)
+
+
+def without_repeats(log: WheelLog) -> tuple[WheelLog, Sampling]:
+    """The same rows, those that only repeat the reading before without one: they would count it many times over."""
+    sampling = sampling_of(log)
+    return _read_anew(log, sampling), sampling
+
+
+def _read_anew(log: WheelLog, sampling: Sampling) -> WheelLog:
+    if not sampling.held.any():
+        return log
+    return replace(log, speed_rad_s=np.where(sampling.held, np.nan, log.speed_rad_s))
 
 
 def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
@@ -148,9 +198,9 @@ def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
     more than a fifth of the readings' noise if it changed at any other moment, the record is cut: a new segment begins.
     The speed keeps what moved it, so that a step far below the noise of one reading shows in the mean of many.
     """
-    speed = np.where(sampling.held, np.nan, log.speed_rad_s)
+    log = _read_anew(log, sampling)
     if sampling.lost == 0:
-        return replace(log, speed_rad_s=speed) if sampling.held.any() else log
+        return log
     step = np.diff(log.time_s)
     same = np.diff(log.segment) == 0
     lost = np.where(same, np.round(step / sampling.period_s) - 1.0, 0.0)
@@ -161,7 +211,7 @@ def mended(log: WheelLog, sampling: Sampling) -> WheelLog:
     moved = gain * np.maximum(change, usual) * lost * sampling.period_s / math.sqrt(12.0)
     cut = (lost > 0) & ((moved > _DOUBT * noise) | (lost > _MOST_FILLED))
     filled = np.where(cut, 0, lost)
-    return _with_rows(replace(log, speed_rad_s=speed), filled, cut)
+    return _with_rows(log, filled, cut)
 
 
 def _rough(log: WheelLog, regular: BoolArray) -> tuple[float, float]:

@@ -106,3 +106,42 @@ def test_the_noise_of_thinned_readings_is_read_off_them() -> None:
     found = speed_noise_of(run.time_s, reading, np.zeros(run.time_s.size, np.int64))
     assert found == pytest.approx(3.0 * RAD_S_PER_RPM, rel=0.2)
     assert measure(Course.of(run.time_s, reading, run.current_A)).like_default_wheel
+
+
+def quick(rows_a_level: int, late: int, seed: int = 5) -> Course:
+    """A motor that settles within 0.12 s, k 70, b 25, c 14, rows of 20 ms, two levels; commands act rows late."""
+    draws, n, step_s = np.random.default_rng(seed), 4000, 0.02
+    level = np.repeat(draws.integers(0, 2, n // rows_a_level + 1), rows_a_level)[:n]
+    current = np.where(level, 2.7, 1.45)
+    end = (70.0 * np.concatenate((np.full(late, current[0]), current[: n - late])) - 14.0) / 25.0
+    fading = math.exp(-25.0 * step_s)
+    speed: Float64Array = np.full(n, end[0])
+    for i in range(n - 1):
+        speed[i + 1] = end[i] + (speed[i] - end[i]) * fading
+    return Course.of(step_s * np.arange(n, dtype=np.float64), speed + 0.02 * draws.standard_normal(n), current)
+
+
+@pytest.mark.parametrize(("rows_a_level", "late"), [(1, 0), (2, 0), (5, 1), (7, 1), (8, 1), (8, 0), (6, 2)])
+def test_an_answer_to_the_command_is_no_colour(rows_a_level: int, late: int) -> None:
+    """A machine that settles within a few rows, its commands in time or late: no reading is left out."""
+    course = quick(rows_a_level, late)
+    assert independent_readings(course)[0] is course
+
+
+@pytest.mark.parametrize("rows_a_level", [1, 2])
+def test_an_answer_to_the_command_is_no_noise(rows_a_level: int) -> None:
+    """Under a command that changes every row or two the readings' noise is found within a tenth, the gain as well."""
+    scale = measure(quick(rows_a_level, 0))
+    assert scale.constants.speed_noise_rad_s == pytest.approx(0.02, rel=0.1)
+    assert scale.rough.motor_gain == pytest.approx(70.0, rel=0.1)
+
+
+def test_thinned_readings_walk_through_the_clock_of_a_command() -> None:
+    """Of a mean of eight, the readings kept are eight rows apart or more, and at every phase of eight rows alike."""
+    run = stairs(10.0, 600.0)
+    reading = lfilter(np.ones(8) / 8, [1.0], run.speed_rad_s + white(run))
+    course, colour = independent_readings(Course.of(run.time_s, reading, run.current_A))
+    assert colour is not None
+    kept = np.flatnonzero(np.isfinite(course.speed_rad_s))
+    assert np.diff(kept).min() >= colour.stride
+    assert np.bincount(kept % 8, minlength=8).min() > 0.5 * kept.size / 8

@@ -97,6 +97,31 @@ def test_readings_that_are_held_are_no_readings(grid: float) -> None:
     assert not np.any(left & ~first)
 
 
+@pytest.mark.parametrize("stamped", ["evenly", "in batches"])
+def test_a_refresh_is_known_though_readings_are_alike_and_rows_come_in_batches(stamped: str) -> None:
+    """One refresh in five repeats the reading before, rows of a batch share a moment: 10 Hz, 1000 rows a second."""
+    draws = np.random.default_rng(11)
+    time, true = ramp(60_000, 1000.0, 10)
+    refreshed = true[::100].copy()
+    for i in np.flatnonzero(draws.random(refreshed.size) < 0.2)[1:]:
+        refreshed[i] = refreshed[i - 1]
+    if stamped == "in batches":
+        ends = np.cumsum(draws.integers(2, 60, time.size))
+        batch = np.searchsorted(ends, np.arange(time.size))
+        time = time[np.minimum(ends[batch], time.size - 1)] + 1e-6 * np.arange(time.size)
+    sampling = sampling_of(log_of(time, np.repeat(refreshed, 100)))
+    assert sampling.refresh_s == pytest.approx(0.1, rel=0.01)
+    assert sampling.period_s == pytest.approx(1e-3, rel=0.01)
+
+
+def test_a_refresh_regular_in_time_is_known_in_rows_at_any_moment() -> None:
+    """A register refreshed at 5 Hz, polled at moments of a Poisson process, 40 a second."""
+    time = np.cumsum(np.random.default_rng(12).exponential(0.025, 6000))
+    at = np.floor(time * 5.0).astype(int)
+    read = 30.0 * np.sin(0.04 * at) + 0.05 * np.random.default_rng(13).standard_normal(at.max() + 1)[at]
+    assert sampling_of(log_of(time, read)).refresh_s == pytest.approx(0.2, rel=0.05)
+
+
 @pytest.mark.parametrize("kind", ["coarse grid", "register of half an rpm", "stands half the time"])
 def test_a_grid_and_a_wheel_at_rest_are_not_held(kind: str) -> None:
     """Repeats that rounding or standing still explain stay readings."""

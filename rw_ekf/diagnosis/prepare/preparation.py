@@ -237,7 +237,7 @@ def facts_of(
     """What the catalogue asks of a part (n,) of a record and its base model; channels: those logged."""
     model, speed_noise_rad_s = base.model, math.sqrt(base.noise.variance)
     speed = course.speed_rad_s[part]
-    speed = speed[np.isfinite(speed)]
+    rows, speed = speed.size, speed[np.isfinite(speed)]
     period = course.period_s
     top = float(np.quantile(np.abs(speed), 0.999)) if speed.size else 0.0
     slow = np.mean(np.abs(speed) * period < _TURN_PER_SAMPLE) if speed.size else 0.0
@@ -259,6 +259,7 @@ def facts_of(
         channels=channels,
         timing_doubt_s=timing_doubt_s,
         log_starts_s=log_starts_s,
+        reading_s=period * rows / max(speed.size, 1),
     )
 
 

@@ -13,7 +13,7 @@ from rw_ekf.arrays import BoolArray, Complex128Array, Float64Array, Int64Array
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.split import running_time
 from rw_ekf.errors import LogError
-from rw_ekf.identify.record_scale import speed_noise_of
+from rw_ekf.identify.record_scale import noise_beside_motion
 from rw_ekf.logs.joined import joined
 from rw_ekf.logs.sampling import mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
@@ -118,7 +118,7 @@ def _unfit(log: WheelLog, course: Course) -> str | None:
         )
     low, high = np.quantile(speed, (0.01, 0.99))
     top = max(abs(low), abs(high))
-    noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment) or 0.0
+    noise = noise_beside_motion(course) or 0.0
     if high - low <= _LEAST_MOVE * top or high - low <= 8.0 * noise:
         return "the speed hardly changes in this log, so that any friction fits it"
     return None
