@@ -37,8 +37,12 @@ def log_entry(
     belief: Belief,
     setup: FilterSetup,
     warnings: Sequence[str],
+    as_it_went: Belief | None = None,
 ) -> dict[str, Any]:
-    """Return one element of `logs` of a replay document (docs/contract.md#replay)."""
+    """Return one element of `logs` of a replay document (docs/contract.md#replay).
+
+    as_it_went: what the rows end with, where `belief` is in hindsight.
+    """
     core = belief.core
     return {
         "log": log,
@@ -49,12 +53,26 @@ def log_entry(
         "state": dict(zip(STATE_NAMES, (float(v) for v in core.mean), strict=True)),
         "std": dict(zip(STATE_NAMES, (float(v) for v in core.std), strict=True)),
         "covariance": [[float(v) for v in row] for row in core.covariance],
+        "as_it_went": None if as_it_went is None else _parameters_document(as_it_went),
         "identifiable": {item.name: item.identifiable for item in report(core, setup.prior.core, statistics.points)},
         "effects": effects_document(setup.effects, belief),
         "physical": physical(belief.parameters, setup.inertia_kg_m2),
+        **inertia_document(setup),
         "innovation": statistics.innovation_document(),
         "warnings": list(warnings),
     }
+
+
+def _parameters_document(belief: Belief) -> dict[str, dict[str, float]]:
+    values, stds = belief.parameters, belief.core.parameter_std
+    return {name: {"value": v, "std": std} for name, v, std in zip(PARAMETER_NAMES, values, stds, strict=True)}
+
+
+def as_it_went_text(entry: Mapping[str, Any]) -> str:
+    """A line on what the rows and the picture end with, where the numbers above it are of the whole log."""
+    told = [f"{name} {plus_minus(item['value'], item['std'])}" for name, item in entry["as_it_went"].items()]
+    ends = ", ".join(told)
+    return f"  these are in hindsight, of the whole log; its rows are the filter's as it went, and end with {ends}"
 
 
 def effects_document(effects: EffectSet, belief: Belief) -> dict[str, Any]:
@@ -72,6 +90,12 @@ def effects_document(effects: EffectSet, belief: Belief) -> dict[str, Any]:
 def effects_text(effects: Mapping[str, Any]) -> list[str]:
     """A line for each effect of an `effects_document`."""
     return [f"  {name}: {plus_minus(item['value'], item['std'])} {item['unit']}" for name, item in effects.items()]
+
+
+def inertia_document(setup: FilterSetup) -> dict[str, Any]:
+    """What turned accelerations into torques, and who gave it: configuration, model, or nobody (`assumed`)."""
+    known = setup.inertia_kg_m2 is not None
+    return {"inertia_kg_m2": setup.inertia_kg_m2, "inertia_from": setup.inertia_from if known else None}
 
 
 def inertia_text(inertia_kg_m2: float, inertia_from: str) -> str:

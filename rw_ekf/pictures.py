@@ -14,6 +14,7 @@ from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
+    from rw_ekf.filter.belief import Belief
     from rw_ekf.logs.wheel_log import WheelLog
 
 _BLUE, _RED, _GREY = "#1f5fa8", "#c0392b", "#8a8f98"
@@ -31,11 +32,13 @@ def run_picture(
     columns: Mapping[str, Any],
     *,
     truth: Mapping[str, float] | None = None,
+    hindsight: Belief | None = None,
     title: str = "",
     wheel_units: bool = True,
 ) -> None:
     """Write a PNG of one replayed log. `columns` are those of `replay --out`; truth: parameters, drawn dashed.
 
+    hindsight: what is believed of the whole log, drawn at its end where the rows are the filter's as it went.
     wheel_units: rpm and mA; otherwise as the log has them, for a plant that is not a wheel.
     """
     import matplotlib as mpl
@@ -50,6 +53,8 @@ def run_picture(
     _draw_innovation(axes[1], time_s, columns, wheel_units=wheel_units)
     for axis, name in zip(axes[2:], PARAMETER_NAMES, strict=True):
         _draw_parameter(axis, time_s, columns, name, None if truth is None else truth.get(name))
+        if hindsight is not None:
+            _draw_hindsight(axis, time_s, hindsight, name)
     axes[-1].set_xlabel("time [s]")
     for axis in axes:
         axis.grid(visible=True, alpha=0.25)
@@ -94,7 +99,7 @@ def _draw_parameter(axis: Any, time_s: Any, columns: Mapping[str, Any], name: st
     value = np.asarray(columns[name], dtype=np.float64)
     band = 3.0 * np.asarray(columns[f"std_{name}"], dtype=np.float64)
     axis.fill_between(time_s, value - band, value + band, color=_BLUE, alpha=0.15, lw=0)
-    axis.plot(time_s, value, lw=1.2, color=_BLUE, label="estimate, 3 sigma")
+    axis.plot(time_s, value, lw=1.2, color=_BLUE, label="estimate as it went, 3 sigma")
     if truth is not None:
         axis.axhline(truth, ls="--", lw=1.0, color=_RED, label="truth")
     # The band of the prior dwarfs everything later: show what is left after the first tenth of the run.
@@ -107,6 +112,15 @@ def _draw_parameter(axis: Any, time_s: Any, columns: Mapping[str, Any], name: st
         if math.isfinite(low) and math.isfinite(high):
             axis.set_ylim(low - pad, high + pad)
     axis.set_ylabel(f"{_TITLES[name]}\n[{STATE_UNITS[name]}]", fontsize=9)
+    _legend(axis)
+
+
+def _draw_hindsight(axis: Any, time_s: Any, belief: Belief, name: str) -> None:
+    """At the end of the curve, whose limits grow where they have to."""
+    value, std = getattr(belief.parameters, name), getattr(belief.core.parameter_std, name)
+    axis.errorbar(time_s[-1:], [value], [3.0 * std], fmt="o", ms=3, capsize=3, color=_GREY, label="in hindsight")
+    low, high = axis.get_ylim()
+    axis.set_ylim(min(low, value - 3.5 * std), max(high, value + 3.5 * std))
     _legend(axis)
 
 

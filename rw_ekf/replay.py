@@ -65,6 +65,12 @@ class Replayed:
     consistency: Consistency
     warnings: tuple[str, ...]
     columns: dict[str, Any] | None
+    as_it_went: Belief | None = None  # at the end of the rows, where `belief` is in hindsight and may be another
+
+    @property
+    def hindsight(self) -> Belief | None:
+        """What is believed of the whole log, where that is not what the rows end with."""
+        return None if self.as_it_went is None else self.belief
 
 
 def replay_log(
@@ -129,7 +135,8 @@ def replay_log(
         *consistency.warnings(),
     ]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
-    return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns)
+    as_it_went = Belief(run.mean, run.covariance) if with_hindsight else None
+    return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns, as_it_went)
 
 
 def setup_of_run(log: Path) -> FilterSetup:

@@ -20,7 +20,7 @@ from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES, STATE_NAMES, STATE_SIZE, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm, rpm_from_rad_s
-from rw_ekf.wheel.model_file import WheelModel
+from rw_ekf.wheel.model_file import ASSUMED, WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.wheel_tag import WheelTag
 
@@ -95,19 +95,32 @@ def setup_of_configuration(
         max_gap_s=section.max_gap_s,
         nominal_period_s=max(1.0 / configuration.loop.rate_hz, period_s),
     )
+    inertia, inertia_from = _inertia(configuration, model)
     return FilterSetup(
         constants,
         prior,
-        configuration.wheel.inertia_kg_m2,
+        inertia,
         effects=NO_EFFECTS if model is None else model.effects,
-        inertia_from="configuration" if "inertia_kg_m2" in configuration.wheel.model_fields_set else "assumed",
+        inertia_from=inertia_from,
     )
+
+
+def _inertia(configuration: Configuration, model: WheelModel | None) -> tuple[float, str]:
+    """The inertia [kg m^2], and who gave it: the configuration, else the model, else nobody."""
+    given = configuration.wheel.inertia_kg_m2  # or its default
+    if "inertia_kg_m2" in configuration.wheel.model_fields_set:
+        return given, "configuration"
+    if model is None or model.inertia_kg_m2 is None or model.inertia_is_assumed:
+        return given, ASSUMED
+    return model.inertia_kg_m2, "model"
 
 
 def setup_of_start(configuration: Configuration, start: WheelModel) -> FilterSetup:
     """Start as a run did, whose `STEM.start.yaml` this is; filter.prior went into it, or was learned beyond."""
     section = configuration.filter.model_copy(update={"prior": None})
-    return setup_of_configuration(configuration.model_copy(update={"filter": section}), start)
+    setup = setup_of_configuration(configuration.model_copy(update={"filter": section}), start)
+    # The metadata hold the resolved configuration, in which a default looks as if somebody had given it.
+    return replace(setup, inertia_from=ASSUMED) if start.inertia_is_assumed else setup
 
 
 def setup_of_record(
@@ -136,7 +149,7 @@ def setup_of_record(
             belief_of_model(model),
             model.inertia_kg_m2,
             effects=model.effects,
-            inertia_from="model",
+            inertia_from=ASSUMED if model.inertia_is_assumed else "model",
         )
     if not scale.like_default_wheel and not is_foreign(course, scale):
         scale = default_scale(scale.constants.speed_noise_rad_s, period)
@@ -156,7 +169,7 @@ def setup_of_record(
         constants,
         scale.prior,
         DEFAULT_INERTIA_KG_M2,
-        inertia_from="assumed",
+        inertia_from=ASSUMED,
         fit_of_record=fit,
         acceleration_noises=() if found is None else found.acceleration_noises,
         lowest_loss=None if found is None else found.lowest_loss,
@@ -195,6 +208,7 @@ def model_of(
         speed_noise_rad_s=told.speed_noise_rad_s,
         acceleration_noise=told.acceleration_noise,
         inertia_kg_m2=setup.inertia_kg_m2,
+        inertia_is_assumed=setup.inertia_from == ASSUMED,
         source={**source, "rw_ekf": __version__},
         effects=setup.effects.with_values(belief.mean[STATE_SIZE:known], belief.std[STATE_SIZE:known]),
         wheel=wheel,

@@ -59,7 +59,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.console import progress
     from rw_ekf.course.conditions import with_conditions
     from rw_ekf.course.course import Course
-    from rw_ekf.documents import FIT_SCHEMA, effects_document, physical, torques_text
+    from rw_ekf.documents import FIT_SCHEMA, effects_document, inertia_document, physical, torques_text
     from rw_ekf.errors import LogError
     from rw_ekf.filter.identifiability import report
     from rw_ekf.filter.operating_points import OperatingPoints
@@ -124,7 +124,7 @@ def execute(args: argparse.Namespace) -> int:
         "covariance": belief.known(setup.effects.size)[1].tolist(),
         **({} if augmented is None else {"effects": effects_document(setup.effects, belief)}),
         "physical": physical(belief.parameters, setup.inertia_kg_m2),
-        "inertia_kg_m2": setup.inertia_kg_m2,
+        **inertia_document(setup),
         **quality,
         "noise": _noise_document(noise),
         "warnings": [

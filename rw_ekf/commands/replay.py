@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.console import progress
-    from rw_ekf.documents import REPLAY_SCHEMA, entry_text, log_entry
+    from rw_ekf.documents import REPLAY_SCHEMA, as_it_went_text, entry_text, log_entry
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
     from rw_ekf.units import rpm_from_rad_s
@@ -114,15 +114,20 @@ def execute(args: argparse.Namespace) -> int:
 
         item = done[0]
         wheel_units = item.setup.inertia_kg_m2 is not None
-        run_picture(args.picture, item.log, item.columns or {}, wheel_units=wheel_units)
+        run_picture(args.picture, item.log, item.columns or {}, wheel_units=wheel_units, hindsight=item.hindsight)
     write_s = time.perf_counter() - started
-    entries = [log_entry(item.log.name, item.statistics, item.belief, item.setup, item.warnings) for item in done]
+    entries = [
+        log_entry(item.log.name, item.statistics, item.belief, item.setup, item.warnings, item.as_it_went)
+        for item in done
+    ]
     if args.json:
         seconds = {"read": read_s, "filter": filter_s, "write": write_s}
         print_json({"schema": REPLAY_SCHEMA, "logs": entries, "seconds": seconds})
     else:
         for entry, item, of_run in zip(entries, done, setups, strict=True):
             sys.stdout.write(entry_text(entry, item.statistics, item.belief, item.setup) + "\n")
+            if item.columns is not None and item.as_it_went is not None:
+                sys.stdout.write(as_it_went_text(entry) + "\n")
             if configuration is None and of_run is None:
                 noise = rpm_from_rad_s(item.setup.constants.speed_noise_rad_s)
                 source = "the record" if model is None else "the model"

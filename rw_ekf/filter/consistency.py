@@ -19,6 +19,7 @@ FALSE_ALARM = 1.0e-3  # of the verdict as a whole, over whiteness and mean
 # Of the joint test for what the commonest effects would add: short records with much torque noise reach 1e-5 by chance.
 STRUCTURE_P = 1.0e-6
 _LEAST_SKEWNESS = 0.05
+_ALIKE = 1.0e-9  # of their size: draws that differ by no more differ by rounding, and have no tail
 _LAGS = 20
 MIN_SAMPLES = 100
 _NOISE_TOLERANCE = 0.25  # a speed noise wrong by more than this is worth a word
@@ -34,6 +35,7 @@ class Consistency:
     largest_correlation: float | None  # autocorrelation of largest size within the lags
     largest_lag: int | None
     noise_ratio: float | None  # spread found over spread expected
+    unevenness: str | None = None  # of the noise, in a sentence (rw_ekf.filter.evenness)
     structure_p: float | None = None  # that a wheel of four parameters shows as much (rw_ekf.likelihood.structure)
 
     @property
@@ -52,8 +54,10 @@ class Consistency:
         if self.is_noise is False:  # and no word on tuning: more noise would only hide what is wrong
             return [
                 f"the residual is not noise: {self._evidence()}. The model lacks something; the estimates are biased "
-                "by it and their sigmas too small. `rw-ekf diagnose LOG` says what it is."
+                "by it and their sigmas too small. `rw-ekf diagnose LOG` looks for what it is."
             ]
+        if self.unevenness is not None:
+            return [self.unevenness]
         if self.noise_ratio is not None and abs(math.log(self.noise_ratio)) > math.log1p(_NOISE_TOLERANCE):
             word = "larger" if self.noise_ratio > 1.0 else "smaller"
             return [
@@ -108,14 +112,18 @@ def skewed_tail(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, 
     """P(more than seen (k,)), and than each of the draws (draws, k), of statistics that noise alone has as drawn.
 
     Tails are those of Pearson's type III, a shifted chi-square, with the draws' mean, spread and skewness: a sum of
-    squares has no others.
+    squares has no others. Of draws that are all alike: 0 for what is more than they are, else 1.
     """
-    mean = alone.mean(axis=0)
-    spread = np.maximum(alone.std(axis=0), 1.0e-300)
-    skewness = np.maximum(((alone - mean) ** 3).mean(axis=0) / spread**3, _LEAST_SKEWNESS)
+    mean, spread = alone.mean(axis=0), alone.std(axis=0)
+    least = _ALIKE * np.abs(alone).max(axis=0)
+    alike = spread <= least
+    spread = np.where(alike, 1.0, spread)
+    skewness = np.maximum((((alone - mean) / spread) ** 3).mean(axis=0), _LEAST_SKEWNESS)
     half = 4.0 / skewness**2  # of the chi-square's degrees of freedom
 
     def tail(values: Float64Array) -> Float64Array:
-        return gamma_tail(half, np.maximum(half + np.sqrt(half) * (values - mean) / spread, 0.0))
+        spreads = (values - mean) / spread
+        smooth = gamma_tail(half, np.maximum(half + np.sqrt(half) * spreads, 0.0))
+        return np.where(alike, np.where(values - mean > least, 0.0, 1.0), smooth)
 
     return tail(seen), tail(alone)

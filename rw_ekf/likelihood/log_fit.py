@@ -21,6 +21,7 @@ from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.consistency import Consistency, consistency_of
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.filter.evenness import unevenness
 from rw_ekf.filter.frozen import frozen, without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.likelihood.fitting import Fit, at_standstill
@@ -30,6 +31,7 @@ from rw_ekf.likelihood.one_step import Record, state_vector
 from rw_ekf.likelihood.robust_fit import read_trajectory, robust_fit, smoothed_by_filter
 from rw_ekf.likelihood.structure import structure
 from rw_ekf.model.effect import Term
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
@@ -137,10 +139,15 @@ def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     found = consistency_of(left, np.ones(left.size), np.ones(left.size, dtype=bool))
     if found.whiteness_p is None:
         return found
+    speed = fit.fit.trajectory.speed
+    resting = np.abs(speed) < FAST_STRIBECK_SPEEDS * constants.stribeck.omega_s  # where a wheel breaks away by chance
+    resting[1:] |= resting[:-1].copy()
+    away = np.where(resting, 0.0, speed)[linearised.innovation_at]
     coefficients = np.array([*fit.parameters, *fit.effects.values])
     mean, covariance = frozen(fit.parameters, state_vector(coefficients, fit.effects))
     run = filter_log(course, without_drift(constants), mean, covariance, fit.effects)
     told = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     with_memory = linearised.memory_jacobian.size > 0  # what would be added has no slope by the memory
     p_value = None if with_memory else structure(fit.fit).p_value
-    return replace(found, noise_ratio=told.noise_ratio, structure_p=p_value)
+    uneven = unevenness(left, away)
+    return replace(found, noise_ratio=told.noise_ratio, structure_p=p_value, unevenness=uneven)

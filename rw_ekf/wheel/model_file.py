@@ -24,7 +24,9 @@ from rw_ekf.wheel.wheel_tag import WheelTag, tag_of_data
 
 SCHEMA_FAMILY = "rw_ekf.model/"
 SCHEMA = SCHEMA_FAMILY + "1"
-_KEYS = ("schema", "source", "wheel", "stribeck", "inertia_kg_m2", "parameters", "covariance", "noise", "effects")
+_KEYS = ("schema", "source", "wheel", "stribeck", "parameters", "covariance", "noise", "effects")
+_INERTIA = ("inertia_kg_m2", "inertia_from")
+ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class WheelModel:
     effects: EffectSet = NO_EFFECTS
     wheel: WheelTag | None = None  # None: nobody knows whose it is
     remarks: tuple[str, ...] = field(default=(), compare=False)  # what is to be said of the file it was read from
+    inertia_is_assumed: bool = False  # it is the default, whatever passed it on
 
     def document(self) -> dict[str, Any]:
         """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""
@@ -54,6 +57,7 @@ class WheelModel:
             **({} if self.wheel is None else {"wheel": self.wheel.document()}),
             "stribeck": {"speed_rad_s": self.stribeck_speed_rad_s, "law": self.stribeck_law},
             "inertia_kg_m2": self.inertia_kg_m2,
+            **({"inertia_from": ASSUMED} if self.inertia_is_assumed else {}),
             "parameters": {
                 name: {"value": value, "std": math.sqrt(self.covariance[i][i]), "unit": STATE_UNITS[name]}
                 for i, (name, value) in enumerate(zip(PARAMETER_NAMES, self.parameters, strict=True))
@@ -122,12 +126,15 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         ),
         "inertia_kg_m2": checker.optional(("inertia_kg_m2",), model_bounds.INERTIA_KG_M2),
     }
+    if data.get("inertia_from", ASSUMED) != ASSUMED:
+        found = repr(data["inertia_from"])
+        checker.find(("inertia_from",), f"is {found}; it is {ASSUMED}, or left out where somebody gave the inertia")
     wheel = tag_of_data(checker)
     source = data.get("source")
     if not isinstance(source, Mapping | None):
         checker.find(("source",), "must be a mapping: method, log and so on")
     for key in data:
-        if key not in _KEYS:
+        if key not in _KEYS + _INERTIA:
             checker.find((key,), "is not a key of a model file")
     if checker.findings:
         raise ConfigError(checker.findings)
@@ -138,6 +145,7 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         source=source or {},
         effects=effects,
         wheel=wheel,
+        inertia_is_assumed="inertia_from" in data,
         **model,  # type: ignore[arg-type]
     )
 

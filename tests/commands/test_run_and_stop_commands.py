@@ -66,7 +66,7 @@ def test_a_model_on_the_command_line_is_where_a_run_starts(
     for path, gain in ((named, 14.0), (configured, 17.0)):
         parameters = CK13_STATISTICAL._replace(motor_gain=gain)
         covariance = tuple(tuple(1e-8 if i == j else 0.0 for j in range(4)) for i in range(4))
-        model = WheelModel(parameters, covariance, 0.42, "gauss", 0.1, None, 1.5e-3, {})
+        model = WheelModel(parameters, covariance, 0.42, "gauss", 0.1, None, 1.5e-3)
         path.write_text(model.to_text(), encoding="utf-8")
     config = bench.config(filter={"model": str(configured)})
     arguments = [*verb, "--config", str(config), "--duration", "0.6", "--json"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.filter.consistency import FALSE_ALARM, consistency_of
+from rw_ekf.filter.consistency import FALSE_ALARM, consistency_of, skewed_tail
 from rw_ekf.filter.tails import chi_square_tail
 
 
@@ -71,3 +71,11 @@ def test_the_tail_of_chi_square_is_that_of_the_tables() -> None:
     assert chi_square_tail(3.841, 1) == pytest.approx(0.05, rel=1e-3)
     assert chi_square_tail(31.410, 20) == pytest.approx(0.05, rel=1e-3)
     assert chi_square_tail(45.315, 20) == pytest.approx(0.001, rel=1e-3)
+
+
+def test_draws_that_are_all_alike_have_no_tail() -> None:
+    """0 for what is more than they are, else 1, without a warning: for draws of 0, too."""
+    for draw in (0.0, 1.0e-200, 0.1, 1.0):
+        tail, of_draws = skewed_tail(np.array([draw]), np.full((50, 1), draw))
+        assert (tail[0], of_draws.min()) == (1.0, 1.0)
+        assert skewed_tail(np.array([draw + 1.0]), np.full((50, 1), draw))[0][0] == 0.0

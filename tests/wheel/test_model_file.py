@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ from rw_ekf.errors import ConfigError
 from rw_ekf.learning.carry import carried_over
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.starting_point import belief_of_model
+from rw_ekf.settings.schema import Configuration
+from rw_ekf.starting_point import belief_of_model, model_of, setup_of_configuration, setup_of_start
 from rw_ekf.wheel.model_file import WheelModel, read_model
 from rw_ekf.wheel.table import EffectSet
 
@@ -185,3 +187,19 @@ def test_nothing_to_leave_behind_leaves_all() -> None:
     """A model without such effects is carried over as it is."""
     model = model_with(effect("quadratic_drag", 1.0e-6), effect("actuator_lag"))
     assert carried_over(model) == (model, [])
+
+
+def test_an_inertia_that_nobody_gave_is_called_so_throughout(tmp_path: Path) -> None:
+    """A default stays one through a model's file, and through the resolved configuration that a run leaves."""
+    plain = Configuration.model_validate(
+        {"wheel": {"port": "/dev/null"}, "output": {"directory": "."}, "limits": {"current_A": 0.1}}
+    )
+    resolved = Configuration.model_validate(plain.model_dump(mode="json"))
+    setup = setup_of_configuration(plain, None)
+    path = tmp_path / "model.yaml"
+    path.write_text(model_of(setup.prior, setup, {}).to_text(), encoding="utf-8")
+    assert setup_of_configuration(plain, read_model(path)).inertia_from == "assumed"
+    assert setup_of_start(resolved, read_model(path)).inertia_from == "assumed"
+    given = replace(read_model(path), inertia_kg_m2=2.0e-3, inertia_is_assumed=False)
+    again = setup_of_configuration(plain, given)
+    assert (again.inertia_kg_m2, again.inertia_from) == (2.0e-3, "model")

@@ -16,7 +16,7 @@ from rw_ekf.diagnosis.judge.found import Found, augmented_model
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, percent_better, performance, performance_read
 from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.posterior import posterior_of
-from rw_ekf.diagnosis.judge.residual import left_over, residual_tests
+from rw_ekf.diagnosis.judge.residual import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
 from rw_ekf.diagnosis.judge.torque_noise import noise_finding
 from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
@@ -37,7 +37,9 @@ from rw_ekf.diagnosis.standing import (
     TOO_SMALL,
     UNTESTABLE,
 )
+from rw_ekf.documents import inertia_document
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from rw_ekf.filter.evenness import unevenness
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import size_of
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
@@ -65,11 +67,17 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
     weighed = weighed_explanations(found)
     noise = noise_finding(found.fit, prepared.facts)
     noisy = None if noise is None else noise.sentence(in_rpm=prepared.in_rpm)
-    posterior = posterior_of(found, weighed, lattice, noise)
-    verdict = verdict_on(found, lattice, posterior, before, after, heldout_s)
+    chosen = [] if unexplained else [*names, *([] if lattice is None else [GRID.id])]
+    rounded = lattice is not None or GRID.id in selection.base.model.effects.ids
+    judged = found.fit if chosen else selection.base
+    white = left_over(judged)
+    tests = residual_tests(white, rounded=rounded)
+    uneven = None if rounded else unevenness(white, judged.trajectory.speed)
+    failed = failed_tests(tests)
+    posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0))
+    verdict = verdict_on(found, lattice, posterior, before, after, heldout_s, failed)
     if noisy is not None and verdict.kind == "adequate":
         verdict = replace(verdict, statement=f"{verdict.statement[:-1]}; but {noisy}.")
-    chosen = [] if unexplained else [*names, *([] if lattice is None else [GRID.id])]
     for name in names:
         trial = selection.trials[name]
         trial.decision = ADDED if not unexplained else PARTIAL
@@ -91,6 +99,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
             "after": _base_parameters(found.told) if chosen else None,
         },
         "model": MODEL_FILE if model is not None else None,
+        **inertia_document(prepared.setup),
         "explanations": explanation_entries(found, surviving(found, weighed)),
         "ended": ended(course, found.fit.trajectory.speed, with_temperature=prepared.temperature_is_logged),
         "map": [
@@ -101,7 +110,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
         "shapes": shapes_of(found, prepared.setup.inertia_kg_m2, in_rpm=prepared.in_rpm),
         "residual_tests": {
             "before": residual_tests(left_over(selection.base)),
-            "after": residual_tests(left_over(found.fit if chosen else selection.base)),
+            "after": tests,
         },
         "warnings": [
             *prepared.source.notes,
@@ -109,6 +118,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
             *prepared.setup.notes,
             *prepared.notes,
             *([f"{noisy[:1].upper()}{noisy[1:]}."] if noisy is not None and verdict.kind == "effect" else []),
+            *([] if uneven is None else [f"{uneven[:1].upper()}{uneven[1:]}"]),
             *work.sentences(),
             *([] if refusal is None else [f"no model was written, because none could read it: {refusal}"]),
         ],

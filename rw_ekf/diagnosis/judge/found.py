@@ -89,7 +89,7 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
     from rw_ekf import __version__
     from rw_ekf.logs.record_print import print_of
     from rw_ekf.model.friction import LAW_NAMES
-    from rw_ekf.wheel.model_file import WheelModel
+    from rw_ekf.wheel.model_file import ASSUMED, WheelModel
 
     known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]
@@ -103,6 +103,7 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
         speed_noise_rad_s=float(np.sqrt(variance)),
         acceleration_noise=float(np.sqrt(fit.noise.ratio * variance / prepared.course.period_s)),
         inertia_kg_m2=prepared.setup.inertia_kg_m2,
+        inertia_is_assumed=prepared.setup.inertia_from == ASSUMED,
         source={
             "method": "diagnose, fitted to the whole record",
             "log": prepared.source.log.name,

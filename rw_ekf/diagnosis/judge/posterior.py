@@ -23,14 +23,14 @@ _LEAST = 1.0e-3  # less is left out
 
 
 def posterior_of(
-    found: Found, weighed: list[Explanation], lattice: Lattice | None, noise: NoiseFinding | None
+    found: Found, weighed: list[Explanation], lattice: Lattice | None, noise: NoiseFinding | None, residual_p: float
 ) -> dict[str, float]:
     """Probability of each effect beyond the base model, of none, and of something else; they may come together.
 
     weighed: the explanations, the final model among them; lattice: None where the readings' grid is not named; noise:
-    None where torque noise is the same everywhere.
+    None where torque noise is the same everywhere; residual_p: of the clearest failed test of the residual, or 1.
     """
-    elsewhere = something_else(found, noise)
+    elsewhere = something_else(found, noise, residual_p)
     chances: dict[str, float] = {}
     for item in weighed:
         for name in item.effects or (NONE,):
@@ -45,10 +45,10 @@ def posterior_of(
     return {**ranked, NONE: chances.get(NONE, 0.0), SOMETHING_ELSE: elsewhere}
 
 
-def something_else(found: Found, noise: NoiseFinding | None) -> float:
-    """Probability that the record holds what is in no catalogue, by what its map, or its torque noise, still shows."""
+def something_else(found: Found, noise: NoiseFinding | None, residual_p: float) -> float:
+    """Probability that the record holds what is in no catalogue, by what its map, noise or residual still show."""
     shown = [item.p_value for item in found.dependences] + ([] if noise is None else [noise.p_value])
-    smallest = min(shown, default=1.0)
+    smallest = min([*shown, residual_p])
     decades = min(-math.log10(max(smallest, 1.0e-300)), _MOST_DECADES)
     odds = _ELSE_BIAS + _ELSE_SLOPE * decades
     if found.unnamed_odds is not None:

@@ -110,8 +110,8 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
     covers = {
         # A drive short of voltage loses gain as the speed rises.
         "speed": [*hatted(size, 12, 0.0, top, *both), *hatted(size, 5, 0.0, top, gain)],
-        "low speed": hatted(size, 5, 0.0, 8.0 * facts.stribeck_speed_rad_s, *both, open_end=True),
-    }
+        "low speed": hatted(size, 5, 0.0, min(8.0 * facts.stribeck_speed_rad_s, top), *both, open_end=True),
+    }  # and no place is told at which the wheel has not been
     if facts.top_current_A > 0.0:
         along: tuple[Kind, Float64Array] = ("torque along the current", drive * np.sign(current))
         covers["current"] = hatted(weak, 6, 0.0, facts.top_current_A, *both, along)

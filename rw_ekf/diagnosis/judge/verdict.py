@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rw_ekf.diagnosis.judge.found import Found
@@ -47,10 +48,12 @@ def verdict_on(
     before: Performance,
     after: Performance,
     heldout_s: float,
+    failed: Mapping[str, float],
 ) -> Verdict:
     """What is said of a record, from what was found in it; lattice: None where it is not named.
 
-    heldout_s: how long the part is that the performances are of.
+    heldout_s: how long the part is that the performances are of. failed: what the tests of the residual found that
+    noise does not have, in words, with its p.
     """
     facts, names, left = found.prepared.facts, found.new_ids, found.left
     if found.is_unexplained:
@@ -76,6 +79,15 @@ def verdict_on(
                 f" the residual itself looks like noise of {noise_text(found)}."
             ),
         )
+    if not names and lattice is None and failed:
+        return Verdict(
+            "unexplained",
+            posterior=posterior,
+            statement=(
+                f"What is left is not noise: {_told(failed)}. No effect of the catalogue explains it; the estimates may"
+                " be off by more than their sigmas say."
+            ),
+        )
     if not names and lattice is None:
         given, kept = found.selection.base.model.effects.ids, found.selection.final.model.effects.ids
         note = " (nothing was added to the model given)" if given else ""
@@ -97,7 +109,10 @@ def verdict_on(
         names = [*names, GRID.id]
         said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
     groups = _grouped(found.selection, names, posterior)
-    tail = "nothing is left in the residual" if not left else f"some dependence on {left[0].name} is left"
+    some = [f"some dependence on {left[0].name} is left"] if left else []
+    some += [f"what is left is not noise: {_told(failed)}"] if failed else []
+    nothing = "nothing is left in the residual" if lattice is None else "nothing but the rounding is left"
+    tail = ", and ".join(some) or nothing
     where = ""
     if any(CATALOGUE[name].local_in_time for name in names):
         where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
@@ -116,6 +131,11 @@ def verdict_on(
         chance = chance_text(posterior[SOMETHING_ELSE])
         text += f" The chance that something else is behind this, or beside it: {chance}."
     return Verdict("effect", names, groups, posterior, text)
+
+
+def _told(failed: Mapping[str, float]) -> str:
+    """`it is correlated in time (p = 1e-71), and its mean is not zero (p = 2e-05)`."""
+    return ", and ".join(f"{words} (p = {p:.0e})" for words, p in failed.items())
 
 
 def _is_ruled_out(posterior: dict[str, float]) -> bool:
