@@ -13,8 +13,8 @@ from rw_ekf.identify.record_scale import WindowSums
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.units import RAD_S_PER_RPM
 
-# Of the square sum of the changes, what the equation leaves. Healthy machines of six sizes leave up to .05, measured ones
-# .07, misread ones .2 to 1 as they stand (columns exchanged: .09, with a gain below zero) and below .06 when they are
+# Of the square sum of the changes, what the equation leaves. Healthy machines of six sizes leave up to .05, measured
+# ones .07, misread ones .2 to 1 as they stand (exchanged columns: .09, gain below zero) and below .06 when they are
 # read rightly. Of 477 wheels of the proof, with the catalogue's effects, none was asked anything.
 LEFT_OVER, EXPLAINED, BETTER = 0.15, 0.1, 4.0
 GAIN_COUNTS = 4.0  # times as much is left without the current: then its gain has a sign
