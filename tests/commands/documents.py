@@ -13,7 +13,7 @@ PHYSICAL = {"motor_constant_Nm_A", "viscous_Nms", "coulomb_Nm", "static_Nm"}
 INNOVATION = {"rms_rpm", "mean_rpm", "nis_mean", "nis_inside_95"}
 ENTRY = {
     "log", "samples", "duration_s", "missing", "rejected", "state", "std", "covariance", "identifiable", "effects",
-    "physical", "innovation", "warnings",
+    "physical", "inertia_kg_m2", "inertia_from", "as_it_went", "innovation", "warnings",
 }  # fmt: skip
 LINK = {"requests", "timeouts", "stale", "damaged", "reconnects"}
 LOOP = {"ticks", "overruns", "late_ms_p50", "late_ms_p99", "late_ms_max"}
