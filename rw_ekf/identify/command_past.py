@@ -58,4 +58,4 @@ def _past(current: Float64Array) -> Float64Array:
 
 
 def _earlier(values: Float64Array, rows: int) -> Float64Array:
-    return np.concatenate((np.full(min(rows, values.size), values[0]), values[: values.size - rows]))
+    return np.concatenate((np.full(min(rows, values.size), values[0]), values[: max(values.size - rows, 0)]))
