@@ -151,7 +151,8 @@ def clock_set_back(
 
 def clock_sentence(by_s: float, where: str, even_steps_s: Float64Array) -> str:
     """What is said of a clock that was set by so much [s] at a row, in a log whose other rows are evenly spaced."""
+    way = "forward" if by_s > 0.0 else "backward"
     return (
-        f"the clock was set {'forward' if by_s > 0.0 else 'backward'} by {abs(by_s):.6g} s at {where}, while the rows went "
-        f"on evenly: `rate_hz: {1.0 / float(np.mean(even_steps_s)):.5g}` in place of `time_s`"
+        f"the clock was set {way} by {abs(by_s):.6g} s at {where}, while the rows went on "
+        f"evenly: `rate_hz: {1.0 / float(np.mean(even_steps_s)):.5g}` in place of `time_s`"
     )
