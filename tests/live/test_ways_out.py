@@ -53,6 +53,8 @@ def test_a_terminal_that_hangs_up_leaves_the_wheel_at_zero(bench: Bench) -> None
     arguments = ("run", "--config", str(bench.config()))
     with program(*arguments, stdin=terminal, stdout=terminal, stderr=terminal, start_new_session=True) as daemon:
         wait_for(driven(bench))
+        turns = len(bench.recorder.requests)
+        wait_for(lambda: len(bench.recorder.requests) > turns + 80)  # some four seconds: something is learned
         os.close(terminal)
         os.close(master)
         daemon.send_signal(signal.SIGHUP)

@@ -86,7 +86,7 @@ def test_a_log_that_somebody_edits_reads_with_the_lines_named(run: Path) -> None
     """A number changed by hand in a plain part: read as it stands; without checksums there is none to differ from."""
     last = part_path(run, 4)
     before = last.read_text(encoding="utf-8")
-    for old, new, named in ((",5", ",6", "102 to 151"), (",5", ",57", "102 to 401")):
+    for old, new, named in ((",0.1", ",0.2", "102 to 151"), (",0.1", ",0.17", "102 to 401")):
         lines = before.splitlines()
         lines[120] = lines[120].replace(old, new, 1)
         last.write_text("\n".join(lines) + "\n", encoding="utf-8")
