@@ -49,6 +49,7 @@ class FilterSetup:
     stribeck_speed_std: float = 0.0  # where the record had to tell the Stribeck speed; 0: it is given
     acceleration_noises: tuple[float, ...] = ()  # of equal weight, where the record had to tell it [rad/s per sqrt(s)]
     lowest_loss: FrictionParameters | None = None  # of the free run, where it was sought over the whole record
+    effect_hypotheses: tuple[EffectSet, ...] = ()  # of equal weight: shapes that the record leaves open
     stribeck_hypotheses: tuple[StribeckHypothesis, ...] = ()  # where the record told them (`rw_ekf.hindsight`)
 
     @property

@@ -19,7 +19,7 @@ from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 
 # Of each test: a healthy record is accused once in 2,500. Seventy of the proof's healthy wheels have no p below 0.007;
-# what is wrong with a sensor has 1e-6 and less, so that a factor of ten either way moves no verdict there.
+# sensors that fail a test have 2e-5 (noise of two levels) and less, so that a factor of three moves no verdict there.
 FALSE_ALARM = 1.0e-4
 _SAYS = {
     "ljung_box_p": "it is correlated in time",

@@ -1,0 +1,192 @@
+"""A model that was found in one record, in another: what of it that record bears, and what is said where it does not.
+
+A filter learns coefficients; where a bump lies, when a spike began and how it decays are constants to it. They were
+fitted to the model's own record and are known no better than that one told. Taken for certain in a second record, they
+leave sigmas of the amplitude that hold in 60 %. So a log that is seen as a whole tells its own, within what one step of
+a fit reaches, and what it leaves open of them is in the belief (`rw_ekf.hindsight`). And the numbers of the model are
+an a priori that may be of another temperature or another wheel: where the log contradicts them, that is said, and they
+count as much less as they are off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.course.course import Course
+from rw_ekf.filter.belief import Belief
+from rw_ekf.filter.frozen import without_drift
+from rw_ekf.filter.second_look import log_likelihood, was_reset
+from rw_ekf.filter.tails import chi_square_tail
+from rw_ekf.hindsight import filtered
+from rw_ekf.model.effect import Term
+from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
+from rw_ekf.numbers import plus_minus
+from rw_ekf.starting_point import FilterSetup
+from rw_ekf.wheel.table import EffectSet
+
+_TURNS = 6
+_GAINED = 0.02  # log-likelihood: with less a step was the last
+_MOVED = 3.0  # sigmas by which a constant is another than the model's, to be told
+# p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
+_DISAGREE_P = 1.0e-5
+_FREE = 100.0  # times the model's variances, to ask the log itself
+_SHORT = 1.0e-3  # of a reach: a step that is no step
+
+
+def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
+    """The setup with the shape constants that this log makes likeliest, and with others that it leaves open.
+
+    Unchanged for a model whose effects have none that are fitted.
+    """
+    places = [
+        (i, constant)
+        for i, term in enumerate(setup.effects.terms)
+        for constant in term.effect.refined
+        if term.effect.in_state
+    ]
+    if not places:
+        return setup
+    steady = replace(setup, constants=without_drift(setup.constants))
+
+    def likelihood(shapes: Float64Array) -> float:
+        effects = _with_shapes(setup.effects, places, shapes)
+        return -math.inf if effects is None else log_likelihood(
+            filtered(course, replace(steady, effects=effects)), setup.constants.gate
+        )  # fmt: skip
+
+    given = np.array([setup.effects.terms[i].shape[constant] for i, constant in places])
+    limits = [(setup.effects.terms[i].effect.constants[c], v) for (i, c), v in zip(places, given, strict=True)]
+    reach = np.array([constant.reach_at(float(value)) for constant, value in limits])
+    steps = np.array([constant.step_at(float(value)) for constant, value in limits])
+    best, covariance = _likeliest(likelihood, given, steps, reach)
+    root = np.linalg.cholesky(covariance)
+    width = math.sqrt(given.size)
+    points = [_with_shapes(setup.effects, places, best + way * width * root[:, i])
+              for i in range(given.size) for way in (-1.0, 1.0)]  # fmt: skip
+    effects = _with_shapes(setup.effects, places, best)
+    if effects is None:
+        return setup
+    std = np.sqrt(np.diag(covariance))
+    notes = [
+        f"{setup.effects.terms[i].id}: this log has {setup.effects.terms[i].effect.constants[c].name} "
+        f"{plus_minus(float(best[j]), float(std[j]))}, the model {given[j]:.5g}; its own is used here"
+        for j, (i, c) in enumerate(places)
+        if abs(best[j] - given[j]) > _MOVED * std[j]
+    ]
+    return replace(
+        setup,
+        effects=effects,
+        effect_hypotheses=tuple(point for point in points if point is not None),
+        notes=(*setup.notes, *notes),
+    )
+
+
+def with_prior_that_holds(course: Course, setup: FilterSetup) -> FilterSetup:
+    """The setup with its a priori widened by as much as this log contradicts it, and a sentence; else unchanged.
+
+    By Birge's ratio: the variances grow by chi-square over its degrees of freedom.
+    """
+    steady = replace(setup, constants=without_drift(setup.constants))
+    count = setup.effects.size
+    known = slice(PARAMETERS.start, PARAMETERS.stop + count)
+    free = filtered(course, _widened(steady, known, _FREE))
+    if was_reset(free):
+        return setup
+    off = free.mean[known] - setup.prior.mean[known]
+    apart = free.covariance[known, known] + setup.prior.covariance[known, known]
+    size = np.sqrt(np.diag(apart))
+    if not np.all(size > 0.0):
+        return setup
+    d2 = float((off / size) @ np.linalg.lstsq(apart / np.outer(size, size), off / size, rcond=None)[0])
+    if not chi_square_tail(d2, off.size) < _DISAGREE_P:
+        return setup
+    names = [*PARAMETER_NAMES, *setup.effects.state_names]
+    worst = int(np.argmax(np.abs(off) / size))
+    own = plus_minus(float(free.mean[known][worst]), math.sqrt(float(free.covariance[known, known][worst, worst])))
+    told = plus_minus(
+        float(setup.prior.mean[known][worst]), math.sqrt(float(setup.prior.covariance[known, known][worst, worst]))
+    )
+    note = (
+        f"this log and the model given contradict each other ({names[worst]} {own} by the log alone, {told} in the "
+        f"model): the wheel was another then, or its law is not quite the model's; the model counts for less here, and "
+        "`rw-ekf diagnose LOG --model F` asks what changed"
+    )
+    return replace(_widened(setup, known, d2 / off.size), notes=(*setup.notes, note))
+
+
+def _widened(setup: FilterSetup, known: slice, times: float) -> FilterSetup:
+    covariance = setup.prior.covariance.copy()
+    covariance[known, known] *= times
+    return replace(setup, prior=Belief(setup.prior.mean, covariance, setup.prior.effect_ids))
+
+
+def _with_shapes(effects: EffectSet, places: list[tuple[int, int]], shapes: Float64Array) -> EffectSet | None:
+    """The effects with other shape constants; None outside of what the constants may be."""
+    terms: list[Term] = list(effects.terms)
+    for (i, constant), value in zip(places, shapes, strict=True):
+        limits = terms[i].effect.constants[constant]
+        if not limits.lower < value < limits.upper:
+            return None
+        shape = list(terms[i].shape)
+        shape[constant] = float(value)
+        terms[i] = replace(terms[i], shape=(shape[0], shape[1], shape[2]))
+    return EffectSet(tuple(terms))
+
+
+def _likeliest(
+    likelihood: Callable[[Float64Array], float], given: Float64Array, steps: Float64Array, reach: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Where a log-likelihood plus that of a normal of widths `reach` around `given` is largest, and its covariance.
+
+    Newton's method on parabolas through points a step apart, a sigma apart once that is known.
+    """
+
+    def value(at: Float64Array) -> float:
+        return likelihood(at) - 0.5 * float(np.sum(((at - given) / reach) ** 2))
+
+    best, top = given, value(given)
+    covariance = np.diag(reach**2)
+    for _ in range(_TURNS):
+        slope, curvature = _parabola(value, best, top, steps)
+        sizes, ways = np.linalg.eigh(curvature * np.outer(reach, reach))
+        sizes = np.maximum(sizes, 1.0)  # what is known beforehand is in it: less is rounding, or a ridge
+        covariance = (ways / sizes) @ ways.T * np.outer(reach, reach)
+        steps = np.clip(np.sqrt(np.diag(covariance)), 0.02 * reach, 0.5 * reach)
+        moved = covariance @ slope
+        moved *= min(1.0, 1.0 / max(float(np.max(np.abs(moved) / reach)), 1.0e-300))
+        gained, before = 0.0, top
+        while gained <= 0.0 and float(np.max(np.abs(moved) / reach)) > _SHORT:
+            there = value(best + moved)
+            if there > top:
+                best, top = best + moved, there
+            gained, moved = there - before, 0.3 * moved
+        if top - before < _GAINED:
+            break
+    _, curvature = _parabola(value, best, top, steps)
+    sizes, ways = np.linalg.eigh(curvature * np.outer(reach, reach))
+    covariance = (ways / np.maximum(sizes, 1.0)) @ ways.T * np.outer(reach, reach)
+    return best, covariance
+
+
+def _parabola(
+    value: Callable[[Float64Array], float], at: Float64Array, top: float, steps: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Slope (q,) and minus the second derivatives (q, q) by differences; those of what cannot be reached are 0."""
+    count = at.size
+    offsets = np.diag(steps)
+    ahead = np.array([value(at + row) for row in offsets])
+    behind = np.array([value(at - row) for row in offsets])
+    slope = (ahead - behind) / (2.0 * steps)
+    curvature = np.diag((2.0 * top - ahead - behind) / steps**2)
+    for i in range(count):
+        for j in range(i):
+            both = value(at + offsets[i] + offsets[j])
+            curvature[i, j] = curvature[j, i] = -(both - ahead[i] - ahead[j] + top) / (steps[i] * steps[j])
+    good = np.isfinite(slope)
+    good &= np.isfinite(np.diag(curvature))
+    return np.where(good, slope, 0.0), np.where(np.isfinite(curvature) & np.outer(good, good), curvature, 0.0)

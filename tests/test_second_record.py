@@ -1,0 +1,59 @@
+"""A model of one record in another: its shapes are the second record's, and a contradiction is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.sim.plant_effect_text import parse_effects
+from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.effect import Term
+from rw_ekf.model.state import FrictionParameters
+from rw_ekf.replay import replay_log
+from rw_ekf.wheel.model_file import WheelModel
+from rw_ekf.wheel.table import EffectSet
+from tools.proof.cases import Case
+from tools.proof.plants import log_of
+
+WHEEL = PlantParameters()
+ONSET_S, DECAY_S, AMPLITUDE = 280.0, 60.0, 0.09
+
+
+def record(seed: int) -> WheelLog:
+    """Ten minutes of a wheel with a spike."""
+    text = f"drag_spike:amplitude_rad_s2={AMPLITUDE},onset_s={ONSET_S},decay_s={DECAY_S}"
+    assert parse_effects((text,), WHEEL)
+    case = Case(
+        "spike", "", "effects", ("drag_spike",), (text,), WHEEL, "identification", 7, seed, 1.0, telemetry=False
+    )
+    return log_of(case)
+
+
+def model(onset_s: float, gain_off: float = 0.0) -> WheelModel:
+    """What a diagnosis of another record left."""
+    spike = Term(CATALOGUE["drag_spike"], (AMPLITUDE,), (0.005,), (onset_s, DECAY_S, 0.0))
+    parameters = FrictionParameters(WHEEL.motor_gain + gain_off, WHEEL.viscous, WHEEL.coulomb, WHEEL.static)
+    covariance = tuple(tuple(row) for row in np.diag(np.square([0.01, 2.0e-5, 1.0e-3, 5.0e-3, 0.005])).tolist())
+    return WheelModel(parameters, covariance, WHEEL.stribeck_speed_rad_s, effects=EffectSet((spike,)))
+
+
+def test_an_onset_of_another_record_is_not_taken_for_certain() -> None:
+    """With an onset 2 s off the amplitude stays within three sigmas, and the record has its own onset, told."""
+    for seed, off_s in ((1, 2.0), (2, -2.0)):
+        found = replay_log(record(seed), model=model(ONSET_S + off_s))
+        assert abs(found.belief.mean[5] - AMPLITUDE) < 3.0 * found.belief.std[5]
+        assert any("onset_s 2" in warning for warning in found.warnings)
+        assert abs(found.setup.effects.terms[0].shape[0] - ONSET_S) < 1.0
+
+
+def test_a_model_that_the_log_contradicts_is_said_to_and_counts_for_less() -> None:
+    """A gain 20 of the model's sigmas off is told, and the log's own comes out; one that is right is not accused."""
+    right, wrong = (replay_log(record(3), model=model(ONSET_S, off)) for off in (0.0, 0.2))
+    assert not any("contradict" in warning for warning in right.warnings)
+    assert any("contradict" in warning and "motor_gain" in warning for warning in wrong.warnings)
+    assert abs(wrong.belief.parameters.motor_gain - WHEEL.motor_gain) < 0.02
+    unknown = replace(model(ONSET_S), effects=EffectSet(()), covariance=tuple(r[:4] for r in model(0.0).covariance[:4]))
+    assert replay_log(record(3), model=unknown).setup.effect_hypotheses == ()
