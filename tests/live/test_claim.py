@@ -114,6 +114,7 @@ def test_a_port_is_the_same_by_any_name(tmp_path: Path, monkeypatch: pytest.Monk
     assert not names_of("socket://a.invalid:1") & names_of("socket://a.invalid:2")
 
 
+@pytest.mark.xdist_group("port 7000")
 @pytest.mark.parametrize(
     "other", ["SOCKET://127.1:7000/", "rfc2217://[::1]:7000?logging=debug", "socket://[::ffff:127.0.0.1]:7000"]
 )
