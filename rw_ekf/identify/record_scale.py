@@ -172,7 +172,7 @@ def rough_parameters(course: Course, speed_noise: float | None) -> FrictionParam
     return FrictionParameters(k, b, c, 1.03 * c)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WindowSums:
     """Equation 7 of docs/identification.md over m windows."""
 

@@ -154,5 +154,6 @@ def clock_sentence(by_s: float, where: str, even_steps_s: Float64Array) -> str:
     way = "forward" if by_s > 0.0 else "backward"
     return (
         f"the clock was set {way} by {abs(by_s):.6g} s at {where}, while the rows went on "
-        f"evenly: `rate_hz: {1.0 / float(np.mean(even_steps_s)):.5g}` in place of `time_s`"
+        f"evenly: `rate_hz: {1.0 / float(np.mean(even_steps_s)):.5g}` in place of `time_s`, "
+        "or a column `segment` that changes there"
     )

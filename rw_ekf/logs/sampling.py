@@ -156,7 +156,7 @@ def held_readings(log: WheelLog) -> tuple[BoolArray, float | None]:
     return repeat & ~again, float(np.diff(log.time_s[starts])[runs].sum() / refresh.multiples.sum())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Refresh:
     """The length that runs of repeats are whole multiples of, in rows or in seconds."""
 
