@@ -111,6 +111,8 @@ def _unjudged(source: Source, kind: Kind) -> Diagnosis:
         "before": nothing,
         "after": nothing,
         "model": None,
+        "inertia_kg_m2": None,
+        "inertia_from": None,
         "parameters": {"before": None, "after": None},
         "explanations": [],
         "ended": None,
