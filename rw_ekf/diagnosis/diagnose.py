@@ -119,6 +119,8 @@ def _unjudged(source: Source, kind: Kind, why: str, advice: str | None = None) -
         "before": nothing,
         "after": nothing,
         "model": None,
+        "inertia_kg_m2": None,
+        "inertia_from": None,
         "parameters": {"before": None, "after": None},
         "explanations": [],
         "ended": None,
