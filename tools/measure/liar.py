@@ -190,9 +190,9 @@ class LyingServer(RegisterServer):
 def run_draw(draw: Draw, directory: Path) -> Told:
     """Run it."""
     wire_map = _wire_map()
-    wider = 2.5 if draw.field == HONEST else 1.0
-    gain = 15.205 + wider * (draw.gain - 15.205)
-    coulomb = 0.58 + 0.5 * wider * (draw.coulomb - 0.58)
+    honest = draw.field == HONEST  # +-50 % in both; else +-20 % in gain and +-40 % in friction
+    gain = 15.205 + (2.5 if honest else 1.0) * (draw.gain - 15.205)
+    coulomb = 0.58 + (1.25 if honest else 1.0) * (draw.coulomb - 0.58)
     parameters = PlantParameters()._replace(motor_gain=gain, coulomb=coulomb, static=1.05 * coulomb)
     plant = PlantRunner(parameters, PlantNoise(RAD_S_PER_RPM), draw.seed, PlantState(speed_rad_s=0.0), 0.02)
     written: list[float] = []
