@@ -23,7 +23,7 @@ from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
 from rw_ekf.hindsight import belief_of_log, filtered, run_of_log, with_stribeck_speeds
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.misread import misreadings, warnings_of
+from rw_ekf.identify.misread import misreadings, questions, warnings_of
 from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.learning.carry import carried_over
@@ -103,7 +103,8 @@ def replay_log(
     if with_hindsight:
         course, colour = independent_readings(course)
         log = replace(log, speed_rad_s=course.speed_rad_s)
-    odd = misreadings(log, described=setup is not None or configuration is not None or model is not None)
+    described = setup is not None or configuration is not None or model is not None
+    odd = warnings_of(misreadings(log, described=described), () if described else questions(log))
     if setup is None:
         setup = setup_of_record(course, configuration, model)
     if smooth and setup.effects.table().hidden:
@@ -126,7 +127,7 @@ def replay_log(
         statistics.points = _where_it_has_been(course, setup, run)
         consistency = judge_log(course, setup, belief)
     warnings = [
-        *warnings_of(odd),
+        *odd,
         *sampling.remarks(),
         *log.warnings,
         *(() if model is None else model.remarks),

@@ -64,7 +64,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.filter.identifiability import report
     from rw_ekf.filter.operating_points import OperatingPoints
     from rw_ekf.hindsight import with_stribeck_speeds
-    from rw_ekf.identify.misread import misreadings, warnings_of
+    from rw_ekf.identify.misread import misreadings, questions, warnings_of
     from rw_ekf.identify.noise_colour import independent_readings
     from rw_ekf.json_output import print_json
     from rw_ekf.logs.atomic import write_text
@@ -93,7 +93,9 @@ def execute(args: argparse.Namespace) -> int:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     augmented = prior_model if prior_model is not None and prior_model.effects.terms else None
     make_ready(compile_ahead.FIT if augmented is None else compile_ahead.DIAGNOSIS)
-    odd = misreadings(log, described=configuration is not None or prior_model is not None)
+    described = configuration is not None or prior_model is not None
+    odd = misreadings(log, described=described)
+    asked = () if described else questions(log)
     course, colour = independent_readings(course)
     setup = with_stribeck_speeds(course, setup_of_record(course, configuration, prior_model))
     if augmented is not None:
@@ -128,7 +130,7 @@ def execute(args: argparse.Namespace) -> int:
         **quality,
         "noise": _noise_document(noise),
         "warnings": [
-            *warnings_of(odd),
+            *warnings_of(odd, asked),
             *sampling.remarks(),
             *log.warnings,
             *([] if colour is None else [colour.sentence]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
@@ -19,7 +19,7 @@ from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.search.excitation import information
 from rw_ekf.diagnosis.search.stepwise import Search
-from rw_ekf.identify.misread import misreadings
+from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.wheel_log import WheelLog
 
 if TYPE_CHECKING:
@@ -53,6 +53,9 @@ def diagnose_log(
         said = "; ".join(f"{name}: {text}" if len(logs) > 1 else text for name, text in misread)
         mend = "Mend the column map (`--columns map.yaml`) as the verdict says, and diagnose again."
         return _unjudged(source, split, f"the log is misread: {said}", mend)
+    if not described:
+        asked = tuple(text for one in logs for text in questions(one))
+        source = replace(source, notes=(*source.notes, *asked))
     if source.unfit is not None:
         return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")
     advance("fitting the base model")

@@ -8,6 +8,7 @@ a friction above zero; as it stands, it does not. So nothing is asked of a log t
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterator
@@ -53,24 +54,41 @@ _CURRENTS = ("current_A", "current_command_A")
 def misreadings(log: WheelLog, *, described: bool = False) -> tuple[str, ...]:
     """Sentences, without the final stop, on what a log is not; none of a log that is read as it should be.
 
-    described: a configuration or a model says what machine this is, so that its size says nothing of units.
+    described: a configuration or a model says what machine this is.
     """
     if log.faults:
         return log.faults
+    held = _held_against(log)
+    if held is None:
+        return ()
+    return tuple(itertools.islice(_suspicions(log, *held, described=described), 1))
+
+
+def questions(log: WheelLog) -> tuple[str, ...]:
+    """Whether units were mistaken, asked of a log's size alone: a machine may have any, so it withholds nothing."""
+    held = None if log.faults else _held_against(log)
+    if held is None:
+        return ()
+    return tuple(itertools.islice(_units(log, held[2], driven=_is_driven(log, held[1])), 1))
+
+
+def warnings_of(misread: tuple[str, ...], asked: tuple[str, ...] = ()) -> list[str]:
+    """What a user is told of a log that is filtered or fitted all the same."""
+    return [f"the log is misread, and no number here is a machine's: {text}" for text in misread] or list(asked)
+
+
+def _held_against(log: WheelLog) -> tuple[Course, WindowSums, Reading, float] | None:
+    """The log's course, its windows, what equation 7 makes of them, and the readings' noise; None where it is short."""
     course = Course.of_log(log)
     noise = speed_noise_of(course.time_s, course.speed_rad_s, course.segment) or 0.0
     sums = window_sums(course, noise)
     if sums is None or sums.change.size < 8:
-        return ()
-    read = Reading.of(sums.change, sums.integrals)
-    for said in _suspicions(log, course, sums, read, noise, described=described):
-        return (said,)
-    return ()
+        return None
+    return course, sums, Reading.of(sums.change, sums.integrals), noise
 
 
-def warnings_of(misread: tuple[str, ...]) -> list[str]:
-    """What a user is told of a log that is filtered or fitted all the same."""
-    return [f"the log is misread, and no number here is a machine's: {text}" for text in misread]
+def _is_driven(log: WheelLog, sums: WindowSums) -> bool:
+    return log.drive != "constant" and bool(np.any(sums.integrals[:, 0]))
 
 
 def _suspicions(
@@ -78,8 +96,7 @@ def _suspicions(
 ) -> Iterator[str]:
     """What may be wrong, the least doubtful first."""
     top = sums.top_speed
-    driven = log.drive != "constant" and bool(np.any(sums.integrals[:, 0]))
-    if driven:
+    if _is_driven(log, sums):
         if is_set_point(sums, read):
             yield _of_set_point(log)
         odd = read.gain < 0.0 or read.friction(top) < 0.0 or read.left > LEFT_OVER
@@ -90,7 +107,7 @@ def _suspicions(
     yield from _clock_set_forward(log, course, noise)
     yield from _angle_beside_speed(log, course, top)
     if not described:
-        yield from _units(log, course, read, driven=driven)
+        yield from _rows_apart(log, course)
 
 
 def _of_sign(log: WheelLog, read: Reading, top: float) -> str:
@@ -216,22 +233,25 @@ def _angle_beside_speed(log: WheelLog, course: Course, top: float) -> Iterator[s
         yield f"the angle begins anew after 360: is it in degrees? {degrees}"
 
 
-def _units(log: WheelLog, course: Course, read: Reading, *, driven: bool) -> Iterator[str]:
-    """A size that no wheel has and a usual slip of units explains; or rows so far apart that it must be one."""
+def _rows_apart(log: WheelLog, course: Course) -> Iterator[str]:
+    """Rows so far apart that the unit of time must be another."""
+    time, period = log.sources.get("time_s"), course.period_s
+    if period > _SLOWEST_S and time is not None and not time.says_scale:
+        slip = min(TIME_SLIPS[:3], key=lambda slip: abs(math.log(period / slip.factor / _USUAL_PERIOD_S)))
+        yield f"the rows are {period:.4g} s apart: {slip.question} {_lines(log, Slips(time=slip))}"
+
+
+def _units(log: WheelLog, read: Reading, *, driven: bool) -> Iterator[str]:
+    """A size that no wheel has and a usual slip of units explains."""
     k, _, c, _ = CK13_STATISTICAL
     gain = read.gain / k if driven else 1.0
     if GAIN_BAND[0] < gain < GAIN_BAND[1] and COULOMB_BAND[0] < read.coulomb / c < COULOMB_BAND[1]:
         return
-    time = log.sources.get("time_s")
-    period = course.period_s
     if read.left < EXPLAINED:
         found = FrictionParameters(read.gain if driven else k, read.viscous, read.coulomb, read.coulomb)
         slips = question_of_units(found, driven=driven, speed_name=_speed(log)[0], viscous_std=read.viscous_std)
         if slips is not None:
             yield f"the record would be a wheel's in other units: {slips.question} {_lines(log, slips)}"
-    if period > _SLOWEST_S and time is not None and not time.says_scale:
-        slip = min(TIME_SLIPS[:3], key=lambda slip: abs(math.log(period / slip.factor / _USUAL_PERIOD_S)))
-        yield f"the rows are {period:.4g} s apart: {slip.question} {_lines(log, Slips(time=slip))}"
 
 
 def _lines(log: WheelLog, slips: Slips) -> str:

@@ -10,7 +10,7 @@ import pytest
 
 from rw_ekf.cli import main
 from rw_ekf.errors import LogError
-from rw_ekf.identify.misread import misreadings
+from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.reader import read_log
 from tests.identify.misread_logs import HEALTHY, MACHINES, MISREADINGS, WHEEL, healthy, misread, motion, write
 
@@ -20,7 +20,8 @@ OF_ANY_SIZE = ("sign", "ms", "us", "int16 speed", "clock back", "set-point", "re
 
 def said_of(log: Path, columns: Path | None) -> str:
     try:
-        return " ".join(misreadings(read_log(log, columns)))
+        read = read_log(log, columns)
+        return " ".join(misreadings(read) or questions(read))
     except LogError as error:
         return str(error)
 
