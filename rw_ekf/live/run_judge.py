@@ -52,6 +52,7 @@ class Patience:
     def is_over(self, bad: bool, dt_s: float) -> bool:
         """Take a turn of dt_s; whether it has been too long."""
         self._bad_s = self._bad_s + dt_s if bad else max(self._bad_s - _FORGIVEN * dt_s, 0.0)
+        self._bad_s = min(self._bad_s, self._longest_s + dt_s)  # what is right again is right soon
         return self._bad_s > self._longest_s + 0.5 * dt_s
 
 

@@ -127,6 +127,8 @@ def test_the_supervisor_s_death_ends_the_run_in_order(bench: Bench) -> None:
     with running(bench, "--supervise") as run:
         child = run.child()
         run.wait(driven(bench))
+        turns = len(bench.recorder.requests)
+        run.wait(lambda: len(bench.recorder.requests) > turns + 80)  # some four seconds: something is learned
         kill(run.pid)
         run.process.wait()
         run.wait(lambda: not is_there(child))
