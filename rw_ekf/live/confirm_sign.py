@@ -60,10 +60,11 @@ def _say(
 ) -> None:
     """Say how the move ended where the watch over the sign has not said it: right, wrong and odd are its own words.
 
-    A wheel that was not seen to move, or not as currents move one, is not driven.
+    A wheel that was not seen to move where it should have, or not as currents move one, is not driven.
     """
     if watch.is_settled:
         return
+    expected = True
     if watch.pieces > 0:
         text = (
             f"{move.lasted_s:.3g} s of pulses up to {move.current_A:.3g} A showed no motion that follows from them: is "
@@ -74,10 +75,12 @@ def _say(
         if move.current_A >= limits.current_A:
             text += " (limits.current_A"
             away_A = _breaks_away_A(watch.expected)
-            text += f"; by what is believed of its friction {away_A:.3g} A would)" if away_A > move.current_A else ")"
-        text += ": is the speed reading the wheel's, is it held fast, or is limits.current_A too small for it?"
-    logger.warning("sign_not_confirmed", text=f"{text} {_HELD}")
-    latch(text)
+            expected = away_A <= move.current_A
+            text += ")" if expected else f"; by what is believed of its friction {away_A:.3g} A would)"
+        text += ": is the speed reading the wheel's, or is the wheel held fast?" if expected else f"; {_LATER}"
+    logger.warning("sign_not_confirmed", text=f"{text} {_HELD}" if expected else text)
+    if expected:
+        latch(text)
 
 
 def _breaks_away_A(believed: FrictionParameters) -> float:

@@ -53,17 +53,20 @@ class TelemetryCheck:
         stuck: Sequence[StuckWatch] = (),
         belief: Callable[[], ParameterBelief] | None = None,
         current: CurrentWatch | None = None,
+        confirmed: Callable[[], bool] = lambda: True,
         *,
         writes: bool = True,
     ) -> None:
         """stuck, belief: the tests by the model, and what the estimator believes at present; none: no such test.
 
-        current: the test of what flows. writes: whether this run commands the wheel at all.
+        current: the test of what flows. confirmed: whether size and sign of the gain are known: until then a reading
+        that hardly moves is the small move's to judge. writes: whether this run commands the wheel at all.
         """
         self._writes = writes
         self._note = note
         self._stuck = stuck if belief is not None else ()
         self._current = current
+        self._confirmed = confirmed
         self._restarts: deque[bool] = deque(maxlen=_AMONG_READINGS)
         self.current_fault: str | None = None  # what is wrong with the current at present, in words
         self.doubt: str | None = None  # why nothing of this run may be kept as learned
@@ -223,6 +226,8 @@ class TelemetryCheck:
         self._interval = None if current_A is None else (dt_s, current_A)
         used, alive, was_stuck = True, False, any(watch.stuck for watch in self._stuck)
         for watch in self._stuck:
+            if watch.hums and not self._confirmed():
+                watch.forget()
             judged = watch.add(sample.time_s, speed_rad_s, current_A, self._belief)
             used, alive = used and judged.used, alive or judged.news == "alive"
             if judged.news == "stuck" and not was_stuck:

@@ -64,6 +64,7 @@ class RunWatches:
             (StuckWatch(*exact), StuckWatch(*exact, within_rad_s=_HUMS * self.step_rad_s)),
             belief,
             CurrentWatch(limits.current_A) if writes else None,
+            lambda: self.sign.confirmed or not configuration.command.confirm_sign,
             writes=writes,
         )
         self.states = RunStates(clock, partial(_tell_state, logger), latches=writes)

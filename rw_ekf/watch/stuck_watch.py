@@ -119,6 +119,11 @@ class StuckWatch:
         self.repeated_s = 0.0
         self.value_rad_s = 0.0  # the reading that repeats
 
+    @property
+    def hums(self) -> bool:
+        """Whether readings that are nearly the same repeat."""
+        return self._within > 0.0
+
     def note_prediction(self, speed_rad_s: float, current_A: float, predicted_rad_s: float, dt_s: float) -> None:
         """Note what the estimator's effects did in an interval: its prediction beyond that of the four parameters.
 
