@@ -114,16 +114,20 @@ def test_a_port_is_the_same_by_any_name(tmp_path: Path, monkeypatch: pytest.Monk
     assert not names_of("socket://a.invalid:1") & names_of("socket://a.invalid:2")
 
 
-@pytest.mark.xdist_group("port 7000")
 @pytest.mark.parametrize(
-    "other", ["SOCKET://127.1:7000/", "rfc2217://[::1]:7000?logging=debug", "socket://[::ffff:127.0.0.1]:7000"]
+    ("number", "other"),
+    [
+        (7010, "SOCKET://127.1:7010/"),
+        (7020, "rfc2217://[::1]:7020?logging=debug"),
+        (7030, "socket://[::ffff:127.0.0.1]:7030"),
+    ],
 )
-def test_a_port_on_the_net_is_the_same_by_any_spelling(other: str) -> None:
+def test_a_port_on_the_net_is_the_same_by_any_spelling(number: int, other: str) -> None:
     """A second daemon is refused however it writes the address; another port of the same host is another wheel."""
-    with PortClaim("socket://localhost:7000", CLOCK):
+    with PortClaim(f"socket://localhost:{number}", CLOCK):
         with pytest.raises(DriverError, match="already running"), PortClaim(other, CLOCK):
             pass
-        with PortClaim(other.replace("7000", "7001"), CLOCK):
+        with PortClaim(other.replace(str(number), str(number + 1)), CLOCK):
             pass
 
 
