@@ -154,7 +154,7 @@ class RunJudge:
         gain, std = self._sign.gain
         largest = max(abs(self._sign.expected.motor_gain), self._charge.shown_gain)
         if self._sign.is_known and largest > 0.0 and std < _KNOWN * abs(gain):  # else what was known last counts
-            self._known_share = min(max(_GAIN_MAY * (gain + std) / largest, _LEAST_SHARE), 1.0)
+            self._known_share = min(max(_GAIN_MAY * gain / largest, _LEAST_SHARE), 1.0)
         return self._known_share
 
     def _too_quiet(self, reading: Reading) -> str | None:
