@@ -172,12 +172,13 @@ def _write(path: str, tables: list[tuple[str, dict[str, Any]]]) -> None:
     """Write one table; several logs are stacked under a first column `log`."""
     import numpy as np
 
+    from rw_ekf.console import printable
     from rw_ekf.logs.tables import write_table
 
     if len(tables) == 1:
         write_table(path, tables[0][1])
         return
-    names = [np.full(len(columns["time_s"]), name, dtype=object) for name, columns in tables]
+    names = [np.full(len(columns["time_s"]), printable(name), dtype=object) for name, columns in tables]
     stacked: dict[str, Any] = {"log": np.concatenate(names)}
     for key in tables[0][1]:
         stacked[key] = np.concatenate([np.asarray(columns[key]) for _, columns in tables])
