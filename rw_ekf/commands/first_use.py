@@ -17,8 +17,13 @@ def make_ready(kernels: Sequence[str]) -> None:
     if not missing:
         return
     from rw_ekf.console import progress
-    from rw_ekf.wheel.compiled import child_environment
+    from rw_ekf.wheel.compiled import child_environment, never_compiles
 
+    if never_compiles():
+        sys.stderr.write(
+            "rw-ekf: NUMBA_DISABLE_JIT is set: all runs as plain Python, a long log some hundred times slower\n"
+        )
+        return
     kept = (
         "this time only: no folder for a cache can be written, set NUMBA_CACHE_DIR" if child_environment() else "once"
     )
