@@ -56,7 +56,11 @@ def pack(part: Path) -> None:
                 length, crc = length + len(piece), zlib.crc32(piece, crc)
         with temporary.open("ab") as end:
             end.write(_SEAL.pack(*_SEAL_HEAD, length, crc))
-        with part.open("rb") as plain, temporary.open("rb") as file, pa.CompressedInputStream(file, "zstd") as stream:
+        with (
+            part.open("rb") as plain,
+            temporary.open("rb") as packed,
+            pa.CompressedInputStream(packed, "zstd") as stream,
+        ):
             while piece := plain.read(_AT_ONCE):
                 if stream.read(len(piece)) != piece:
                     raise BadInputError(f"{target}: does not read back as what was written: {part.name} stays")
