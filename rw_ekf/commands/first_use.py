@@ -16,8 +16,8 @@ def make_ready(kernels: Sequence[str]) -> None:
     missing = cold(kernels)
     if not missing:
         return
+    from rw_ekf.compiled import child_environment, never_compiles
     from rw_ekf.console import progress
-    from rw_ekf.wheel.compiled import child_environment, never_compiles
 
     if never_compiles():
         sys.stderr.write(

@@ -14,10 +14,10 @@ import pytest
 
 from rw_ekf import compile_ahead
 from rw_ekf.arrays import Float64Array
+from rw_ekf.compiled import interpreted
 from rw_ekf.course.course import Course
 from rw_ekf.replay import consistency_now, judge_log
 from rw_ekf.starting_point import setup_of_record
-from rw_ekf.wheel.compiled import interpreted
 from tests.commands.logs import write_log
 from tests.diagnosis.simulated import simulated
 from tests.live.bench import ROOT, program, rw_ekf, served_wheel, wait_for
@@ -25,7 +25,7 @@ from tests.live.bench import ROOT, program, rw_ekf, served_wheel, wait_for
 OF_EVERY_VERB = """
 import gc, sys
 from rw_ekf.cli import main
-from rw_ekf.wheel.compiled import Kernel
+from rw_ekf.compiled import Kernel
 log, out = sys.argv[1:]
 for arguments in (["replay", "--smooth", "--out", out, log], ["fit", "--noise", log], ["diagnose", log]):
     assert main(arguments) == 0, arguments

@@ -12,13 +12,14 @@ from types import ModuleType
 import numba
 import pytest
 
-from rw_ekf.wheel.compiled import Kernel, compile_cached, make_jitable, source_digest
+from rw_ekf.compiled import Kernel, compile_cached, make_jitable, source_digest
 
 
 @pytest.fixture
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own for modules, and for numba's files beside them."""
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     return tmp_path
 
 
