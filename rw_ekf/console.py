@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
 import math
 import os
@@ -83,13 +84,21 @@ class _Quiet:
             sys.stderr.flush()
 
 
-def open_missing_streams() -> None:
-    """Where the program was started with a standard stream closed, write to nowhere instead of failing."""
+def open_streams() -> None:
+    """Make the standard streams such that no text fails: to nowhere where they were closed, and `printable`."""
     for name, number in (("stdout", 1), ("stderr", 2)):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, number)  # also so that no file of ours is opened under that number
             setattr(sys, name, os.fdopen(number, "w", closefd=False))
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+
+
+def printable(name: str) -> str:
+    r"""A text that UTF-8 can hold: a byte of a file's name that is none stands as on standard error, as \udcf6."""
+    return name.encode(errors="backslashreplace").decode()
 
 
 def shown_path(path: str | Path) -> str:

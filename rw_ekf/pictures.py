@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rw_ekf.console import printable
+from rw_ekf.drawing import picture
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
@@ -26,6 +28,7 @@ _TITLES = {
 }
 
 
+@picture
 def run_picture(
     path: str | Path,
     log: WheelLog,
@@ -41,14 +44,12 @@ def run_picture(
     hindsight: what is believed of the whole log, drawn at its end where the rows are the filter's as it went.
     wheel_units: rpm and mA; otherwise as the log has them, for a plant that is not a wheel.
     """
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib.figure import Figure
 
     time_s = np.asarray(columns["time_s"], dtype=np.float64)
     time_s = time_s - (time_s[0] if time_s.size else 0.0)
-    figure, axes = plt.subplots(6, 1, figsize=(10, 13), sharex=True, height_ratios=[1.5, 1.2, 1, 1, 1, 1])
+    figure = Figure(figsize=(10, 13))
+    axes = figure.subplots(6, 1, sharex=True, height_ratios=[1.5, 1.2, 1, 1, 1, 1])
     _draw_speed(axes[0], time_s, log, columns, wheel_units=wheel_units)
     _draw_innovation(axes[1], time_s, columns, wheel_units=wheel_units)
     for axis, name in zip(axes[2:], PARAMETER_NAMES, strict=True):
@@ -59,12 +60,11 @@ def run_picture(
     for axis in axes:
         axis.grid(visible=True, alpha=0.25)
         axis.margins(x=0.01)
-    figure.suptitle(title or log.name, fontsize=12)
+    figure.suptitle(printable(title or log.name), fontsize=12)
     figure.align_ylabels(axes)
     figure.tight_layout(rect=(0, 0, 1, 0.99))
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=110, format="png")
-    plt.close(figure)
 
 
 def _draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any], *, wheel_units: bool) -> None:

@@ -238,7 +238,7 @@ def consistency_now(course: Course, setup: FilterSetup, belief: Belief) -> tuple
     seconds on a desktop computer.
     """
     from rw_ekf import compile_ahead
-    from rw_ekf.wheel.compiled import interpreted
+    from rw_ekf.compiled import interpreted
 
     needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.terms else compile_ahead.FIT
     if not compile_ahead.cold(needed):

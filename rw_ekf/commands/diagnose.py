@@ -19,6 +19,7 @@ from rw_ekf.commands.inputs import (
     refuse_to_overwrite,
     wheel_of_logs,
 )
+from rw_ekf.commands.pictures import drawn
 
 HELP = "find what the model lacks in a log, add it, and prove it"
 EXAMPLE = """example:
@@ -73,6 +74,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.documents import inertia_text
 
     make_ready(DIAGNOSIS)
+    whole = True
     with progress("diagnose", _STEPS) as bar:
 
         def advance(text: str) -> None:
@@ -87,14 +89,16 @@ def execute(args: argparse.Namespace) -> int:
         if directory is not None:
             advance("drawing the report")
             options = log_options(args)
-            write_report(directory, found, inertia_kg_m2=inertia, wheel_units=found.in_rpm, options=options)
+            whole = drawn(
+                lambda: write_report(directory, found, inertia_kg_m2=inertia, wheel_units=found.in_rpm, options=options)
+            )
     if args.json:
         print_json(found.document)
     else:
         behind = "" if inertia is None else inertia_text(inertia, found.inertia_from)
         text = diagnosis_text(found.document, directory=directory, wheel_units=found.in_rpm, inertia=behind)
         sys.stdout.write(text + "\n")
-    return 0
+    return 0 if whole else 1
 
 
 def _make_ready(directory: Path) -> None:

@@ -16,6 +16,7 @@ from rw_ekf.commands.inputs import (
     read_wheel_model,
     refuse_to_overwrite,
 )
+from rw_ekf.commands.pictures import drawn
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
@@ -109,12 +110,16 @@ def execute(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     if args.out is not None:
         _write(args.out, [(item.log.name, item.columns or {}) for item in done])
+    whole = True
     if args.picture is not None:
         from rw_ekf.pictures import run_picture
 
         item = done[0]
         wheel_units = item.setup.inertia_kg_m2 is not None
-        run_picture(args.picture, item.log, item.columns or {}, wheel_units=wheel_units, hindsight=item.hindsight)
+        columns = item.columns or {}
+        whole = drawn(
+            lambda: run_picture(args.picture, item.log, columns, wheel_units=wheel_units, hindsight=item.hindsight)
+        )
     write_s = time.perf_counter() - started
     entries = [
         log_entry(item.log.name, item.statistics, item.belief, item.setup, item.warnings, item.as_it_went)
@@ -132,7 +137,7 @@ def execute(args: argparse.Namespace) -> int:
                 noise = rpm_from_rad_s(item.setup.constants.speed_noise_rad_s)
                 source = "the record" if model is None else "the model"
                 sys.stdout.write(f"  speed noise {noise:.3g} rpm taken from {source}; --config gives the run's own\n")
-    return 0
+    return 0 if whole else 1
 
 
 def _named(args: argparse.Namespace) -> list[tuple[str, bool]]:
@@ -172,12 +177,13 @@ def _write(path: str, tables: list[tuple[str, dict[str, Any]]]) -> None:
     """Write one table; several logs are stacked under a first column `log`."""
     import numpy as np
 
+    from rw_ekf.console import printable
     from rw_ekf.logs.tables import write_table
 
     if len(tables) == 1:
         write_table(path, tables[0][1])
         return
-    names = [np.full(len(columns["time_s"]), name, dtype=object) for name, columns in tables]
+    names = [np.full(len(columns["time_s"]), printable(name), dtype=object) for name, columns in tables]
     stacked: dict[str, Any] = {"log": np.concatenate(names)}
     for key in tables[0][1]:
         stacked[key] = np.concatenate([np.asarray(columns[key]) for _, columns in tables])

@@ -77,20 +77,21 @@ def _fast(file: CsvFile) -> pa.Table | None:
     import pyarrow.csv as pa_csv
 
     keys = [str(index) for index in range(len(file.names))]  # positions: names may repeat, or have blanks around
+    types = {
+        key: pa.float64()
+        for key, numeric, stamp in zip(keys, file.numeric, _stamps(file), strict=True)
+        if numeric and not stamp
+    }
     try:
-        table = pa_csv.read_csv(
-            file.text.for_arrow(),
-            read_options=pa_csv.ReadOptions(skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES),
-            parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter),
-            convert_options=pa_csv.ConvertOptions(
-                column_types={
-                    key: pa.float64()
-                    for key, numeric, stamp in zip(keys, file.numeric, _stamps(file), strict=True)
-                    if numeric and not stamp
-                },
-                null_values=_GAPS,
-            ),
-        )
+        with file.text.for_arrow() as text:
+            table = pa_csv.read_csv(
+                text,
+                read_options=pa_csv.ReadOptions(
+                    skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES
+                ),
+                parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter),
+                convert_options=pa_csv.ConvertOptions(column_types=types, null_values=_GAPS),
+            )
     except (pa.ArrowException, OSError, ValueError):
         return None
     # Text that is not UTF-8 comes back as bytes: let the slow pass say where it is.

@@ -50,10 +50,10 @@ class LogText:
         """Open the text from its beginning."""
         return self.path.open("rb") if self.unpacked is None else io.BytesIO(self.unpacked)
 
-    def for_arrow(self) -> Path | pa.BufferReader:
-        """Give the text as pyarrow's reader takes it."""
+    def for_arrow(self) -> BinaryIO | pa.BufferReader:
+        """Open the text for pyarrow's reader: by a path it would find another file where names are not UTF-8."""
         if self.unpacked is None:
-            return self.path
+            return self.open()
         import pyarrow as pa
 
         return pa.BufferReader(self.unpacked)

@@ -25,6 +25,7 @@ from rw_ekf.diagnosis.report.text import diagnosis_text
 from rw_ekf.diagnosis.report.words import Units, figure_pairs
 from rw_ekf.diagnosis.report.write import write_report
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.errors import PictureError
 from rw_ekf.numbers import number_text
 from tests.diagnosis.example import INERTIA_KG_M2, example, many_samples
 
@@ -105,6 +106,23 @@ def test_every_file_is_written_and_named(written: Path) -> None:
             assert content.startswith(b"\x89PNG\r\n")
             assert int.from_bytes(content[16:20], "big") >= 1200
             assert len(content) > 20_000
+
+
+def test_pictures_that_cannot_be_drawn_cost_nothing_else(
+    found: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The document, the model and the page with the other pictures stand; one sentence names those that do not."""
+    report(found, tmp_path)  # an earlier run's pictures do not stay for new ones
+
+    def fails(*_: object) -> bytes:
+        raise PictureError("no ink")
+
+    monkeypatch.setattr("rw_ekf.diagnosis.report.write.speed_picture", fails)
+    monkeypatch.setattr("rw_ekf.diagnosis.report.write.residual_picture", fails)
+    with pytest.raises(PictureError, match=r"^speed\.png, residual\.png: no ink$"):
+        report(found, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == ALL_FILES - {"speed.png", "residual.png"}
+    assert len(page_of(tmp_path).images) == 1
 
 
 def test_the_page_stands_alone(written: Path) -> None:

@@ -28,6 +28,7 @@ from rw_ekf.diagnosis.report.canvas import (
     with_margins,
 )
 from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.drawing import picture
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -72,6 +73,7 @@ class Series:
     correlation: float
 
 
+@picture
 def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     """A panel for each quantity, both models in each, one scale throughout; None without a residual."""
     series = _series(diagnosis, units)

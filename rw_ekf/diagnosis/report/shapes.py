@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, GREY, INK, new_figure, plain, png, time_axis
 from rw_ekf.diagnosis.report.markup import prose
 from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.drawing import picture
 
 _ALONG = {
     "speed": "|speed|",
@@ -29,9 +30,12 @@ _KINDS = {
 
 def shapes_picture(diagnosis: Diagnosis) -> bytes | None:
     """A panel for each curve; None where nothing is left."""
-    shapes = list(diagnosis.document.get("shapes") or ())
-    if not shapes:
-        return None
+    shapes = diagnosis.document.get("shapes")
+    return _panels(diagnosis, shapes) if shapes else None
+
+
+@picture
+def _panels(diagnosis: Diagnosis, shapes: Sequence[Mapping[str, Any]]) -> bytes:
     from matplotlib.ticker import MaxNLocator
 
     figure, time = new_figure(3.1), time_axis(diagnosis.log)

@@ -24,6 +24,7 @@ from rw_ekf.diagnosis.report.canvas import (
     with_margins,
 )
 from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.drawing import picture
 
 if TYPE_CHECKING:
     from rw_ekf.arrays import BoolArray, Float64Array
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 _RUNNING_MEANS = 300  # so many fit into a record: what is beneath the noise of the readings
 
 
+@picture
 def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
     """Speed measured and simulated, and what the simulation misses it by; with no model, speed and current."""
     from matplotlib.ticker import MaxNLocator
