@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from rw_ekf import __version__
-from rw_ekf.console import abandon_output, open_streams, settle_errors
+from rw_ekf.console import abandon_output, open_streams, printable_streams, settle_errors
 from rw_ekf.errors import ConfigError, RwEkfError
 
 VERBS = {
@@ -57,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit status: 0 done, 1 failed in the work, 2 wrong usage or bad input."""
     open_streams()
     try:
-        return _main(arguments)
+        with printable_streams():
+            return _main(arguments)
     finally:
         settle_errors()
 

@@ -103,12 +103,13 @@ def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
 
 
 def _age_s(utc: Any, now: Any) -> float:
-    from datetime import datetime
+    from datetime import UTC, datetime
 
     try:
-        return float((now - datetime.fromisoformat(str(utc))).total_seconds())
+        said = datetime.fromisoformat(str(utc))
     except ValueError:
         return float("inf")
+    return float((now - (said if said.tzinfo is not None else said.replace(tzinfo=UTC))).total_seconds())
 
 
 def _show(args: argparse.Namespace, document: dict[str, Any], status: int) -> int:
@@ -138,18 +139,18 @@ def _lines(document: dict[str, Any]) -> list[str]:
     from rw_ekf.units import rpm_from_rad_s
 
     lines = [_headline(document)]
-    estimate = document["estimate"]
-    if estimate is not None and estimate["state"] is not None:
+    state, std = ((document["estimate"] or {}).get(key) or {} for key in ("state", "std"))
+    shown = ("speed_rad_s", *PARAMETER_NAMES)
+    if all(told.get(name) is not None for told in (state, std) for name in shown):
         current = document["current_command_A"]
         commanded = "not known" if current is None else f"{1e3 * current:+.1f} mA"
-        lines.append(f"  speed {rpm_from_rad_s(estimate['state']['speed_rad_s']):+.1f} rpm, current {commanded}")
-        state, std = estimate["state"], estimate["std"]
+        lines.append(f"  speed {rpm_from_rad_s(state['speed_rad_s']):+.1f} rpm, current {commanded}")
         lines.append("  " + ", ".join(f"{n} {concise(state[n], std[n])} {STATE_UNITS[n]}" for n in PARAMETER_NAMES))
     link = document["link"]
     if link is not None:
-        shown = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
-        counts = ", ".join(f"{value} {name}" for name, value in shown.items() if name != "state")
-        lines.append(f"  line {link['state'] or 'opened'}: {counts}")
+        counts = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
+        told = ", ".join(f"{value} {name}" for name, value in counts.items() if name != "state")
+        lines.append(f"  line {link.get('state') or 'opened'}: {told}")
     compensation = document.get("compensation")
     if compensation is not None:
         lines.append(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
-from rw_ekf.errors import EmptyLogError
+from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.packing import seal_of
 
 if TYPE_CHECKING:
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 Packing = Literal["gzip", "zstd"]
 
 _AT_ONCE = 1 << 12  # unpacked at a time: of a file that is torn or damaged no more than this is lost
+# Rows of three numbers of which one counts up shrink by 32; by 1000 only where a row has ten thousand constant bytes.
+_MOST_TIMES = 1000
+_ALWAYS_BYTES = 16_000_000
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,12 @@ class LogText:
     def unpack(cls, path: Path, packing: Packing, name: str) -> LogText:
         """Unpack a compressed file; one that is torn or damaged as far as it goes, to its last whole line.
 
-        Raises EmptyLogError where not a line is left.
+        Raises EmptyLogError where not a line is left, LogError where it unpacks to what no log is.
         """
         packed = path.read_bytes()
-        text, torn = _unpacked(packed, packing)
+        text, torn = _unpacked(packed, packing, name)
         if torn is not None:  # blocks that a loss of power left empty would be taken for numbers: none of them, then
-            text, _ = _unpacked(packed.rstrip(b"\0"), packing)
+            text, _ = _unpacked(packed.rstrip(b"\0"), packing, name)
             text = text[: text.rfind(b"\n") + 1]
             if not text:
                 raise EmptyLogError(
@@ -59,15 +62,21 @@ class LogText:
         return pa.BufferReader(self.unpacked)
 
 
-def _unpacked(packed: bytes, packing: Packing) -> tuple[bytes, str | None]:
+def _unpacked(packed: bytes, packing: Packing, name: str) -> tuple[bytes, str | None]:
     """As much text as there is, and what is wrong behind it."""
     import pyarrow as pa
 
-    pieces = []
+    pieces, most = [], max(_MOST_TIMES * len(packed), _ALWAYS_BYTES)
     try:
         with pa.CompressedInputStream(pa.BufferReader(packed), packing) as stream:
             while piece := stream.read(_AT_ONCE):
                 pieces.append(piece)
+                most -= len(piece)
+                if most < 0:
+                    raise LogError(
+                        f"{name}: unpacks to more than {_MOST_TIMES} times its size, which no log does: it says next "
+                        "to nothing. Unpack it yourself and look at what it is"
+                    )
     except (pa.ArrowException, OSError) as error:
         return b"".join(pieces), str(error).splitlines()[0] if str(error) else type(error).__name__
     return b"".join(pieces), None

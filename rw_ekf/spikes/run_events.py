@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -12,12 +11,14 @@ from rw_ekf.logs.metadata import read_metadata
 from rw_ekf.logs.parts import beside, parts_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.numbers import number_of
+from rw_ekf.plain_file import json_of, read_plain
 from rw_ekf.units import rpm_from_rad_s
 
 SPIKE = "drag_spike"
 # Readings come. A spike itself gates readings, and so degrades a run: were that time left out, each spike would shorten
 # the time that its own incidence is taken over.
 WATCHED_STATES = ("TRACKING", "DEGRADED")
+_MOST_BYTES = 100_000_000  # some 500,000 events
 GENUINE_ENDS = ("faded", "another one set in")  # others were taken back by the watch
 
 
@@ -60,8 +61,8 @@ def read_run(log: Path) -> RunEvents | None:
     if not metadata.configuration.get("watch", {}).get("enabled", True):
         return None
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
+        lines = read_plain(path, _MOST_BYTES).splitlines()
+    except OSError:
         return None
     events = []
     for number, line in enumerate(lines, 1):
@@ -74,11 +75,8 @@ def read_run(log: Path) -> RunEvents | None:
     return run
 
 
-def _event(line: str) -> dict[str, Any] | None:
-    try:
-        event = json.loads(line)
-    except ValueError:
-        return None
+def _event(line: bytes) -> dict[str, Any] | None:
+    event = json_of(line)
     well_formed = isinstance(event, dict) and isinstance(event.get("event"), str) and _moment(event.get("utc"))
     return event if well_formed else None
 
