@@ -6,7 +6,9 @@ import signal
 
 import pytest
 
-import rw_ekf  # noqa: F401  before numpy: one thread for linear algebra
+from rw_ekf.one_thread import ask_for_one_thread
+
+ask_for_one_thread()  # before numpy is loaded
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.pictures import run_picture
-from rw_ekf.replay import replay_log
+from rw_ekf.pictures import run_figure, save_png
 from tests.truth import run_of
 
 
@@ -28,7 +28,8 @@ def test_a_replayed_log_becomes_a_png_with_its_curves(tmp_path: Path) -> None:
     odd = os.fsdecode(b"co$t_{_$ gr\xf6sse.csv")  # a formula that is none, and a byte that is no UTF-8
     for name, wheel_units, title in (("wheel.png", True, ""), ("plant.png", False, odd)):
         path = tmp_path / name
-        run_picture(path, log, replayed.columns, truth={"motor_gain": 15.205}, wheel_units=wheel_units, title=title)
+        figure = run_figure(log, replayed.columns, truth={"motor_gain": 15.205}, wheel_units=wheel_units, title=title)
+        save_png(figure, path)
         content = path.read_bytes()
         assert content.startswith(b"\x89PNG\r\n")
         assert content.rstrip().endswith(b"IEND\xaeB`\x82")

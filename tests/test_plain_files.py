@@ -56,7 +56,7 @@ def test_a_state_file_that_is_a_pipe_or_has_no_end_is_none(tmp_path: Path) -> No
     place = state_path(load_configuration(config))
     place.parent.mkdir(parents=True)
     for put in (os.mkfifo, lambda path: path.symlink_to("/dev/zero"), Path.mkdir):
-        put(place)  # type: ignore[operator]
+        put(place)
         assert rw_ekf("status", "--config", str(config), "--json").returncode == 4
         place.rmdir() if place.is_dir() else place.unlink()
 

@@ -35,7 +35,7 @@ def write_table(path: str | Path, columns: Mapping[str, Any]) -> None:
     Raises BadInputError for an unknown suffix or a place that cannot be written, ValueError for unequal lengths.
     """
     check_suffix(path)
-    table = _table(columns)
+    table = table_of(columns)
     suffix = Path(path).suffix.lower()
     # Opened by hand: pyarrow takes a path for UTF-8, and would write to a file beside it where names are not.
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
@@ -49,7 +49,8 @@ def write_table(path: str | Path, columns: Mapping[str, Any]) -> None:
             _write_csv(stream, table)
 
 
-def _table(columns: Mapping[str, Any]) -> pa.Table:
+def table_of(columns: Mapping[str, Any]) -> pa.Table:
+    """Columns (name -> n values) as one table. Raises ValueError for unequal lengths."""
     import pyarrow as pa
 
     arrays = {}

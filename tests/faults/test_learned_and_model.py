@@ -18,7 +18,7 @@ from rw_ekf.commands.inputs import wheel_of_logs
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.learning.learned_file import read_learned
-from rw_ekf.replay import replay_log, setup_of_run
+from rw_ekf.log_replay import replay_log, setup_of_run
 from rw_ekf.wheel.model_file import read_model
 from tests.faults.rig import BEGAN, LineWheel
 from tests.live.bench import rw_ekf

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.report.drawn import remove, write_pictures
 from rw_ekf.diagnosis.report.evidence import evidence_picture
@@ -12,10 +13,12 @@ from rw_ekf.diagnosis.report.residual import residual_picture
 from rw_ekf.diagnosis.report.shapes import shapes_picture
 from rw_ekf.diagnosis.report.speed import speed_picture
 from rw_ekf.diagnosis.report.words import Units
-from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import write_text
+
+if TYPE_CHECKING:
+    from rw_ekf.diagnosis.result import Diagnosis
 
 DOCUMENT, PAGE, MODEL = "diagnosis.json", "report.html", "augmented-model.yaml"
 _EARLIER = "evidence.png"  # as the evidence was drawn before: of an earlier run, and so removed
@@ -40,7 +43,7 @@ def write_report(
     units = Units(wheel_units, inertia_kg_m2)
     _make(directory)
     written = [directory / DOCUMENT]
-    write_text(written[0], json_text(diagnosis.document))
+    write_text(written[0], json_text(diagnosis.document()))
     model = directory / MODEL
     if diagnosis.model is not None:
         write_text(model, diagnosis.model.to_text())
@@ -53,7 +56,7 @@ def write_report(
             "shapes.png": lambda: shapes_picture(diagnosis),
             "speed.png": lambda: speed_picture(diagnosis, units),
             "residual.png": lambda: residual_picture(diagnosis, units),
-            "evidence.svg": lambda: evidence_picture(diagnosis.document),
+            "evidence.svg": lambda: evidence_picture(diagnosis.document()),
             _EARLIER: lambda: None,
         },
     )
