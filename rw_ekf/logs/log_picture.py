@@ -34,6 +34,7 @@ def log_figure(log: WheelLog) -> Figure:
 
 
 def draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any], *, wheel_units: bool) -> None:
+    """Draw what was measured, the current, and an estimate where `columns` have one."""
     unit, scale = ("rpm", RAD_S_PER_RPM) if wheel_units else ("rad/s", 1.0)
     measured = log.speed_rad_s / scale
     axis.plot(time_s, measured, ".", ms=2, color=GREY, label="measured")
