@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rw_ekf.live.published import Published
 
 HELP = "say what the daemon of a configuration is doing, also when it is dead"
@@ -41,7 +44,7 @@ def execute(args: argparse.Namespace) -> int:
         for facts in holders_of(configuration.wheel.port, clock):  # of another configuration, or without a state file
             return _show(args, _elsewhere(facts.pid, facts.described, configuration.wheel.port), OTHER_STATUS)
     if found is None:
-        return _show(args, _nothing(str(path)), DEAD_STATUS)
+        return _show(args, _nothing(path), DEAD_STATUS)
     document = _document(found)
     age_s = _age_s(document["utc"], clock.utc())
     if found.alive and age_s > _STALE_S:
@@ -90,8 +93,11 @@ def _unknown(*, alive: bool, pid: int | None, reason: str) -> dict[str, Any]:
     }
 
 
-def _nothing(path: str) -> dict[str, Any]:
-    return _unknown(alive=False, pid=None, reason=f"no run of this configuration has left {path}")
+def _nothing(path: Path) -> dict[str, Any]:
+    reason = f"no run of this configuration has left {path}"
+    if os.path.lexists(path):
+        reason = f"{path} is no state file that this version reads, and says nothing: the next run replaces it"
+    return _unknown(alive=False, pid=None, reason=reason)
 
 
 def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
@@ -103,13 +109,10 @@ def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
 
 
 def _age_s(utc: Any, now: Any) -> float:
-    from datetime import UTC, datetime
+    from rw_ekf.logs.metadata import moment_of
 
-    try:
-        said = datetime.fromisoformat(str(utc))
-    except ValueError:
-        return float("inf")
-    return float((now - (said if said.tzinfo is not None else said.replace(tzinfo=UTC))).total_seconds())
+    moment = moment_of(utc)
+    return float("inf") if moment is None else float((now - moment).total_seconds())
 
 
 def _show(args: argparse.Namespace, document: dict[str, Any], status: int) -> int:
