@@ -128,7 +128,7 @@ def test_only_so_much_is_read(tmp_path: Path) -> None:
 def test_what_unpacks_to_next_to_nothing_is_refused(tmp_path: Path, packing: str) -> None:
     """40 kB that hold as much as a disk are no log; a hundred thousand rows that are nearly the same are one."""
     bomb = tmp_path / "bomb.csv"
-    for line, why in ((b"1,1,1\n", "more than 4000 times its size"), (b"000000", "no line ends")):
+    for line, why in ((b"1,1,1\n", "more than 4000 times its size"), (b"000000", "no line ends|more than 4000 times")):
         with pa.output_stream(str(bomb), compression=packing) as stream:
             for _ in range(40):
                 stream.write(line * 1_000_000)
