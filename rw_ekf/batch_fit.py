@@ -27,6 +27,7 @@ from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.logs.record_print import made_of, print_of
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
+from rw_ekf.second_record import as_of_another_record
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 from rw_ekf.units import rpm_from_rad_s
@@ -157,6 +158,8 @@ def fit_record(
     if prior is not None and prior.effects.terms:
         refuse_runaway_model(log.name, course, setup, prior)
         course = with_conditions(course)
+    if prior is not None and configuration is None and method == "least-squares":
+        setup = as_of_another_record(course, setup)
     belief, noises, quality, said = _fit(method, course, log, setup, advance)
     points = OperatingPoints.of_course(
         course, setup.prior.parameters, setup.constants.stribeck.omega_s, np.isfinite(course.speed_rad_s)

@@ -56,12 +56,12 @@ def read_run(log: Path) -> RunEvents | None:
     """
     metadata = read_metadata(log)
     assert metadata is not None, "runs_of gives runs with metadata alone"
-    name = str(metadata.configuration.get("wheel", {}).get("name", "wheel"))
+    name = str(_section(metadata.configuration, "wheel").get("name", "wheel"))
     serial = None if metadata.identity is None else metadata.identity.serial_number
     wheel = name if serial is None else f"{name} (serial number {serial})"
     run = RunEvents(wheel, log, metadata.first_sample_utc)
     path = beside(log, "events.jsonl")
-    if not metadata.configuration.get("watch", {}).get("enabled", True):
+    if not _section(metadata.configuration, "watch").get("enabled", True):
         return None
     try:
         lines = read_plain(path, _MOST_BYTES).splitlines()
@@ -78,6 +78,12 @@ def read_run(log: Path) -> RunEvents | None:
             events.append(event)
     _follow(run, events)
     return run
+
+
+def _section(configuration: Any, name: str) -> dict[str, Any]:
+    """A section of a configuration that nobody has checked since it was written."""
+    found = configuration.get(name) if isinstance(configuration, dict) else None
+    return found if isinstance(found, dict) else {}
 
 
 def _event(line: bytes) -> dict[str, Any] | None:
