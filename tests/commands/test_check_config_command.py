@@ -66,7 +66,7 @@ def test_a_limit_that_the_wire_cannot_carry(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], key: str, value: float
 ) -> None:
     """Beyond what i16 of 0.1 mA or 0.5 rpm holds: the limit's own place, and what the map carries."""
-    errors = findings(capsys, write_config(tmp_path, "/dev/ttyUSB0", limits={key: value}))
+    errors = findings(capsys, write_config(tmp_path, str(tmp_path / "ttyUSB0"), limits={key: value}))
     assert f"limits.{key}" in errors
     assert "wheel.yaml:" in errors
 

@@ -139,7 +139,7 @@ def dangling(path: Path) -> None:
         (lambda path: path.write_bytes(os.urandom(3000)), "UTF-8|YAML"),
         (directory_instead, "directory"),
         (dangling, "no such file"),
-        (pipe, "no regular file"),
+        (pipe, "it is a pipe"),
         (edited(r"motor_gain: \{value: [\d.]+", "motor_gain: {value: 15.3"), "was changed after it was written"),
         (edited(r"coulomb: \{value: [\d.]+", "coulomb: {value: 1.0e+09"), "no machine is like that"),
         (edited(r"viscous: \{value: [\d.]+", "viscous: {value: .nan"), "finite"),
