@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rw_ekf.errors import RwEkfError as Error
-    from rw_ekf.library import (
+    from rw_ekf.public import (
         Comparison,
         Diagnosis,
         Estimate,
@@ -54,7 +54,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'rw_ekf' has no attribute {name!r}")
     import importlib
 
-    return getattr(importlib.import_module("rw_ekf.library"), name)
+    return getattr(importlib.import_module("rw_ekf.public"), name)
 
 
 def __dir__() -> list[str]:

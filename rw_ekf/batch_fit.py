@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -60,7 +60,7 @@ class Fit(Shown):
     noises: NoisePosterior
     with_noise: bool  # whether `noises` are told, and go into the model
     warnings: tuple[str, ...]
-    model: WheelModel = field(repr=False)
+    model: WheelModel
     refusal: str | None  # why this model is none to start from; None: it is one
 
     def document(self) -> dict[str, Any]:

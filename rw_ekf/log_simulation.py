@@ -17,12 +17,12 @@ _FOR_EVER_S = 600.0  # of a profile that has no end
 _RATES_HZ = (1.0, 2000.0)
 
 
-def simulate_log(
-    profile: str,
-    wheel: FrictionParameters = CK13_STATISTICAL,
+def simulate(
+    profile: str = "identification",
+    wheel: FrictionParameters | None = None,
     effects: Sequence[str] = (),
-    *,
     seed: int = 0,
+    *,
     duration_s: float | None = None,
     rate_hz: float = 10.0,
     stribeck_speed_rpm: float = 4.0,
@@ -30,8 +30,10 @@ def simulate_log(
     acceleration_noise_rpm_per_sqrt_s: float = 0.03,
     **shape: float,
 ) -> WheelLog:
-    """Drive a simulated wheel through a profile. effects: as `simulate --effect` has them, "ID:name=value,...".
+    """Drive a simulated wheel through a profile of `excite`, and log it.
 
+    wheel: its four parameters; None: those of [CK13]. effects: what it has beside them, as `simulate --effect` has
+    them: "quadratic_drag" alone, or "quadratic_drag:coefficient_1_rad=1e-5".
     seed: of noise and profile. shape: amplitude_A, period_s, bias_A. duration_s: the profile's own, else 600 s.
     Raises BadInputError for a profile or an effect that there is not, or a time or rate that cannot be.
     """
@@ -41,7 +43,7 @@ def simulate_log(
         raise BadInputError(f"{lasts_s:g} s at {rate_hz:g} Hz are no log: give 1 to 2000 Hz, and a sample at least")
     times_s = np.arange(round(lasts_s * rate_hz)) / rate_hz
     run = simulated_record(
-        simulated_plant(wheel, rad_s_from_rpm(stribeck_speed_rpm), list(effects)),
+        simulated_plant(wheel or CK13_STATISTICAL, rad_s_from_rpm(stribeck_speed_rpm), list(effects)),
         np.array([law.current_A(float(t)) for t in times_s]),
         times_s,
         speed_noise_rad_s=rad_s_from_rpm(speed_noise_rpm),

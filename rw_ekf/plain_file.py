@@ -22,9 +22,19 @@ def read_plain(path: str | Path, most_bytes: int) -> bytes:
         return file.read(most_bytes)
 
 
-def open_to_append(path: str | Path) -> int:
-    """A descriptor of a plain file, made if it is not there. Raises OSError as `read_plain`, and for a link."""
-    return _plain(path, _APPEND)
+def append_line(path: str | Path, line: bytes) -> None:
+    """Append a line to a plain file, which is made if it is not there. Raises OSError as `read_plain`, for a link too.
+
+    Where it does not fit, no part of it stays behind.
+    """
+    descriptor = _plain(path, _APPEND)
+    try:
+        length = os.fstat(descriptor).st_size
+        if os.write(descriptor, line) < len(line):
+            os.ftruncate(descriptor, length)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    finally:
+        os.close(descriptor)
 
 
 def _plain(path: str | Path, flags: int) -> int:

@@ -24,7 +24,7 @@ PUBLIC = [
 @pytest.fixture(scope="module")
 def log() -> rw_ekf.Log:
     """A minute of a simulated wheel with windage."""
-    return rw_ekf.simulate("P1", ["quadratic_drag"], seed=3, duration_s=120.0)
+    return rw_ekf.simulate("P1", effects=["quadratic_drag"], seed=3, duration_s=120.0)
 
 
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -142,7 +142,7 @@ def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(
     for call, match in (
         (lambda: rw_ekf.read(tmp_path / "none.csv"), "no such file"),
         (lambda: rw_ekf.simulate("nothing"), "there is no profile"),
-        (lambda: rw_ekf.simulate("P1", ["nothing"]), "nothing"),
+        (lambda: rw_ekf.simulate("P1", effects=["nothing"]), "nothing"),
         (lambda: rw_ekf.replay(log, tmp_path / "none.yaml"), "no such file"),
     ):
         with pytest.raises(rw_ekf.Error, match=match):

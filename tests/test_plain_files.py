@@ -15,7 +15,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.errors import BadInputError, LogError
 from rw_ekf.live.published import read_published
 from rw_ekf.logs.reader import read_log
-from rw_ekf.plain_file import json_of, open_to_append, read_plain
+from rw_ekf.plain_file import append_line, json_of, read_plain
 from rw_ekf.records import RunState, StateNow
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.sinks.events import EventsSink
@@ -106,7 +106,7 @@ def test_a_run_does_not_wait_for_the_reader_of_a_pipe(tmp_path: Path) -> None:
         with pytest.raises(BadInputError, match=r"cannot be made .*: give another output\.directory"):
             EventsSink(place, VirtualClock(), BEGAN)
     with pytest.raises(OSError, match="no plain file"):
-        open_to_append(Path("/dev/null"))
+        append_line(Path("/dev/null"), b"x")
 
 
 def test_json_without_end_is_none() -> None:

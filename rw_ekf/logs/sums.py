@@ -9,13 +9,12 @@ Names are those without the run's stem, and of a part those before it was compre
 from __future__ import annotations
 
 import contextlib
-import os
 import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 from rw_ekf.logs.parts import PartName
-from rw_ekf.plain_file import open_to_append
+from rw_ekf.plain_file import append_line
 
 
 class Block(NamedTuple):
@@ -66,14 +65,7 @@ def note_block(file: Path, block: Block) -> None:
     """Append the checksum of a block. Raises OSError; no part of a line stays behind."""
     text = f"{_stem_and_key(file)[1]} {block.begin} {block.end} {block.lines} {block.crc:08x}"
     line = f"{text} {zlib.crc32(text.encode()):08x}\n".encode()
-    descriptor = open_to_append(sums_path(file))
-    try:
-        length = os.fstat(descriptor).st_size
-        if os.write(descriptor, line) < len(line):
-            os.ftruncate(descriptor, length)
-            raise OSError(f"{sums_path(file)}: no room")
-    finally:
-        os.close(descriptor)
+    append_line(sums_path(file), line)
 
 
 def note_file(file: Path) -> None:

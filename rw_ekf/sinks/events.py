@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ from typing import Any
 from rw_ekf.clock import Clock
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.metadata import utc_text
-from rw_ekf.plain_file import open_to_append
+from rw_ekf.plain_file import append_line
 from rw_ekf.records import ActiveAlarm, CompensationNow, StateNow, Tick
 
 _MOST_WAITING = 1000
@@ -85,16 +83,9 @@ class EventsSink:
     def _append(self, event: dict[str, Any]) -> None:
         """Write what waits and this. Raises OSError; no part of a line stays behind."""
         self._waiting.append((json.dumps(event, allow_nan=False) + "\n").encode())
-        descriptor = open_to_append(self._path)
-        try:
-            while self._waiting:
-                length = os.fstat(descriptor).st_size
-                if os.write(descriptor, self._waiting[0]) < len(self._waiting[0]):
-                    os.ftruncate(descriptor, length)
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
-                self._waiting.popleft()
-        finally:
-            os.close(descriptor)
+        while self._waiting:
+            append_line(self._path, self._waiting[0])
+            self._waiting.popleft()
 
 
 def _of_state(now: StateNow, was: StateNow | None) -> dict[str, Any]:

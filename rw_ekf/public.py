@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING
 
 from rw_ekf.batch_fit import Fit, Method, fit_record
 from rw_ekf.compared import Comparison, compared
@@ -19,8 +19,9 @@ from rw_ekf.errors import RwEkfError as Error
 from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.estimator import Estimator as Filter
+from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
 from rw_ekf.log_replay import Run, replay_log
-from rw_ekf.log_simulation import simulate_log
+from rw_ekf.log_simulation import simulate
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
 from rw_ekf.one_thread import one_thread
@@ -38,22 +39,7 @@ __all__ = [
     "compare", "diagnose", "fit", "read", "replay", "simulate",
 ]  # fmt: skip
 
-P = ParamSpec("P")
-T = TypeVar("T")
-HasModel = Model | Fit | Diagnosis
-_STRIBECK_RPM = 4.0
-
-
-def _one_thread(function: Callable[P, T]) -> Callable[P, T]:
-    """Let it compute as the command does, whatever the program around it has asked of the linear algebra."""
-    import functools
-
-    @functools.wraps(function)
-    def alone(*args: P.args, **kwargs: P.kwargs) -> T:
-        with one_thread():
-            return function(*args, **kwargs)
-
-    return alone
+HasModel = Model | Fit | Diagnosis | Run
 
 
 def read(path: str | Path, columns: str | Path | ColumnMap | None = None) -> Log:
@@ -64,21 +50,12 @@ def read(path: str | Path, columns: str | Path | ColumnMap | None = None) -> Log
     return read_log(path, columns)
 
 
-def simulate(profile: str = "identification", effects: Sequence[str] = (), *, seed: int = 0, **options: Any) -> Log:
-    """Drive a simulated wheel through a profile of `excite`, and log it.
-
-    effects: the truth beside the four parameters, as `simulate --effect` has them: "quadratic_drag" alone, or
-    "quadratic_drag:coefficient_1_rad=1e-5". options: see `rw_ekf.log_simulation.simulate_log`. Raises Error.
-    """
-    return simulate_log(profile, effects=effects, seed=seed, **options)
-
-
-@_one_thread
+@one_thread()
 def replay(
     log: Log | str | Path,
     model: HasModel | str | Path | None = None,
-    *,
     smooth: bool = False,
+    *,
     configuration: Configuration | str | Path | None = None,
 ) -> Run:
     """Filter a log, sample by sample, as the daemon would have. smooth: add what the whole log says of each sample.
@@ -89,12 +66,12 @@ def replay(
     return replay_log(_log(log), given, _model(model, given), with_columns=True, smooth=smooth)
 
 
-@_one_thread
+@one_thread()
 def fit(
     log: Log | str | Path,
     prior: HasModel | str | Path | None = None,
-    *,
     noise: bool = False,
+    *,
     method: Method = "least-squares",
     configuration: Configuration | str | Path | None = None,
 ) -> Fit:
@@ -103,7 +80,7 @@ def fit(
     return fit_record(_log(log), given, _model(prior, given), method=method, with_noise=noise)
 
 
-@_one_thread
+@one_thread()
 def diagnose(
     logs: Log | str | Path | Sequence[Log | str | Path],
     model: HasModel | str | Path | None = None,
@@ -118,18 +95,15 @@ def diagnose(
     return diagnose_log(list(map(_log, several)), given, _model(model, given), split=split, advance=progress)
 
 
-@_one_thread
+@one_thread()
 def compare(
-    first: HasModel | Run | str | Path, second: HasModel | Run | str | Path, on: Log | str | Path | None = None
+    first: HasModel | str | Path, second: HasModel | str | Path, on: Log | str | Path | None = None
 ) -> Comparison:
     """Hold two models, fits or runs against each other, number by number; on: which of them a third log likes better.
 
-    Raises Error, also for two that have no number in common.
+    Raises Error.
     """
-    sides = [side.model if isinstance(side, Run) else _model(side) for side in (first, second)]
-    assert sides[0] is not None
-    assert sides[1] is not None
-    return compared(sides[0], sides[1], None if on is None else _log(on))
+    return compared(_held(first), _held(second), None if on is None else _log(on))
 
 
 class Estimator:
@@ -155,7 +129,7 @@ class Estimator:
         if known is None:
             belief, effects, drift = DEFAULT_PRIOR, None, None
             constants = filter_constants(
-                rad_s_from_rpm(_STRIBECK_RPM), speed_noise_rad_s=noise, acceleration_noise=torque_noise,
+                DEFAULT_STRIBECK_SPEED_RAD_S, speed_noise_rad_s=noise, acceleration_noise=torque_noise,
                 nominal_period_s=period_s,
             )  # fmt: skip
         else:
@@ -197,14 +171,16 @@ def _configuration(given: Configuration | str | Path | None) -> Configuration | 
 
 
 def _model(given: HasModel | str | Path | None, configuration: Configuration | None = None) -> Model | None:
-    """A model, what holds one, its file, or what the configuration names. Raises Error where a diagnosis has none."""
-    if given is None:
-        named = None if configuration is None else configuration.filter.model
-        return None if named is None else Model.load(named)
+    """What was given, else what the configuration names, else none."""
+    named = given if given is not None or configuration is None else configuration.filter.model
+    return None if named is None else _held(named)
+
+
+def _held(given: HasModel | str | Path) -> Model:
+    """A model, that of a result, or of a file. Raises Error where a diagnosis has none."""
     if isinstance(given, str | Path):
         return Model.load(given)
-    if isinstance(given, Model):
-        return given
-    if given.model is None:
-        raise Error(f"{given.log.name if isinstance(given, Diagnosis) else given.log}: this diagnosis found no model")
-    return given.model
+    model = given if isinstance(given, Model) else given.model
+    if model is None:
+        raise Error(f"{given!r} found no model")
+    return model
