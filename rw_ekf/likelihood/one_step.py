@@ -10,7 +10,7 @@ import math
 import sys
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from rw_ekf.wheel.pieces import effect_interval, row_size
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
 LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
+if TYPE_CHECKING:
+    from rw_ekf.likelihood.levels import Levels
+
 _SPREAD = math.sqrt(3.0)
 _COURSE_ANGLE = np.zeros(0)
 _ROUNDED = 0.5 / 12.0  # of the square of a grid, half of what an even error within a cell has
@@ -185,6 +188,7 @@ class Record:
     torque_noise: TorqueNoisePrior | None = None  # None: any amount is as likely as none
     angle_is_integrated: bool = False  # the course's angle: from speeds, so that it is lost slowly; else logged
     least_variance: float = 0.0  # [rad^2/s^2] of the readings: half of what rounding leaves of them
+    levels: Levels | None = None  # where readings that are rounded share an error that nobody knows
 
     @classmethod
     def of(

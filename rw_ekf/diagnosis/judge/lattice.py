@@ -90,6 +90,17 @@ def _log_cell(error: Float64Array, spread: Float64Array, grid: float) -> Float64
     return found
 
 
+def shared_variance(lattice: Lattice) -> float:
+    """Variance [rad^2/s^2], over all places in a cell, of the error that readings at one speed have in common.
+
+    That of the same series: all of grid^2/12 of readings without noise, and nothing where noise of half the grid makes
+    the mean of many readings the speed.
+    """
+    k = np.arange(1, _HARMONICS + 1)
+    blurred = (2.0 * math.pi * k * lattice.noise_rad_s / lattice.grid_rad_s) ** 2
+    return float(np.sum(np.exp(-blurred) / k**2)) * lattice.grid_rad_s**2 / (2.0 * math.pi**2)
+
+
 def rounding_error(speed_rad_s: Float64Array, spread_rad_s: Float64Array, lattice: Lattice) -> Float64Array:
     """Expected error of a rounded reading [rad/s] at speeds (n,) known to standard deviations (n,).
 

@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import investigate
-from rw_ekf.diagnosis.judge.lattice import Lattice, coarse_grid, find_lattice, rounding_error
+from rw_ekf.diagnosis.judge.lattice import Lattice, coarse_grid, find_lattice, rounding_error, shared_variance
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
+from rw_ekf.likelihood.levels import Levels
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -73,13 +73,18 @@ def _without(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Pr
     """The same without what rounding did, the base model fitted anew: by turns, since either asks for the other."""
     changed = prepared
     for _ in range(_TURNS):
-        changed = _corrected(prepared, rounding_error(trajectory.speed, trajectory.spread, lattice), lattice)
+        changed = _corrected(prepared, trajectory, lattice)
         trajectory = changed.base.trajectory
     return changed
 
 
-def _corrected(prepared: Prepared, error_rad_s: Float64Array, lattice: Lattice) -> Prepared:
-    """The same with errors of the readings (n,) taken off them, and the base model fitted anew."""
+def _corrected(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Prepared:
+    """The same with the errors that readings along a trajectory have taken off them, and the base model fitted anew.
+
+    Where the wheel stays in a cell, nothing tells the error: it is left open, the same for all readings there.
+    """
+    error_rad_s = rounding_error(trajectory.speed, trajectory.spread, lattice)
+    levels = Levels.of(trajectory.speed, prepared.record.follows, lattice.grid_rad_s, shared_variance(lattice))
 
     def corrected(record: Record) -> Record:
         course = record.course
@@ -87,6 +92,7 @@ def _corrected(prepared: Prepared, error_rad_s: Float64Array, lattice: Lattice) 
             record,
             course=course._replace(speed_rad_s=course.speed_rad_s - error_rad_s),
             least_variance=0.5 * lattice.noise_rad_s**2,
+            levels=levels,
         )
 
     base, record = prepared.base, corrected(prepared.record)
