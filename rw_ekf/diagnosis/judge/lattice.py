@@ -90,15 +90,17 @@ def _log_cell(error: Float64Array, spread: Float64Array, grid: float) -> Float64
     return found
 
 
-def shared_variance(lattice: Lattice) -> float:
-    """Variance [rad^2/s^2], over all places in a cell, of the error that readings at one speed have in common.
+def explained_variance(spread_rad_s: Float64Array, lattice: Lattice) -> Float64Array:
+    """Variance [rad^2/s^2], over all places in a cell, of what `rounding_error` tells at speeds known so well (n,).
 
-    That of the same series: all of grid^2/12 of readings without noise, and nothing where noise of half the grid makes
-    the mean of many readings the speed.
+    Of a speed that is known it is that of the error which all readings there have in common: grid^2/12 of readings
+    without noise, and nothing where noise of half the grid makes the mean of many readings the speed.
     """
-    k = np.arange(1, _HARMONICS + 1)
-    blurred = (2.0 * math.pi * k * lattice.noise_rad_s / lattice.grid_rad_s) ** 2
-    return float(np.sum(np.exp(-blurred) / k**2)) * lattice.grid_rad_s**2 / (2.0 * math.pi**2)
+    blurred = (2.0 * math.pi / lattice.grid_rad_s) ** 2 * (lattice.noise_rad_s**2 + np.square(spread_rad_s))
+    told = np.zeros(np.shape(spread_rad_s))
+    for k in range(1, _HARMONICS + 1):
+        told += np.exp(-blurred * k**2) / k**2
+    return told * lattice.grid_rad_s**2 / (2.0 * math.pi**2)
 
 
 def rounding_error(speed_rad_s: Float64Array, spread_rad_s: Float64Array, lattice: Lattice) -> Float64Array:
