@@ -76,7 +76,7 @@ class Linearisation:
         return sums + np.tril(sums, -1).T, logs, count
 
     def _levels(self, ratio: float, scale: float) -> Integrated:
-        """What the unknown errors of rounded readings may have done to whitened rows, worked out once for each noise."""
+        """What unknown errors of rounded readings may have done to whitened rows, worked out once for each noise."""
         if (ratio, scale) not in self._integrated:
             assert self.record.levels is not None
             with_memory = self.memory_jacobian.shape[0] > 0

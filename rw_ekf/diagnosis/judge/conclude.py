@@ -70,7 +70,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
     advance("weighing explanations")
     weighed = weighed_explanations(found)
     rounded = lattice is not None or GRID.id in selection.base.model.effects.ids
-    # Readings of a wheel that moves through cell after cell are noisier than those of one that stays: no torque does it.
+    # Rounded readings are noisier where the wheel moves through cell after cell than where it stays: no torque does it.
     noise = None if rounded else noise_finding(found.fit, prepared.facts)
     noisy = None if noise is None else noise.sentence(in_rpm=prepared.in_rpm)
     chosen = [] if unexplained else [*names, *([] if lattice is None else [GRID.id])]
@@ -123,11 +123,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
             *prepared.setup.notes,
             *prepared.notes,
             *([f"{noisy[:1].upper()}{noisy[1:]}."] if noisy is not None and verdict.kind == "effect" else []),
-            *(
-                []
-                if lattice is not None or found.lattice is None
-                else [_harmless(found.lattice, in_rpm=prepared.in_rpm)]
-            ),
+            *_of_no_use(found.lattice if lattice is None else None, in_rpm=prepared.in_rpm),
             *([] if uneven is None else [f"{uneven[:1].upper()}{uneven[1:]}"]),
             *work.sentences(),
             *([] if refusal is None else [f"no model was written, because none could read it: {refusal}"]),
@@ -290,6 +286,11 @@ def named_grid(found: Found) -> tuple[Lattice, Performance] | tuple[None, None]:
     return (found.lattice, after) if gained is not None and gained >= _GRID_GAINS else (None, None)
 
 
-def _harmless(lattice: Lattice, *, in_rpm: bool) -> str:
+def _of_no_use(lattice: Lattice | None, *, in_rpm: bool) -> list[str]:
+    """What is said of a grid that is not named, if there is one."""
+    if lattice is None:
+        return []
     size = f"{rpm_from_rad_s(lattice.grid_rad_s):.4g} rpm" if in_rpm else f"{lattice.grid_rad_s:.4g} rad/s (or m/s)"
-    return f"the readings stand on a grid of {size}; held-out errors are no smaller for knowing it, and it is not named"
+    return [
+        f"The readings stand on a grid of {size}; held-out errors are no smaller for knowing it, so it is not named."
+    ]
