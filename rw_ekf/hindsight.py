@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -86,19 +87,21 @@ def belief_of_fit(course: Course, setup: FilterSetup, fitted: Belief, noises: Se
 
     A fit regresses friction on a speed that the same readings gave: near rest, where friction depends on it, that
     biases it by more than a sigma. A filter predicts each reading from those before it. setup: with the speed noise
-    that the fit found; noises: torque noises of equal weight. The fit's own word where the filter has none.
+    that the fit found, and with the shapes that the record leaves open, if it does; noises: torque noises of equal
+    weight. The fit's own word where the filter has none.
     """
     setup = replace(setup, constants=without_drift(setup.constants))
     over = list(_over_stribeck_speeds(course, setup))
     if over:
         return _mixture(over)
+    shapes = setup.effect_hypotheses or (setup.effects,)
     parts = []
-    for noise in noises:
+    for effects, noise in product(shapes, noises):
         constants = setup.constants.with_acceleration_noise(noise)
-        again = second_look(course, constants, setup.prior, fitted, setup.effects)
+        again = second_look(course, constants, setup.prior, fitted, effects)
         if again is None:
             return fitted
-        parts.append((1.0 / len(noises), again[0]))
+        parts.append((1.0 / (len(noises) * len(shapes)), again[0]))
     return _mixture(parts)
 
 

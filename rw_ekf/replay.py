@@ -34,7 +34,7 @@ from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import sampling_of, without_repeats
 from rw_ekf.logs.sums import changed
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
-from rw_ekf.second_record import with_prior_that_holds, with_shapes_of_record
+from rw_ekf.second_record import as_of_another_record
 from rw_ekf.starting_point import (
     FilterSetup,
     setup_of_configuration,
@@ -115,7 +115,7 @@ def replay_log(
         if with_hindsight:
             setup = with_stribeck_speeds(course, setup)
             if model is not None:
-                setup = with_prior_that_holds(course, with_shapes_of_record(course, setup))
+                setup = as_of_another_record(course, setup)
             run, setup = run_of_log(course, setup, keep_states=with_columns, keep_history=smooth)
         if online:
             run = _online(log, setup, advance)

@@ -38,6 +38,15 @@ _FREE = 100.0  # times the model's variances, to ask the log itself
 _SHORT = 1.0e-3  # of a reach: a step that is no step
 
 
+def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
+    """The setup of a model that was found elsewhere, for a log that is seen as a whole: its shapes, then its a priori.
+
+    For a filter and for a fit alike; a run, which goes forward, does without what belonged to one record
+    (`rw_ekf.learning.carry`).
+    """
+    return with_prior_that_holds(course, with_shapes_of_record(course, setup))
+
+
 def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     """The setup with the shape constants that this log makes likeliest, and with others that it leaves open.
 

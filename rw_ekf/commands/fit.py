@@ -71,6 +71,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.logs.record_print import made_of, print_of
     from rw_ekf.logs.sampling import without_repeats
     from rw_ekf.replay import refuse_runaway_model
+    from rw_ekf.second_record import as_of_another_record
     from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
@@ -101,6 +102,8 @@ def execute(args: argparse.Namespace) -> int:
     if augmented is not None:
         refuse_runaway_model(log.name, course, setup, augmented)
         course = with_conditions(course)
+    if prior_model is not None and configuration is None and args.method == "least-squares":
+        setup = as_of_another_record(course, setup)
     with progress("fit", None, " evaluations") as bar:
         belief, found, quality, warnings = _fit(args.method, course, log, setup, bar.update)
     noise = found if args.noise else None
