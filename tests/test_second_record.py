@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.cli import main
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
@@ -16,7 +20,7 @@ from rw_ekf.replay import replay_log
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import EffectSet
 from tools.proof.cases import Case
-from tools.proof.plants import log_of
+from tools.proof.plants import log_of, save_log
 
 WHEEL = PlantParameters()
 ONSET_S, DECAY_S, AMPLITUDE = 280.0, 60.0, 0.09
@@ -47,6 +51,17 @@ def test_an_onset_of_another_record_is_not_taken_for_certain() -> None:
         assert abs(found.belief.mean[5] - AMPLITUDE) < 3.0 * found.belief.std[5]
         assert any("onset_s 2" in warning for warning in found.warnings)
         assert abs(found.setup.effects.terms[0].shape[0] - ONSET_S) < 1.0
+
+
+def test_a_fit_leaves_open_what_a_replay_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`fit --prior` of a record whose spike begins 2 s before the model's: its amplitude within three sigmas, told."""
+    save_log(record(1), str(tmp_path / "b.csv"))
+    (tmp_path / "m.yaml").write_text(model(ONSET_S + 2.0).to_text())
+    assert main(["fit", str(tmp_path / "b.csv"), "--prior", str(tmp_path / "m.yaml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    spike = found["effects"]["drag_spike"]
+    assert abs(spike["value"] - AMPLITUDE) < 3.0 * spike["std"]
+    assert any("onset_s 2" in warning for warning in found["warnings"])
 
 
 def test_a_model_that_the_log_contradicts_is_said_to_and_counts_for_less() -> None:
