@@ -19,8 +19,10 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.likelihood.whitening import Chain
 
-_STAYS = 8  # readings in a row within half a cell: fewer that share an error weigh no more than that many
-_MOST = 60  # levels, of the most readings
+# Readings in a row within half a cell. An error that fewer share weighs at most so many times what it should, for as
+# long as the wheel stays; a third more or less named the same on six staircases of 20 to 200 noises a step.
+_STAYS = 8
+_MOST = 60  # levels, those of most readings: for what they cost; a staircase has some ten or twenty
 
 
 @dataclass(eq=False, frozen=True)

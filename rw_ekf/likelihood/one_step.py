@@ -10,7 +10,7 @@ import math
 import sys
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.course.grid import grid_of
 from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.likelihood.levels import Levels
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
@@ -30,9 +31,6 @@ from rw_ekf.wheel.pieces import effect_interval, row_size
 from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
 LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
-if TYPE_CHECKING:
-    from rw_ekf.likelihood.levels import Levels
-
 _SPREAD = math.sqrt(3.0)
 _COURSE_ANGLE = np.zeros(0)
 _ROUNDED = 0.5 / 12.0  # of the square of a grid, half of what an even error within a cell has

@@ -154,7 +154,8 @@ def in_batches(time_s: Float64Array, seed: int) -> Float64Array:
     batch = np.searchsorted(ends, np.arange(n), side="left")
     place = np.arange(n) - np.append(0, ends)[batch]
     arrives = time_s[np.minimum(ends[batch], n - 1)]
-    return np.maximum.accumulate(arrives + 1.4e-4 * np.maximum(place, 0)) + 1.0e-7 * np.arange(n)
+    late: Float64Array = np.maximum.accumulate(arrives + 1.4e-4 * np.maximum(place, 0)) + 1.0e-7 * np.arange(n)
+    return late
 
 
 def test_rows_that_come_in_batches_go_by_their_count() -> None:

@@ -19,7 +19,7 @@ from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
 from rw_ekf.diagnosis.judge.torque_noise import noise_finding
-from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
+from rw_ekf.diagnosis.judge.verdict import GRID_GAINS, Verdict, verdict_on
 from rw_ekf.diagnosis.judge.widths import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, threshold
@@ -44,16 +44,13 @@ from rw_ekf.filter.evenness import unevenness
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import size_of
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
-from rw_ekf.units import rpm_from_rad_s
+from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from rw_ekf.wheel.model_file import refusal_of
 
 Advance = Callable[[str], object]
 
 SCHEMA = "rw_ekf.diagnosis/1"
 MODEL_FILE = "augmented-model.yaml"
-# Percent of the held-out error that a named grid takes off: less is told as 0 %. Grids of 3, 3.5 and 4 sigma of the
-# noise take off 0.16, 0.6 and 1.5 (eq. 11a), so that a third more or less moves the limit between 3.3 and 3.6 sigma.
-_GRID_GAINS = 0.5
 
 
 def conclude(found: Found, advance: Advance) -> Diagnosis:
@@ -274,16 +271,19 @@ def _lattice_entry(lattice: Lattice) -> dict[str, Any]:
 
 
 def named_grid(found: Found) -> tuple[Lattice, Performance] | tuple[None, None]:
-    """The readings' grid, and the figures with it, where held-out errors are smaller for knowing it; else none.
+    """The readings' grid, and the figures with it, where it is coarser than what held-out readings are missed by.
 
-    Of a grid little coarser than the noise, or of one that is lost in what the model predicts wrongly anyway, nothing
-    follows for anybody.
+    One-step errors may be small where noise goes on from reading to reading: a grid that is lost in what a free run
+    misses is nothing to anybody, unless errors are smaller for knowing it.
     """
-    if found.lattice is None or found.corrected is None:
+    lattice = found.lattice
+    if lattice is None or found.corrected is None:
         return None, None
-    after = performance_read(found.prepared, found.corrected, found.selection.final, found.lattice)
-    gained = percent_better(performance(found.prepared, found.selection.final).figures, after.figures)
-    return (found.lattice, after) if gained is not None and gained >= _GRID_GAINS else (None, None)
+    less = performance(found.prepared, found.selection.final).figures
+    after = performance_read(found.prepared, found.corrected, found.selection.final, lattice)
+    missed_rpm = less["free_run_rms_rpm"] or less["horizon_20s_rms_rpm"] or less["one_step_rms_rpm"] or 0.0
+    coarse = lattice.is_coarser_than((missed_rpm * RAD_S_PER_RPM) ** 2)
+    return (lattice, after) if coarse or (percent_better(less, after.figures) or 0.0) >= GRID_GAINS else (None, None)
 
 
 def _of_no_use(lattice: Lattice | None, *, in_rpm: bool) -> list[str]:

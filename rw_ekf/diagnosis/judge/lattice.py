@@ -30,13 +30,21 @@ class Lattice:
     statistic: float  # 2 x gain in log-likelihood of less noise, then rounded, over all the noise found; fit part
     heldout_statistic: float
 
+    def is_coarser_than(self, variance: float) -> bool:
+        """Whether it is coarser than 1.5 sigma of a noise, or an error, of this variance, its own share taken off."""
+        return _is_coarse(self.grid_rad_s, variance)
+
+
+def _is_coarse(grid: float, variance: float) -> bool:
+    return grid >= _COARSER * math.sqrt(max(variance - grid * grid / 12.0, 0.0))
+
 
 def coarse_grid(speed_rad_s: Float64Array, reading_variance: float, least_grid_rad_s: float) -> float | None:
     """The grid [rad/s] of readings (n,), if it is worth comparing likelihoods for."""
     grid = grid_of(speed_rad_s)
     if grid is None or grid < least_grid_rad_s:
         return None
-    return None if grid < _COARSER * math.sqrt(max(reading_variance - grid * grid / 12.0, 0.0)) else grid
+    return grid if _is_coarse(grid, reading_variance) else None
 
 
 def find_lattice(
