@@ -22,6 +22,7 @@ from rw_ekf.likelihood.whitening import Chain
 # Readings in a row within half a cell. An error that fewer share weighs at most so many times what it should, for as
 # long as the wheel stays; a third more or less named the same on six staircases of 20 to 200 noises a step.
 _STAYS = 8
+_MOVES_ON = 1.0 / 3.0  # of the room, from first to last third: half of a ramp's
 _MOST = 60  # levels, those of most readings: for what they cost; a staircase has some ten or twenty
 
 
@@ -81,15 +82,23 @@ class Integrated:
 
 
 def _stays(speed_rad_s: Float64Array, follows: BoolArray, room_rad_s: float) -> list[tuple[int, int]]:
-    """(first, end) of stretches of samples in which the speed stays within so much, each as long as it can be."""
-    found, first = [], 0
+    """(first, end) of stretches of samples in which the speed stays within so much, each as long as it can be.
+
+    None of a speed that moves on: its error changes sign within each cell, and where it crosses tells it.
+    """
+    edges, first = [], 0
     low = high = float(speed_rad_s[0]) if speed_rad_s.size else 0.0
     for i, speed in enumerate(speed_rad_s.tolist()):
         low, high = min(low, speed), max(high, speed)
         if high - low > room_rad_s or not follows[i]:
-            if i - first >= _STAYS:
-                found.append((first, i))
+            edges.append((first, i))
             first, low, high = i, speed, speed
-    if speed_rad_s.size - first >= _STAYS:
-        found.append((first, speed_rad_s.size))
-    return found
+    edges.append((first, speed_rad_s.size))
+    long = [(first, end) for first, end in edges if end - first >= _STAYS]
+    return [at for at in long if _moved(speed_rad_s[slice(*at)]) < _MOVES_ON * room_rad_s]
+
+
+def _moved(speed_rad_s: Float64Array) -> float:
+    """How far the last third of a stay is from its first: two thirds of its room for a ramp."""
+    third = speed_rad_s.size // 3
+    return abs(float(np.median(speed_rad_s[-third:]) - np.median(speed_rad_s[:third])))
