@@ -2,14 +2,60 @@
 
 bytes -> drivers -> WheelSample -> model + filter -> Tick -> sinks. See docs/ for the mathematics.
 
-Whoever imports this gets one thread for linear algebra (docs/decisions/0005), and so do the processes started from
-there. It asks through the environment, which the linear algebra reads once, when numpy is loaded: import rw_ekf before
-numpy, or set the variables outside. What is set already stays.
+Public is what `dir(rw_ekf)` names, and nothing else: functions and what they return, loaded when first asked for.
 """
 
-import os
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rw_ekf.errors import RwEkfError as Error
+    from rw_ekf.library import (
+        Comparison,
+        Diagnosis,
+        Estimate,
+        Estimator,
+        Fit,
+        Log,
+        Model,
+        Run,
+        compare,
+        diagnose,
+        fit,
+        read,
+        replay,
+        simulate,
+    )
 
 __version__ = "0.1.0"
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+__all__ = [
+    "Comparison",
+    "Diagnosis",
+    "Error",
+    "Estimate",
+    "Estimator",
+    "Fit",
+    "Log",
+    "Model",
+    "Run",
+    "compare",
+    "diagnose",
+    "fit",
+    "read",
+    "replay",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'rw_ekf' has no attribute {name!r}")
+    import importlib
+
+    return getattr(importlib.import_module("rw_ekf.library"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(["__version__", *__all__])

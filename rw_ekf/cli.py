@@ -8,8 +8,9 @@ import sys
 from collections.abc import Sequence
 
 from rw_ekf import __version__
-from rw_ekf.console import abandon_output, open_missing_streams, settle_errors
+from rw_ekf.console import abandon_output, open_streams, printable_streams, settle_errors
 from rw_ekf.errors import ConfigError, RwEkfError
+from rw_ekf.one_thread import ask_for_one_thread
 
 VERBS = {
     "run": "run",
@@ -55,9 +56,11 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit status: 0 done, 1 failed in the work, 2 wrong usage or bad input."""
-    open_missing_streams()
+    ask_for_one_thread()
+    open_streams()
     try:
-        return _main(arguments)
+        with printable_streams():
+            return _main(arguments)
     finally:
         settle_errors()
 

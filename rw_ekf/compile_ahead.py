@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rw_ekf.wheel.compiled import Kernel
+    from rw_ekf.compiled import Kernel
 
 FILTER = ("rw_ekf.filter.kernel:filter_pass",)
 EFFECTS = ("rw_ekf.filter.kernel:filter_pass_with_effects",)
@@ -102,7 +102,7 @@ def _groups(names: Sequence[str]) -> list[list[str]]:
 @contextlib.contextmanager
 def _child(names: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
     """A process that compiles; killed where this is left before it has ended."""
-    from rw_ekf.wheel.compiled import child_environment
+    from rw_ekf.compiled import child_environment
 
     command = [sys.executable or "python3", "-P", "-c", _CHILD, json.dumps([sys.path, list(names)])]
     # A session of its own: Ctrl-C at the terminal is for the parent, which kills what it started.

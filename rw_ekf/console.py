@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
 import math
 import os
@@ -10,10 +11,12 @@ import sys
 from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 _TICK_S = 0.5
 _LONG = 1.0e5  # beyond it, times mostly, six digits would lose the unit
+_TURNS = (0x61C, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2066, 0x206A))  # and ends of lines that are none
+_UNSEEN = {code: f"\\u{code:04x}" for code in (*range(0x20), *range(0x7F, 0xA0), *_TURNS) if chr(code) not in "\n\t"}
 _LEAST_COLUMNS, _USUAL_COLUMNS = 10, 80  # a terminal that says it is narrower knows nothing of its width
 
 
@@ -41,7 +44,7 @@ class Status:
 
     def show(self, line: str) -> None:
         """Replace what is shown. The line must be shorter than the terminal is wide, or each one scrolls."""
-        self._put(f"\r{line}\x1b[K")
+        self._put(f"\r{printable(line)}\x1b[K")
         self._shown = line
 
     def say(self, text: str) -> None:
@@ -59,7 +62,7 @@ class Status:
 
     def _put(self, text: str) -> None:
         with contextlib.suppress(OSError, ValueError):
-            sys.stderr.write(text)
+            _bare(sys.stderr).write(text)
             sys.stderr.flush()
 
 
@@ -83,13 +86,54 @@ class _Quiet:
             sys.stderr.flush()
 
 
-def open_missing_streams() -> None:
-    """Where the program was started with a standard stream closed, write to nowhere instead of failing."""
+def open_streams() -> None:
+    """Make the standard streams such that no text fails: to nowhere where they were closed, and `printable`."""
     for name, number in (("stdout", 1), ("stderr", 2)):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, number)  # also so that no file of ours is opened under that number
             setattr(sys, name, os.fdopen(number, "w", closefd=False))
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+
+
+def printable(text: str) -> str:
+    r"""A text that does nothing but stand there, and that UTF-8 can hold.
+
+    Names, headers and reasons come from anywhere: what would move a terminal's cursor, colour it or turn the direction
+    of reading stands as in JSON, as \u001b, and so does a byte of a file's name that is no UTF-8.
+    """
+    return text.translate(_UNSEEN).encode(errors="backslashreplace").decode()
+
+
+class _Printable:
+    """A standard stream all of whose text is `printable`."""
+
+    def __init__(self, bare: TextIO) -> None:
+        self.bare = bare
+
+    def write(self, text: str) -> int:
+        return self.bare.write(printable(text))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.bare, name)
+
+
+def _bare(stream: TextIO) -> TextIO:
+    """The stream itself, for our own control of a terminal."""
+    return stream.bare if isinstance(stream, _Printable) else stream
+
+
+@contextmanager
+def printable_streams() -> Iterator[None]:
+    """Let nothing from outside act on the terminal, whoever writes it; a JSON document stays what it is."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (cast(TextIO, _Printable(_bare(stream))) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
 
 
 def shown_path(path: str | Path) -> str:
@@ -117,9 +161,11 @@ def settle_errors() -> None:
         abandon_output(sys.stderr)
 
 
-def _short_numbers(_logger: object, _name: str, entry: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
-    """Six digits are enough for a line that people read; the log file has them all."""
+def _for_people(_logger: object, _name: str, entry: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+    """Six digits are enough for a line that people read, the log file has them all; and text is printable."""
     for key, value in entry.items():
+        if isinstance(value, str):
+            entry[key] = printable(value)
         if isinstance(value, float) and math.isfinite(value):
             entry[key] = float(f"{value:.6g}") if abs(value) < _LONG else round(value, 1)
     return entry
@@ -140,7 +186,7 @@ def logger(log_format: str = "text") -> Any:
             structlog.processors.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             structlog.processors.format_exc_info,
-            _short_numbers,
+            _for_people,
             renderer,
         ],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
@@ -161,7 +207,9 @@ def progress(title: str, total: int | None, unit: str = "", *, delay_s: float = 
     from tqdm import tqdm
 
     ended = threading.Event()
-    with tqdm(total=total, desc=title, unit=unit, delay=delay_s, disable=None, file=sys.stderr, leave=False) as bar:
+    with tqdm(
+        total=total, desc=title, unit=unit, delay=delay_s, disable=None, file=_bare(sys.stderr), leave=False
+    ) as bar:
 
         def tick() -> None:
             if not ended.wait(delay_s):

@@ -4,6 +4,7 @@ RwEkfError              exit status 1: the work failed
 ├── BadInputError       exit status 2: a file, key, value or option that the user can mend
 │   ├── ConfigError     a configuration, wire map, model or column map (file:line:column: message; one line per finding)
 │   └── LogError        a log that cannot be read or used (EmptyLogError: because there is no row in it)
+├── PictureError        a picture that matplotlib cannot draw; what it shows is there without it
 ├── DriverError         the wheel's link: cannot be opened, lost, answers garbage
 └── FilterError         the filter was given something that is not a number, or its covariance broke
 EndOfRecord             not an error: a replayed record has no more samples
@@ -38,6 +39,10 @@ class LogError(BadInputError):
 
 class EmptyLogError(LogError):
     """A log holds no row: there is nothing in it, and nothing wrong with it."""
+
+
+class PictureError(RwEkfError):
+    """A picture could not be drawn."""
 
 
 class DriverError(RwEkfError):

@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rw_ekf.console import printable
+from rw_ekf.drawing import picture
 from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.logs.log_picture import BLUE, GREY, RED, draw_speed, legend
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from rw_ekf.filter.belief import Belief
     from rw_ekf.logs.wheel_log import WheelLog
 
-_BLUE, _RED, _GREY = "#1f5fa8", "#c0392b", "#8a8f98"
 _TITLES = {
     "motor_gain": "motor gain",
     "viscous": "viscous friction",
@@ -26,8 +30,15 @@ _TITLES = {
 }
 
 
-def run_picture(
-    path: str | Path,
+@picture
+def save_png(figure: Figure, path: str | Path) -> None:
+    """Write a figure as a PNG."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110, format="png")
+
+
+@picture
+def run_figure(
     log: WheelLog,
     columns: Mapping[str, Any],
     *,
@@ -35,21 +46,19 @@ def run_picture(
     hindsight: Belief | None = None,
     title: str = "",
     wheel_units: bool = True,
-) -> None:
-    """Write a PNG of one replayed log. `columns` are those of `replay --out`; truth: parameters, drawn dashed.
+) -> Figure:
+    """Draw one replayed log. `columns` are those of `replay --out`; truth: parameters, drawn dashed.
 
     hindsight: what is believed of the whole log, drawn at its end where the rows are the filter's as it went.
     wheel_units: rpm and mA; otherwise as the log has them, for a plant that is not a wheel.
     """
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib.figure import Figure
 
     time_s = np.asarray(columns["time_s"], dtype=np.float64)
     time_s = time_s - (time_s[0] if time_s.size else 0.0)
-    figure, axes = plt.subplots(6, 1, figsize=(10, 13), sharex=True, height_ratios=[1.5, 1.2, 1, 1, 1, 1])
-    _draw_speed(axes[0], time_s, log, columns, wheel_units=wheel_units)
+    figure = Figure(figsize=(10, 13))
+    axes = figure.subplots(6, 1, sharex=True, height_ratios=[1.5, 1.2, 1, 1, 1, 1])
+    draw_speed(axes[0], time_s, log, columns, wheel_units=wheel_units)
     _draw_innovation(axes[1], time_s, columns, wheel_units=wheel_units)
     for axis, name in zip(axes[2:], PARAMETER_NAMES, strict=True):
         _draw_parameter(axis, time_s, columns, name, None if truth is None else truth.get(name))
@@ -59,49 +68,34 @@ def run_picture(
     for axis in axes:
         axis.grid(visible=True, alpha=0.25)
         axis.margins(x=0.01)
-    figure.suptitle(title or log.name, fontsize=12)
+    figure.suptitle(printable(title or log.name), fontsize=12)
     figure.align_ylabels(axes)
     figure.tight_layout(rect=(0, 0, 1, 0.99))
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110, format="png")
-    plt.close(figure)
-
-
-def _draw_speed(axis: Any, time_s: Any, log: WheelLog, columns: Mapping[str, Any], *, wheel_units: bool) -> None:
-    unit, scale = ("rpm", RAD_S_PER_RPM) if wheel_units else ("rad/s", 1.0)
-    measured = log.speed_rad_s / scale
-    axis.plot(time_s, measured, ".", ms=2, color=_GREY, label="measured")
-    axis.plot(time_s, np.asarray(columns["speed_rad_s"]) / scale, lw=1.0, color=_BLUE, label="estimate")
-    axis.set_ylabel(f"speed [{unit}]")
-    current = axis.twinx()
-    drive = 1e3 * log.current_A if wheel_units else log.current_A
-    current.step(time_s, drive, where="post", lw=0.7, color=_RED, alpha=0.45)
-    current.set_ylabel("current [mA]" if wheel_units else "drive", color=_RED)
-    _legend(axis)
+    return figure
 
 
 def _draw_innovation(axis: Any, time_s: Any, columns: Mapping[str, Any], *, wheel_units: bool) -> None:
     unit, scale = ("rpm", RAD_S_PER_RPM) if wheel_units else ("rad/s", 1.0)
     innovation = np.asarray(columns["innovation_rad_s"]) / scale
     band = 3.0 * np.asarray(columns["innovation_std_rad_s"]) / scale
-    axis.fill_between(time_s, -band, band, color=_BLUE, alpha=0.15, lw=0, label="3 sigma")
-    axis.plot(time_s, innovation, ".", ms=2, color=_BLUE)
+    axis.fill_between(time_s, -band, band, color=BLUE, alpha=0.15, lw=0, label="3 sigma")
+    axis.plot(time_s, innovation, ".", ms=2, color=BLUE)
     rejected = ~np.asarray(columns["accepted"], dtype=bool) & np.isfinite(innovation)
     if rejected.any():
-        axis.plot(time_s[rejected], innovation[rejected], "x", ms=5, color=_RED, label="rejected")
+        axis.plot(time_s[rejected], innovation[rejected], "x", ms=5, color=RED, label="rejected")
     typical = float(np.nanmedian(band)) if np.isfinite(band).any() else 1.0
     axis.set_ylim(-2.0 * typical, 2.0 * typical)
     axis.set_ylabel(f"innovation [{unit}]")
-    _legend(axis)
+    legend(axis)
 
 
 def _draw_parameter(axis: Any, time_s: Any, columns: Mapping[str, Any], name: str, truth: float | None) -> None:
     value = np.asarray(columns[name], dtype=np.float64)
     band = 3.0 * np.asarray(columns[f"std_{name}"], dtype=np.float64)
-    axis.fill_between(time_s, value - band, value + band, color=_BLUE, alpha=0.15, lw=0)
-    axis.plot(time_s, value, lw=1.2, color=_BLUE, label="estimate as it went, 3 sigma")
+    axis.fill_between(time_s, value - band, value + band, color=BLUE, alpha=0.15, lw=0)
+    axis.plot(time_s, value, lw=1.2, color=BLUE, label="estimate as it went, 3 sigma")
     if truth is not None:
-        axis.axhline(truth, ls="--", lw=1.0, color=_RED, label="truth")
+        axis.axhline(truth, ls="--", lw=1.0, color=RED, label="truth")
     # The band of the prior dwarfs everything later: show what is left after the first tenth of the run.
     late = slice(max(1, value.size // 10), None)
     if value[late].size:
@@ -112,21 +106,13 @@ def _draw_parameter(axis: Any, time_s: Any, columns: Mapping[str, Any], name: st
         if math.isfinite(low) and math.isfinite(high):
             axis.set_ylim(low - pad, high + pad)
     axis.set_ylabel(f"{_TITLES[name]}\n[{STATE_UNITS[name]}]", fontsize=9)
-    _legend(axis)
+    legend(axis)
 
 
 def _draw_hindsight(axis: Any, time_s: Any, belief: Belief, name: str) -> None:
     """At the end of the curve, whose limits grow where they have to."""
     value, std = getattr(belief.parameters, name), getattr(belief.core.parameter_std, name)
-    axis.errorbar(time_s[-1:], [value], [3.0 * std], fmt="o", ms=3, capsize=3, color=_GREY, label="in hindsight")
+    axis.errorbar(time_s[-1:], [value], [3.0 * std], fmt="o", ms=3, capsize=3, color=GREY, label="in hindsight")
     low, high = axis.get_ylim()
     axis.set_ylim(min(low, value - 3.5 * std), max(high, value + 3.5 * std))
-    _legend(axis)
-
-
-def _legend(axis: Any) -> None:
-    """Above the panel, where it hides nothing."""
-    axis.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8, frameon=False, borderaxespad=0.1,
-        handlelength=1.4, columnspacing=1.4,
-    )  # fmt: skip
+    legend(axis)

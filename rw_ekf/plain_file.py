@@ -1,11 +1,16 @@
-"""Files that the outside world has put there, read only where they are plain: no pipe, no device is waited for."""
+"""Files that the outside world has put there: only plain ones, no pipe or device is waited for; JSON of any depth."""
 
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
 from pathlib import Path
+from typing import Any
+
+_ANY = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY  # opening a pipe that nobody writes to, or reads, does not wait
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW
 
 
 def read_plain(path: str | Path, most_bytes: int) -> bytes:
@@ -13,8 +18,29 @@ def read_plain(path: str | Path, most_bytes: int) -> bytes:
 
     A read of a pipe waits for a writer, one of /dev/zero never ends: neither is what anybody meant by a file of ours.
     """
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
-    with os.fdopen(descriptor, "rb") as file:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(errno.EINVAL, "it is not a plain file", str(path))
+    with os.fdopen(_plain(path, os.O_RDONLY), "rb") as file:
         return file.read(most_bytes)
+
+
+def open_to_append(path: str | Path) -> int:
+    """A descriptor of a plain file, made if it is not there. Raises OSError as `read_plain`, and for a link."""
+    return _plain(path, _APPEND)
+
+
+def _plain(path: str | Path, flags: int) -> int:
+    descriptor = os.open(path, flags | _ANY, 0o666)
+    mode = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(mode):
+        return descriptor
+    os.close(descriptor)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    raise OSError(errno.EINVAL, f"it is a {'pipe' if stat.S_ISFIFO(mode) else 'device'}, no plain file", str(path))
+
+
+def json_of(text: bytes | str) -> Any:
+    """What a JSON text of outside holds; None where it is none, or nested deeper than anything that is meant."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None

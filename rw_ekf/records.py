@@ -223,6 +223,11 @@ class Estimate:
     current: Callable[[float], float] | None = field(default=None, compare=False, repr=False)
     ahead: Callable[[float | None], Outlook] | None = field(default=None, compare=False, repr=False)
 
+    @property
+    def mean(self) -> WheelState:
+        """What is believed, by name; `std` has the standard deviations."""
+        return self.state
+
     def friction_torque_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
         """Friction torque per unit inertia, all effects of the model included: value and standard deviation.
 

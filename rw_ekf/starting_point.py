@@ -136,22 +136,8 @@ def setup_of_record(
 
     scale = measure(course)
     if model is not None:
-        given = model.acceleration_noise
-        constants = filter_constants(
-            model.stribeck_speed_rad_s,
-            model.stribeck_law,
-            speed_noise_rad_s=model.speed_noise_rad_s or scale.constants.speed_noise_rad_s,
-            acceleration_noise=scale.constants.acceleration_noise if given is None else given,
-            scale=model.parameters,
-            nominal_period_s=period,
-        )
-        return FilterSetup(
-            constants,
-            belief_of_model(model),
-            model.inertia_kg_m2,
-            effects=model.effects,
-            inertia_from=ASSUMED if model.inertia_is_assumed else "model",
-        )
+        noises = scale.constants.speed_noise_rad_s, scale.constants.acceleration_noise
+        return setup_of_model(model, *noises, period)
     if not scale.like_default_wheel and not is_foreign(course, scale):
         scale = default_scale(scale.constants.speed_noise_rad_s, period)
     if not scale.like_default_wheel:
@@ -174,6 +160,28 @@ def setup_of_record(
         fit_of_record=fit,
         acceleration_noises=() if found is None else found.acceleration_noises,
         lowest_loss=None if found is None else found.lowest_loss,
+    )
+
+
+def setup_of_model(
+    model: WheelModel, speed_noise_rad_s: float, acceleration_noise: float, period_s: float
+) -> FilterSetup:
+    """Start as a model says; the noises [rad/s, rad/s per sqrt(s)] count where it knows none."""
+    own = model.acceleration_noise
+    constants = filter_constants(
+        model.stribeck_speed_rad_s,
+        model.stribeck_law,
+        speed_noise_rad_s=model.speed_noise_rad_s or speed_noise_rad_s,
+        acceleration_noise=acceleration_noise if own is None else own,
+        scale=model.parameters,
+        nominal_period_s=period_s,
+    )
+    return FilterSetup(
+        constants,
+        belief_of_model(model),
+        model.inertia_kg_m2,
+        effects=model.effects,
+        inertia_from=ASSUMED if model.inertia_is_assumed else "model",
     )
 
 

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
 
-import rw_ekf  # noqa: F401  before numpy: one thread for linear algebra
+from rw_ekf.one_thread import ask_for_one_thread
+
+ask_for_one_thread()  # before numpy is loaded
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """--refresh-golden: write the golden numbers anew; in a commit of its own that says why."""
     parser.addoption("--refresh-golden", action="store_true", help="write tests/golden/ anew instead of comparing")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Under nohup hang-ups stay without effect here, but what the tests start does not inherit that."""
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: None)  # a handler, other than SIG_IGN, ends where a program begins
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

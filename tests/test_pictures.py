@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 
+from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.pictures import run_picture
-from rw_ekf.replay import replay_log
+from rw_ekf.pictures import run_figure, save_png
 from tests.truth import run_of
 
 
 def test_a_replayed_log_becomes_a_png_with_its_curves(tmp_path: Path) -> None:
-    """A PNG is written whole, for a wheel and for a foreign plant, gaps and a rejected reading included."""
+    """A PNG is written whole, for a wheel and a foreign plant of an odd name, gaps and a rejected reading included."""
     run = run_of("S3", 1)
     speed = run.course.speed_rad_s.copy()
     speed[100:110] = np.nan
@@ -24,9 +25,11 @@ def test_a_replayed_log_becomes_a_png_with_its_curves(tmp_path: Path) -> None:
     )
     replayed = replay_log(log, with_columns=True)
     assert replayed.columns is not None
-    for name, wheel_units in (("wheel.png", True), ("plant.png", False)):
+    odd = os.fsdecode(b"co$t_{_$ gr\xf6sse.csv")  # a formula that is none, and a byte that is no UTF-8
+    for name, wheel_units, title in (("wheel.png", True, ""), ("plant.png", False, odd)):
         path = tmp_path / name
-        run_picture(path, log, replayed.columns, truth={"motor_gain": 15.205}, wheel_units=wheel_units)
+        figure = run_figure(log, replayed.columns, truth={"motor_gain": 15.205}, wheel_units=wheel_units, title=title)
+        save_png(figure, path)
         content = path.read_bytes()
         assert content.startswith(b"\x89PNG\r\n")
         assert content.rstrip().endswith(b"IEND\xaeB`\x82")

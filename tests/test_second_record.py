@@ -13,10 +13,10 @@ from drivers.sim.plant_effect_text import parse_effects
 from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.cli import main
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.replay import replay_log
 from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import EffectSet
 from tools.proof.cases import Case

@@ -1,3 +1,5 @@
 """Benchmarks, proofs and demonstrations; nothing of the product imports them."""
 
-import rw_ekf  # noqa: F401  before numpy: one thread for linear algebra
+from rw_ekf.one_thread import ask_for_one_thread
+
+ask_for_one_thread()  # before numpy is loaded

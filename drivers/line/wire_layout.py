@@ -58,7 +58,7 @@ QUANTITIES: dict[str, str] = {
 }
 
 # By quantity, what no machine reports [SI]: the size above which a value is damage, however good its checksum. Far
-# beyond what exists; speed and current below what a replay refuses (rw_ekf.replay): no run leaves a log it cannot read.
+# beyond what exists; speed and current below what `replay` refuses: no run leaves a log it cannot read.
 BEYOND_ANY_MACHINE: dict[str, float] = {
     "speed": 2.0e5,  # 1.9 million rpm; the fastest rotors on bearings reach a million, limits.speed_rpm allows as much
     "current": 1.0e4,  # limits.current_A allows a tenth

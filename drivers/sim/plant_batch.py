@@ -5,21 +5,19 @@ Import this only where numbers are crunched: it loads numpy and numba.
 
 from __future__ import annotations
 
-import hashlib
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
 from drivers.sim import plant, plant_parameters, plant_terms
 from drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
 from rw_ekf.arrays import Float64Array
+from rw_ekf.compiled import compile_cached
 
 Run = Callable[..., PlantState]
 
@@ -111,53 +109,10 @@ def plain_run(
     return state
 
 
-def _compiled(source_digest: str) -> Run:
-    """The compiled run.
-
-    numba's cache watches this file alone. Through the closure the digest of the physics' source is part of its key, so
-    that changed physics is compiled anew and never taken from a stale cache.
-    """
-
-    def run(
-        p: PlantParameters,
-        state: PlantState,
-        current_A: Float64Array,
-        times_s: Float64Array,
-        delay_s: float,
-        kicks_rad_s: Float64Array,
-        wanders_rad_s2: Float64Array,
-        fine_step_s: float,
-        truth: Float64Array,
-    ) -> PlantState:
-        _ = source_digest
-        return plain_run(p, state, current_A, times_s, delay_s, kicks_rad_s, wanders_rad_s2, fine_step_s, truth)
-
-    compiled: Run = njit(cache=True)(run)
-    return compiled
-
-
-def _digest(*modules: Any) -> str:
-    """Digest of the source the compiled code comes from."""
-    content = b"".join(Path(str(module.__file__)).read_bytes() for module in modules)
-    return hashlib.sha256(content).hexdigest()
-
-
-def _compiled_advance(source_digest: str) -> Callable[..., PlantState]:
-    """The compiled step of a runner, for thousands of intervals; the digest as in `_compiled`."""
-
-    def step(
-        p: PlantParameters, state: PlantState, current_A: float, duration_s: float, fine_step_s: float
-    ) -> PlantState:
-        _ = source_digest
-        return advance(p, state, current_A, duration_s, fine_step_s)
-
-    compiled: Callable[..., PlantState] = njit(cache=True)(step)
-    return compiled
-
-
 register_jitable(plain_run)
-compiled_run = _compiled(_digest(plant, plant_terms, plant_parameters))
-compiled_advance = _compiled_advance(_digest(plant, plant_terms, plant_parameters))
+_PHYSICS = [plant, plant_terms, plant_parameters, sys.modules[__name__]]
+compiled_run = compile_cached(plain_run, _PHYSICS)
+compiled_advance = compile_cached(advance, _PHYSICS)  # the step of a runner, for thousands of intervals
 
 
 def simulate_run(

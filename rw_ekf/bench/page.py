@@ -6,6 +6,7 @@ import base64
 import html
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +16,22 @@ from rw_ekf.bench.pictures import courses_picture, peaks_picture
 from rw_ekf.bench.result import BASELINE, LEGEND, Row, rows_of, tables_of
 from rw_ekf.bench.tables import Table
 from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.diagnosis.report.drawn import write_pictures
 from rw_ekf.diagnosis.report.markup import STYLE, prose
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
-from rw_ekf.logs.atomic import atomic_path, write_text
+from rw_ekf.logs.atomic import write_text
 
 DOCUMENT, PAGE = "bench.json", "bench.html"
+_PEAKS = "peaks.png"
 
 
 def write_page(
     directory: Path, contest: Contest, document: Mapping[str, Any], headline: str, further: Sequence[Table] = ()
 ) -> list[Path]:
-    """Write everything into `directory`; returns what was written. Raises BadInputError if it cannot be made.
+    """Write everything into `directory`; returns what was written.
 
+    Raises BadInputError if it cannot be made, PictureError, after all else is, for pictures that cannot be drawn.
     further: tables that stand below those of the reversal.
     """
     try:
@@ -36,21 +40,17 @@ def write_page(
         raise BadInputError(f"{directory}: cannot be made: {error.strerror or error}") from None
     rows = rows_of(contest)
     noises = contest.scenario.cycle.speed_noise_rpm
-    pictures = {"peaks": peaks_picture(rows, noises)}
-    for noise_rpm in noises:
-        course = courses_picture(contest, noise_rpm)
-        if course is not None:
-            pictures[f"attitude-{noise_rpm:g}rpm"] = course
-    written = [directory / DOCUMENT]
-    write_text(written[0], json_text(document))
-    for name, content in pictures.items():
-        path = directory / f"{name}.png"
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(content)
-        written.append(path)
-    page = directory / PAGE
-    write_text(page, page_text(contest, rows, pictures, headline, further))
-    return [*written, page]
+    write_text(directory / DOCUMENT, json_text(document))
+    courses = {_course_name(noise_rpm): partial(courses_picture, contest, noise_rpm) for noise_rpm in noises}
+    pictures, failed = write_pictures(directory, {_PEAKS: lambda: peaks_picture(rows, noises), **courses})
+    write_text(directory / PAGE, page_text(contest, rows, pictures, headline, further))
+    if failed is not None:
+        raise failed
+    return [directory / name for name in (DOCUMENT, *pictures, PAGE)]
+
+
+def _course_name(noise_rpm: float) -> str:
+    return f"attitude-{noise_rpm:g}rpm.png"
 
 
 def headline_of(rows: Sequence[Row]) -> str:
@@ -87,15 +87,12 @@ def page_text(
     body = [
         f'<header><p class="source">Attitude bench · {html.escape(" · ".join(facts))}</p>'
         f"<h1>{prose(headline)}</h1></header>",
-        _figure(pictures["peaks"], "Peak error of every scheme, best first; the line goes on to the worst seed."),
+        _figure(pictures.get(_PEAKS), "Peak error of every scheme, best first; the line goes on to the worst seed."),
     ]
     for noise_rpm, table in zip(scenario.cycle.speed_noise_rpm, tables_of(rows, scenario), strict=True):
-        name = f"attitude-{noise_rpm:g}rpm"
+        course = pictures.get(_course_name(noise_rpm))
         body.append(f"<h2>{table.title}</h2>")
-        if name in pictures:
-            body.append(
-                _figure(pictures[name], f"Attitude around the reversal, first seed. Grey: {RECOVERED_DEG:g} deg.")
-            )
+        body.append(_figure(course, f"Attitude around the reversal, first seed. Grey: {RECOVERED_DEG:g} deg."))
         body.append(table.markup())
     body.append(f"<p>{html.escape(LEGEND)}</p>")
     body += [f"<h2>{html.escape(table.title)}</h2>{table.markup()}" for table in further]
@@ -109,7 +106,10 @@ def page_text(
     )
 
 
-def _figure(content: bytes, caption: str) -> str:
+def _figure(content: bytes | None, caption: str) -> str:
+    """Nothing for a picture that there is not."""
+    if content is None:
+        return ""
     encoded = base64.b64encode(content).decode("ascii")
     text = html.escape(caption)
     return f'<figure><img alt="{text}" src="data:image/png;base64,{encoded}"><figcaption>{text}</figcaption></figure>'

@@ -11,14 +11,18 @@ from rw_ekf.bench.contest import Contest, Entry
 from rw_ekf.bench.metrics import RECOVERED_DEG
 from rw_ekf.bench.result import BASELINE, Row
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, GREY, INK, new_figure, plain, png
+from rw_ekf.drawing import picture
 
 _NOISE_COLOURS = (AFTER, BEFORE, "#0b6e4f", GREY)
 _SHOWN_BEFORE_S, _SHOWN_AFTER_S = 15.0, 60.0
 _NAMED = {BASELINE: BEFORE, "dmc": "#8a5fb0", "predictive_crossing": AFTER, "dmc_deterministic": "#b08a00"}
 
 
+@picture
 def peaks_picture(rows: Sequence[Row], noises_rpm: Sequence[float]) -> bytes:
     """Peak error of each scheme on a logarithmic scale, best first; a line goes on to the worst seed. PNG."""
+    from matplotlib.ticker import LogFormatter
+
     last = [row for row in rows if row.noise_rpm == noises_rpm[-1]]
     order = [row.scheme for row in sorted(last, key=lambda row: (math.isnan(row.peak_deg), row.peak_deg))]
     figure = new_figure(1.2 + 0.27 * len(order))
@@ -39,10 +43,12 @@ def peaks_picture(rows: Sequence[Row], noises_rpm: Sequence[float]) -> bytes:
     axis.set_xlabel("peak attitude error after the reversal [deg]")
     axis.legend(title="speed noise", frameon=False, loc="upper right", fontsize=8.5, title_fontsize=8.5)
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.xaxis.set_minor_formatter(LogFormatter())
     plain(axis)
     return png(figure)
 
 
+@picture
 def courses_picture(contest: Contest, noise_rpm: float) -> bytes | None:
     """Attitude error around the reversal at one noise, first seed: whole, and near zero. PNG; None: nothing to show."""
     courses = {

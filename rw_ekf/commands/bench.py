@@ -55,6 +55,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.bench.result import LEGEND, document_of, rows_of, tables_of
     from rw_ekf.bench.tables import texts
     from rw_ekf.commands.first_use import make_ready
+    from rw_ekf.commands.pictures import drawn
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
     from rw_ekf.json_output import print_json
@@ -77,11 +78,16 @@ def execute(args: argparse.Namespace) -> int:
     if args.spikes:
         document["spikes"] = spike_table.documents_of(answers)
         further.append(spike_table.table_of(answers))
+    whole = True
     if args.out is not None:
-        for path in write_page(Path(args.out), contest, document, headline, further):
-            sys.stderr.write(f"rw-ekf: wrote {path}\n")
+
+        def write() -> None:
+            for path in write_page(Path(args.out), contest, document, headline, further):
+                sys.stderr.write(f"rw-ekf: wrote {path}\n")
+
+        whole = drawn(write)
     if args.json:
         print_json(document)
     else:
         sys.stdout.write(f"{texts([*tables_of(rows, scenario), *further])}\n{LEGEND}\n\n{headline}\n")
-    return 0
+    return 0 if whole else 1

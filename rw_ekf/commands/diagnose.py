@@ -19,6 +19,7 @@ from rw_ekf.commands.inputs import (
     refuse_to_overwrite,
     wheel_of_logs,
 )
+from rw_ekf.commands.pictures import drawn
 
 HELP = "find what the model lacks in a log, add it, and prove it"
 EXAMPLE = """example:
@@ -68,11 +69,9 @@ def execute(args: argparse.Namespace) -> int:
         _make_ready(directory)
 
     from rw_ekf.diagnosis.diagnose import diagnose_log
-    from rw_ekf.diagnosis.report.text import diagnosis_text
-    from rw_ekf.diagnosis.report.write import write_report
-    from rw_ekf.documents import inertia_text
 
     make_ready(DIAGNOSIS)
+    whole = True
     with progress("diagnose", _STEPS) as bar:
 
         def advance(text: str) -> None:
@@ -83,18 +82,14 @@ def execute(args: argparse.Namespace) -> int:
         found = diagnose_log(logs, configuration, model, split=args.split, advance=advance)
         if found.model is not None:
             found = replace(found, model=replace(found.model, wheel=wheel_of_logs(args.logs)))
-        inertia = found.inertia_kg_m2
         if directory is not None:
             advance("drawing the report")
-            options = log_options(args)
-            write_report(directory, found, inertia_kg_m2=inertia, wheel_units=found.in_rpm, options=options)
+            whole = drawn(lambda: found.report(directory, log_options(args)))
     if args.json:
-        print_json(found.document)
+        print_json(found.document())
     else:
-        behind = "" if inertia is None else inertia_text(inertia, found.inertia_from)
-        text = diagnosis_text(found.document, directory=directory, wheel_units=found.in_rpm, inertia=behind)
-        sys.stdout.write(text + "\n")
-    return 0
+        sys.stdout.write(found.text(directory) + "\n")
+    return 0 if whole else 1
 
 
 def _make_ready(directory: Path) -> None:

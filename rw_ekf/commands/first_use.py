@@ -16,9 +16,14 @@ def make_ready(kernels: Sequence[str]) -> None:
     missing = cold(kernels)
     if not missing:
         return
+    from rw_ekf.compiled import child_environment, never_compiles
     from rw_ekf.console import progress
-    from rw_ekf.wheel.compiled import child_environment
 
+    if never_compiles():
+        sys.stderr.write(
+            "rw-ekf: NUMBA_DISABLE_JIT is set: all runs as plain Python, a long log some hundred times slower\n"
+        )
+        return
     kept = (
         "this time only: no folder for a cache can be written, set NUMBA_CACHE_DIR" if child_environment() else "once"
     )

@@ -63,6 +63,7 @@ def _seconds(text: str) -> float:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises BadInputError."""
     from rw_ekf.commands.inputs import refuse_to_overwrite
+    from rw_ekf.commands.pictures import drawn
     from rw_ekf.errors import BadInputError
     from rw_ekf.flyby.plan import TABLE_A1_RPM, case_of, plan_document, plan_text
     from rw_ekf.flyby.settings import read_flyby
@@ -81,12 +82,13 @@ def execute(args: argparse.Namespace) -> int:
                 f"--rates {shown}: {len(rates)} rates for {count} wheels ({', '.join(flyby.wheels.names)})"
             )
     cases = [case_of(flyby, rates) for rates in wanted]
+    whole = True
     if args.out is not None:
         from rw_ekf.flyby.picture import plan_picture
 
-        plan_picture(args.out, flyby, cases)
+        whole = drawn(lambda: plan_picture(args.out, flyby, cases))
     if args.json:
         print_json(plan_document(flyby, cases, args.avoid))
     else:
         sys.stdout.write(plan_text(flyby, cases, args.avoid) + "\n")
-    return 0
+    return 0 if whole else 1

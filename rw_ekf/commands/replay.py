@@ -16,6 +16,7 @@ from rw_ekf.commands.inputs import (
     read_wheel_model,
     refuse_to_overwrite,
 )
+from rw_ekf.commands.pictures import drawn
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog
@@ -54,10 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.console import progress
-    from rw_ekf.documents import REPLAY_SCHEMA, as_it_went_text, entry_text, log_entry
+    from rw_ekf.documents import REPLAY_SCHEMA
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
-    from rw_ekf.units import rpm_from_rad_s
+    from rw_ekf.pictures import save_png
 
     if args.smooth and args.out is None:
         raise BadInputError("--smooth adds columns to --out: name a file with --out FILE")
@@ -80,7 +81,7 @@ def execute(args: argparse.Namespace) -> int:
     read_s = time.perf_counter() - started
 
     from rw_ekf import compile_ahead
-    from rw_ekf.replay import replay_log, setup_of_run
+    from rw_ekf.log_replay import replay_log, setup_of_run
 
     setups = [setup_of_run(Path(log.name)) if own else None for log, own in logs]
     started_from = [model.effects] if model is not None else [setup.effects for setup in setups if setup is not None]
@@ -109,30 +110,16 @@ def execute(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     if args.out is not None:
         _write(args.out, [(item.log.name, item.columns or {}) for item in done])
+    whole = True
     if args.picture is not None:
-        from rw_ekf.pictures import run_picture
-
-        item = done[0]
-        wheel_units = item.setup.inertia_kg_m2 is not None
-        run_picture(args.picture, item.log, item.columns or {}, wheel_units=wheel_units, hindsight=item.hindsight)
+        whole = drawn(lambda: save_png(done[0].plot(), args.picture))
     write_s = time.perf_counter() - started
-    entries = [
-        log_entry(item.log.name, item.statistics, item.belief, item.setup, item.warnings, item.as_it_went)
-        for item in done
-    ]
     if args.json:
         seconds = {"read": read_s, "filter": filter_s, "write": write_s}
-        print_json({"schema": REPLAY_SCHEMA, "logs": entries, "seconds": seconds})
+        print_json({"schema": REPLAY_SCHEMA, "logs": [item.entry() for item in done], "seconds": seconds})
     else:
-        for entry, item, of_run in zip(entries, done, setups, strict=True):
-            sys.stdout.write(entry_text(entry, item.statistics, item.belief, item.setup) + "\n")
-            if item.columns is not None and item.as_it_went is not None:
-                sys.stdout.write(as_it_went_text(entry) + "\n")
-            if configuration is None and of_run is None:
-                noise = rpm_from_rad_s(item.setup.constants.speed_noise_rad_s)
-                source = "the record" if model is None else "the model"
-                sys.stdout.write(f"  speed noise {noise:.3g} rpm taken from {source}; --config gives the run's own\n")
-    return 0
+        sys.stdout.write("".join(f"{item.text()}\n" for item in done))
+    return 0 if whole else 1
 
 
 def _named(args: argparse.Namespace) -> list[tuple[str, bool]]:
@@ -172,12 +159,13 @@ def _write(path: str, tables: list[tuple[str, dict[str, Any]]]) -> None:
     """Write one table; several logs are stacked under a first column `log`."""
     import numpy as np
 
+    from rw_ekf.console import printable
     from rw_ekf.logs.tables import write_table
 
     if len(tables) == 1:
         write_table(path, tables[0][1])
         return
-    names = [np.full(len(columns["time_s"]), name, dtype=object) for name, columns in tables]
+    names = [np.full(len(columns["time_s"]), printable(name), dtype=object) for name, columns in tables]
     stacked: dict[str, Any] = {"log": np.concatenate(names)}
     for key in tables[0][1]:
         stacked[key] = np.concatenate([np.asarray(columns[key]) for _, columns in tables])

@@ -216,7 +216,7 @@ def _said_while_running(outcome: RunOutcome) -> list[str]:
 def _warnings(outcome: RunOutcome) -> list[str]:
     """Judge the last hour of the run; a run's own numbers never fail because of this."""
     from rw_ekf.errors import RwEkfError
-    from rw_ekf.replay import consistency_now
+    from rw_ekf.log_replay import consistency_now
 
     found = _said_while_running(outcome)
     if outcome.lost:

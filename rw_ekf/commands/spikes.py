@@ -41,18 +41,20 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises LogError or BadInputError."""
     from pathlib import Path
 
+    from rw_ekf.commands.pictures import drawn
     from rw_ekf.json_output import print_json
     from rw_ekf.spikes.trending import spikes_document, spikes_of_directory, spikes_text
 
     found, warnings = spikes_of_directory(Path(args.directory), args.train)
     for text in warnings:
         sys.stderr.write(f"warning: {text}\n")
+    whole = True
     if args.out is not None and found:
         from rw_ekf.spikes.picture import spikes_picture
 
-        spikes_picture(args.out, found)
+        whole = drawn(lambda: spikes_picture(args.out, found))
     if args.json:
         print_json(spikes_document(args.directory, found, args.train, warnings))
     else:
         sys.stdout.write("\n\n".join(map(spikes_text, found)) + "\n" if found else "no run here was watched\n")
-    return 0
+    return 0 if whole else 1

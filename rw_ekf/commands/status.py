@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rw_ekf.live.published import Published
 
 HELP = "say what the daemon of a configuration is doing, also when it is dead"
@@ -41,7 +44,7 @@ def execute(args: argparse.Namespace) -> int:
         for facts in holders_of(configuration.wheel.port, clock):  # of another configuration, or without a state file
             return _show(args, _elsewhere(facts.pid, facts.described, configuration.wheel.port), OTHER_STATUS)
     if found is None:
-        return _show(args, _nothing(str(path)), DEAD_STATUS)
+        return _show(args, _nothing(path), DEAD_STATUS)
     document = _document(found)
     age_s = _age_s(document["utc"], clock.utc())
     if found.alive and age_s > _STALE_S:
@@ -90,8 +93,11 @@ def _unknown(*, alive: bool, pid: int | None, reason: str) -> dict[str, Any]:
     }
 
 
-def _nothing(path: str) -> dict[str, Any]:
-    return _unknown(alive=False, pid=None, reason=f"no run of this configuration has left {path}")
+def _nothing(path: Path) -> dict[str, Any]:
+    reason = f"no run of this configuration has left {path}"
+    if os.path.lexists(path):
+        reason = f"{path} is no state file that this version reads, and says nothing: the next run replaces it"
+    return _unknown(alive=False, pid=None, reason=reason)
 
 
 def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
@@ -103,12 +109,10 @@ def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
 
 
 def _age_s(utc: Any, now: Any) -> float:
-    from datetime import datetime
+    from rw_ekf.logs.metadata import moment_of
 
-    try:
-        return float((now - datetime.fromisoformat(str(utc))).total_seconds())
-    except ValueError:
-        return float("inf")
+    moment = moment_of(utc)
+    return float("inf") if moment is None else float((now - moment).total_seconds())
 
 
 def _show(args: argparse.Namespace, document: dict[str, Any], status: int) -> int:
@@ -138,18 +142,18 @@ def _lines(document: dict[str, Any]) -> list[str]:
     from rw_ekf.units import rpm_from_rad_s
 
     lines = [_headline(document)]
-    estimate = document["estimate"]
-    if estimate is not None and estimate["state"] is not None:
+    state, std = ((document["estimate"] or {}).get(key) or {} for key in ("state", "std"))
+    shown = ("speed_rad_s", *PARAMETER_NAMES)
+    if all(told.get(name) is not None for told in (state, std) for name in shown):
         current = document["current_command_A"]
         commanded = "not known" if current is None else f"{1e3 * current:+.1f} mA"
-        lines.append(f"  speed {rpm_from_rad_s(estimate['state']['speed_rad_s']):+.1f} rpm, current {commanded}")
-        state, std = estimate["state"], estimate["std"]
+        lines.append(f"  speed {rpm_from_rad_s(state['speed_rad_s']):+.1f} rpm, current {commanded}")
         lines.append("  " + ", ".join(f"{n} {concise(state[n], std[n])} {STATE_UNITS[n]}" for n in PARAMETER_NAMES))
     link = document["link"]
     if link is not None:
-        shown = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
-        counts = ", ".join(f"{value} {name}" for name, value in shown.items() if name != "state")
-        lines.append(f"  line {link['state'] or 'opened'}: {counts}")
+        counts = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
+        told = ", ".join(f"{value} {name}" for name, value in counts.items() if name != "state")
+        lines.append(f"  line {link.get('state') or 'opened'}: {told}")
     compensation = document.get("compensation")
     if compensation is not None:
         lines.append(

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array, by_identity
+from rw_ekf.compiled import compile_cached, make_jitable
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
-from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
+from rw_ekf.compiled import compile_cached, make_jitable
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.filter import constants as _constants
@@ -72,7 +73,6 @@ from rw_ekf.filter.stillness import (
     unlearn_shift,
 )
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
-from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.effect_transition import effect_transition, open_past, seed_hidden
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import Interval

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rw_ekf import compiled
 from rw_ekf.arrays import Float64Array
 from rw_ekf.filter import decisions as _decisions
 from rw_ekf.filter import filter_run as _filter_run
@@ -21,7 +22,6 @@ from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.health import WELL
 from rw_ekf.model import state as _state
 from rw_ekf.model.state import SPEED, STATE_SIZE
-from rw_ekf.wheel import compiled
 
 
 def _smooth_pass(run: FilterRun, means: Float64Array, stds: Float64Array) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rw_ekf.drawing import picture
 from rw_ekf.flyby.geometry import Flyby
 from rw_ekf.flyby.plan import Case
 from rw_ekf.flyby.wheel_rates import rates_at
@@ -17,18 +18,15 @@ from rw_ekf.units import RAD_S_PER_RPM
 _POINTS = 400
 
 
+@picture
 def plan_picture(path: str | Path, flyby: Flyby, cases: Sequence[Case]) -> None:
     """Write a PNG: dots at crossings, crosses at touches, a line at closest approach. Raises BadInputError."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib.figure import Figure
 
     across = min(2, len(cases))
     down = math.ceil(len(cases) / across)
-    figure, panels = plt.subplots(
-        down, across, figsize=(5.5 * across, 2.6 * down + 0.9), sharex=True, squeeze=False, layout="constrained"
-    )
+    figure = Figure(figsize=(5.5 * across, 2.6 * down + 0.9), layout="constrained")
+    panels = figure.subplots(down, across, sharex=True, squeeze=False)
     angles = np.linspace(flyby.start_rad, flyby.end_rad, _POINTS)
     time_s = np.array([flyby.time_s(angle) for angle in angles]) - flyby.closest_approach_s
     for number, axis in enumerate(panels.flat):
@@ -57,4 +55,3 @@ def plan_picture(path: str | Path, flyby: Flyby, cases: Sequence[Case]) -> None:
     figure.legend(handles, labels, loc="outside upper center", ncols=min(8, len(labels)), fontsize=9)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=110, format="png")
-    plt.close(figure)

@@ -11,12 +11,12 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import ConfigError
-from rw_ekf.logs.metadata import utc_text
+from rw_ekf.logs.metadata import moment_of, utc_text
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.starting_point import FilterSetup
@@ -45,8 +45,6 @@ class Learned:
 
 def read_learned(path: Path) -> Learned:
     """Read a learned file. Raises ConfigError, one sentence, where it is torn, changed, of another schema or none."""
-    if path.exists() and not path.is_file() and not path.is_dir():  # to open a pipe would be to wait for ever
-        raise ConfigError(f"{path}: is no regular file")
     document = load_yaml(path)
     model = model_from_data(document.data, document.where)
     source = model.source
@@ -54,10 +52,9 @@ def read_learned(path: Path) -> Learned:
         raise ConfigError(f"{path}: not what a run has learned, but a model of another origin: give it with --model")
     if source.get("checksum") != _checksum(document.data):
         raise ConfigError(f"{path}: was changed after it was written: give it with --model, if that is meant")
-    try:
-        saved = datetime.fromisoformat(str(source.get("utc"))).astimezone(UTC)
-    except ValueError:
-        raise ConfigError(f"{path}: source.utc is no time") from None
+    saved = moment_of(source.get("utc"))
+    if saved is None:
+        raise ConfigError(f"{path}: source.utc is no time")
     return Learned(model, model.wheel, str(source["started_from"]), saved)
 
 

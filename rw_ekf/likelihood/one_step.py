@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
+from rw_ekf.compiled import compile_cached, make_jitable
 from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.course.grid import grid_of
@@ -24,7 +25,6 @@ from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
 from rw_ekf.model.state import COULOMB, SPEED, STATE_SIZE
-from rw_ekf.wheel.compiled import compile_cached, make_jitable
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.compiled import compile_cached
 from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
 from rw_ekf.likelihood.whitening import Chain
-from rw_ekf.wheel.compiled import compile_cached
 
 if TYPE_CHECKING:
     from rw_ekf.likelihood.linearisation import Linearisation, Noise

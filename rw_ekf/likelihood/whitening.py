@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array, by_identity
-from rw_ekf.wheel.compiled import compile_cached
+from rw_ekf.compiled import compile_cached
 
 _LARGE = 1.0e30  # of a product: its logarithm is due
 

@@ -31,6 +31,7 @@ from rw_ekf.live.process import (
     own_process,
     user_name,
 )
+from rw_ekf.plain_file import json_of
 
 DIRECTORIES = ("/run/lock", "/tmp")  # fixed: an environment variable may differ between `run` and `stop`
 _SHARED = stat.S_ISVTX | stat.S_IWOTH  # all may write, each removes only what is its own
@@ -252,8 +253,8 @@ def _locked(descriptor: int, kind: int) -> bool:
 def _read_claim(path: Path, descriptor: int) -> Claim:
     """The content of a lock file; whatever is not as PortClaim writes it comes out as None or nothing."""
     content: Any = None
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        content = json.loads(os.pread(descriptor, _MOST_BYTES, 0))
+    with contextlib.suppress(OSError):
+        content = json_of(os.pread(descriptor, _MOST_BYTES, 0))
     found: dict[str, Any] = content if isinstance(content, dict) else {}
     names = found.get("names")
     device = found.get("device")

@@ -36,6 +36,8 @@ _WATCHED_S = 0.6  # a zero before it is called confirmed: a wheel under 0.1 A ch
 _LOOK_EVERY_S = 0.1
 _LEAST_LOOKS, _MOST_LOOKS = 3, 15  # readings; tries, where some are lost
 NOT_IN_FORCE = "zero_not_in_force"
+LIMIT_LOWERED = "speed_limit_lowered"
+_SAID_BELOW = 0.9  # share of the speed limit; from 1 on it counts as whole again
 _BRAKE_STEPS = 6.0
 _OTHER_MAY = 1.15  # of the speed limit, by charge: what its own errors may come to on a healthy wheel near the limit
 _USUAL_STEP_RAD_S = rad_s_from_rpm(1.0)  # of a reading, where no configuration says it
@@ -165,6 +167,7 @@ class CurrentGuard:
         self._zero_by: str | None = None
         self._sight = ZeroSight(limits.current_A, speed_step_rad_s)
         self._way = 0  # of _WAYS, that was tried last
+        self._is_lowered = False
         self._written_A = 0.0  # the last that went out
         self._previous_A = 0.0  # that is in force, as far as is known
         self._written_at_s = clock.monotonic()
@@ -246,6 +249,7 @@ class CurrentGuard:
     def _allowed(self, requested_A: float, start_A: float, now: float) -> tuple[float, str | None]:
         """What may be written by every speed that the wheel may have."""
         bound = self.speed_limit()
+        self._tell(bound.share)
         limits = replace(self.limits, speed_rad_s=self.limits.speed_rad_s * min(bound.share, 1.0))
         elapsed_s, heat = now - self._written_at_s, self._temperature_degC
         current, reason = allowed_current(requested_A, start_A, elapsed_s, self._speed_rad_s, heat, limits)
@@ -253,6 +257,16 @@ class CurrentGuard:
         if other is not None and abs(other) > _OTHER_MAY * self.limits.speed_rad_s and current * other > 0.0:
             return 0.0, "over_speed"
         return current, reason
+
+    def _tell(self, share: float) -> None:
+        """Say it once where not all of the speed limit counts, whatever the reason for a current is then."""
+        if share < _SAID_BELOW and not self._is_lowered:
+            self._say(
+                LIMIT_LOWERED,
+                "the currents move the speed readings less than expected, or than they did in this run: the scale of "
+                f"the readings may have become smaller, so {share:.0%} of limits.speed_rpm count",
+            )
+        self._is_lowered = share < (1.0 if self._is_lowered else _SAID_BELOW)
 
     def _ramp_start_A(self, told_A: float | None) -> float:
         """Where the slew begins: what is in force as telemetry has it, but between zero and what was written last.

@@ -2,14 +2,51 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import BaseModel, Field, StrictInt, ValidationError
 
 from rw_ekf.live.process import facts_of
+from rw_ekf.plain_file import json_of, read_plain
 from rw_ekf.records import RunState
-from rw_ekf.sinks.state_file import SCHEMA
+
+_MOST_BYTES = 1_000_000  # one has some 3 kB
+
+
+class _Link(BaseModel, extra="allow"):
+    state: str | None = None
+
+
+class _Alarm(BaseModel, extra="allow"):
+    text: str
+
+
+class _Compensation(BaseModel, extra="allow"):
+    scheme: str
+    on: bool
+    reason: str | None = None
+
+
+class _StateFile(BaseModel, extra="allow"):
+    """What is read of a state file; `StateFileSink` writes it, and any program could have."""
+
+    schema_is: Literal["rw_ekf.state/1"] = Field(alias="schema")
+    pid: StrictInt
+    start_ticks: StrictInt | None = None
+    run_state: str
+    utc: str | None = None
+    ended_utc: str | None = None
+    since_utc: str | None = None
+    reason: str | None = None
+    link: _Link | None = None
+    alarms: list[_Alarm] = []
+    state: dict[str, float | None] | None = None
+    std: dict[str, float | None] | None = None
+    current_command_A: float | None = None
+    log: str | None = None
+    compensation: _Compensation | None = None
 
 
 @dataclass(frozen=True)
@@ -33,13 +70,12 @@ class Published:
 def read_published(path: Path) -> Published | None:
     """Read a state file; None where there is none, or none of this version of the program."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        document = json_of(read_plain(path, _MOST_BYTES))
+    except OSError:
         return None
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        return None
-    pid = document.get("pid")
-    if not isinstance(pid, int) or not isinstance(document.get("run_state"), str):
+    try:
+        pid = _StateFile.model_validate(document).pid
+    except ValidationError:
         return None
     facts = facts_of(pid)
     return Published(document, facts is not None and facts.start_ticks == document.get("start_ticks"))

@@ -17,7 +17,7 @@ from typing import Any
 from rw_ekf.live.claim import DIRECTORIES, shared_directory
 from rw_ekf.live.port_name import names_of
 from rw_ekf.live.process import facts_of, other_processes, own_process
-from rw_ekf.plain_file import read_plain
+from rw_ekf.plain_file import json_of, read_plain
 
 TOLD_TO_STOP = "rw-ekf stop was asked for while this run was starting: nothing was commanded"
 
@@ -63,11 +63,11 @@ def _words(path: Path) -> list[dict[str, list[Any]]]:
     try:
         if os.lstat(path).st_uid not in {0, os.geteuid()} or path.is_symlink():
             return []
-        content = json.loads(read_plain(path, _MOST_BYTES))
+        content = json_of(read_plain(path, _MOST_BYTES))
         if content["boot"] != _boot():
             return []
         return [{"names": list(map(str, word["names"])), "for": list(word["for"])} for word in content["words"]]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, KeyError, TypeError):
         return []
 
 

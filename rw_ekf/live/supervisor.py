@@ -142,8 +142,14 @@ class Supervisor:
             turned = False
             pause_s = _FIRST_PAUSE_S
             began_s = self.clock.monotonic()
+            zeroed = True  # nothing has been driven yet
             for number in itertools.count():
                 child = self._born(claim)
+                if child is None:
+                    zeroed = self._pause(_LONGEST_PAUSE_S, zeroed=zeroed)
+                    if self._stopping:
+                        return 0 if zeroed else 1
+                    continue
                 if isinstance(child, Heartbeat):
                     return Birth(child, number, self.clock.monotonic() - began_s)
                 with child.handle:
@@ -169,22 +175,37 @@ class Supervisor:
                     return 0 if zeroed else 1
         raise AssertionError("never reached")
 
-    def _born(self, claim: PortClaim) -> _Child | Heartbeat:
-        """Fork."""
-        reader, writer = os.pipe()
-        os.set_blocking(reader, False)
+    def _born(self, claim: PortClaim) -> _Child | Heartbeat | None:
+        """Fork; None where the machine has no room for another process now."""
+        reader = writer = pid = -1
         sys.stdout.flush()
         sys.stderr.flush()
         supervisor = os.getpid()
-        pid = os.fork()
-        if pid == 0:
+        try:
+            reader, writer = os.pipe()
+            pid = os.fork()
+            handle = ProcessHandle(pid) if pid else None
+        except OSError as error:
+            self._not_born(error.strerror or str(error), pid, reader, writer)
+            return None
+        os.set_blocking(reader, False)
+        if handle is None:
             os.close(reader)
             claim.leave_to_parent()
             self._signals.leave_to_parent()
             return Heartbeat(writer, supervisor)
         os.close(writer)
         self.logger.info("supervising", pid=pid)
-        return _Child(ProcessHandle(pid), reader)
+        return _Child(handle, reader)
+
+    def _not_born(self, reason: str, pid: int, *pipe: int) -> None:
+        for end in pipe:
+            if end >= 0:
+                os.close(end)
+        if pid > 0:  # born, but nobody could watch it
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+        self.logger.error("not_started", reason=reason, again_in_s=_LONGEST_PAUSE_S)
 
     def _watch(self, child: _Child, claim: PortClaim) -> None:
         """Until it has ended: pass signals on, count its turns, kill it where it hangs."""

@@ -54,9 +54,12 @@ def atomic_path(path: str | Path, *, follow: bool = True) -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
-    """Write a UTF-8 text file, all or nothing. Raises BadInputError if the place cannot be written."""
+    r"""Write a UTF-8 text file, all or nothing. Raises BadInputError if the place cannot be written.
+
+    A byte of a file's name that is not UTF-8 stands in it as on standard error, as \udcf6.
+    """
     with atomic_path(path, follow=follow) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def _followed(path: str | Path) -> Path:

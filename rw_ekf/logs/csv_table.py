@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs import csv_slow
-from rw_ekf.logs.log_text import LogText
+from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 _BLOCK_BYTES = 1 << 22  # read and parsed at a time: a fifth less work than by pyarrow's own 1 MB
-_HEAD_BYTES = 1 << 20  # a preamble and a header fit in here
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settled by the slow pass
 
@@ -77,20 +76,21 @@ def _fast(file: CsvFile) -> pa.Table | None:
     import pyarrow.csv as pa_csv
 
     keys = [str(index) for index in range(len(file.names))]  # positions: names may repeat, or have blanks around
+    types = {
+        key: pa.float64()
+        for key, numeric, stamp in zip(keys, file.numeric, _stamps(file), strict=True)
+        if numeric and not stamp
+    }
     try:
-        table = pa_csv.read_csv(
-            file.text.for_arrow(),
-            read_options=pa_csv.ReadOptions(skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES),
-            parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter),
-            convert_options=pa_csv.ConvertOptions(
-                column_types={
-                    key: pa.float64()
-                    for key, numeric, stamp in zip(keys, file.numeric, _stamps(file), strict=True)
-                    if numeric and not stamp
-                },
-                null_values=_GAPS,
-            ),
-        )
+        with file.text.for_arrow() as text:
+            table = pa_csv.read_csv(
+                text,
+                read_options=pa_csv.ReadOptions(
+                    skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES
+                ),
+                parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter),
+                convert_options=pa_csv.ConvertOptions(column_types=types, null_values=_GAPS),
+            )
     except (pa.ArrowException, OSError, ValueError):
         return None
     # Text that is not UTF-8 comes back as bytes: let the slow pass say where it is.
@@ -100,8 +100,11 @@ def _fast(file: CsvFile) -> pa.Table | None:
 def _stamps(file: CsvFile) -> list[bool]:
     """Of each column, whether its first cell is a date with a time (ISO 8601), which arrow reads as such."""
     with file.text.open() as stream:
-        lines = stream.read(_HEAD_BYTES).decode("utf-8", "replace").splitlines()[file.first_line - 1 :][:1]
-    cells = next(csv.reader(lines, delimiter=file.layout.delimiter), [])
+        lines = stream.read(HEAD_BYTES).decode("utf-8", "replace").splitlines()[file.first_line - 1 :][:1]
+    try:
+        cells = next(csv.reader(lines, delimiter=file.layout.delimiter), [])
+    except csv.Error:  # the slow pass will say where
+        cells = []
     return [bool(_STAMP.match(cell.strip())) for cell in cells[: len(file.names)]] + [False] * (
         len(file.names) - len(cells)
     )
@@ -110,7 +113,7 @@ def _stamps(file: CsvFile) -> list[bool]:
 def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], bool, int]:
     """Column names, whether they come from a header row, and the physical line (from 1) where the data start."""
     with source.open() as stream:
-        head = stream.read(_HEAD_BYTES)
+        head = stream.read(HEAD_BYTES)
     text = _decoded(head, name)
     lines = re.split(r"\r\n|\n|\r", text)  # as the readers of the rest do; splitlines() knows more line ends
     number = layout.skip_rows
@@ -143,7 +146,8 @@ def _decoded(head: bytes, name: str) -> str:
         )
     if b"\x00" in first_line:
         raise LogError(f"{name}: is binary, not a CSV log, nor Parquet or MATLAB: give a log in one of these forms")
-    cut = head if len(head) < _HEAD_BYTES else head[: head.rfind(b"\n") + 1]
+    check_head(head, name)
+    cut = head if len(head) < HEAD_BYTES else head[: head.rfind(b"\n") + 1]
     try:
         return cut.decode("utf-8-sig")
     except UnicodeDecodeError as error:

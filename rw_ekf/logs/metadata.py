@@ -31,6 +31,15 @@ def utc_text(moment: datetime) -> str:
     return moment.astimezone(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
+def moment_of(text: Any) -> datetime | None:
+    """The time in UTC that an ISO 8601 text means, also one without a zone; None where it means none."""
+    try:
+        moment = datetime.fromisoformat(str(text))
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC)
+    except (ValueError, OverflowError):  # also a time beyond the first or the last year
+        return None
+
+
 def metadata_path(log: str | Path) -> Path:
     """Path of the metadata that belong to a log, or to a part of it: run.csv, run.part002.csv.zst -> run.meta.yaml."""
     return beside(log, "meta.yaml")

@@ -49,13 +49,18 @@ def pack(part: Path) -> None:
         raise BadInputError(f"{target}: exists already and is not overwritten")
     with atomic_path(target, follow=False) as temporary:
         length = crc = 0
-        with part.open("rb") as plain, pa.output_stream(str(temporary), compression="zstd") as stream:
+        # Opened by hand: pyarrow takes a path for UTF-8, and would find another file where names are not.
+        with part.open("rb") as plain, temporary.open("wb") as file, pa.CompressedOutputStream(file, "zstd") as stream:
             while piece := plain.read(_AT_ONCE):
                 stream.write(piece)
                 length, crc = length + len(piece), zlib.crc32(piece, crc)
         with temporary.open("ab") as end:
             end.write(_SEAL.pack(*_SEAL_HEAD, length, crc))
-        with part.open("rb") as plain, pa.input_stream(str(temporary), compression="zstd") as stream:
+        with (
+            part.open("rb") as plain,
+            temporary.open("rb") as packed,
+            pa.CompressedInputStream(packed, "zstd") as stream,
+        ):
             while piece := plain.read(_AT_ONCE):
                 if stream.read(len(piece)) != piece:
                     raise BadInputError(f"{target}: does not read back as what was written: {part.name} stays")

@@ -5,6 +5,7 @@ detect -> RawTable -> map_columns -> order of rows -> decimation -> derived spee
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,20 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
     if column_map.reverse:
         table = table.reversed()
     return _assemble(table, map_columns(table, column_map), column_map)
+
+
+def log_of_arrays(columns: Mapping[str, Any], name: str = "arrays", column_map: ColumnMap | None = None) -> WheelLog:
+    """A log of columns in memory (name -> n values), by the same rules. Raises LogError as `read_log`."""
+    sizes = {key: len(values) for key, values in columns.items()}
+    if len(set(sizes.values())) > 1:
+        raise LogError(f"{name}: the columns are of unequal length ({sizes}): a log has a value, or NaN, in each row")
+    rows = next(iter(sizes.values()), 0)
+    if rows == 0:
+        raise EmptyLogError(f"{name}: has no rows: nothing was logged")
+    held = [values if hasattr(values, "type") else np.asarray(values) for values in columns.values()]
+    table = RawTable(name, tuple(columns), held, rows, lambda row: f"row {row + 1}")
+    taken = column_map or ColumnMap()
+    return _assemble(table, map_columns(table, taken), taken)
 
 
 def read_table(path: Path, columns: ColumnMap) -> RawTable:

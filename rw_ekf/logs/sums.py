@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import stat
 import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 from rw_ekf.logs.parts import PartName
-
-_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+from rw_ekf.plain_file import open_to_append
 
 
 class Block(NamedTuple):
@@ -68,10 +66,8 @@ def note_block(file: Path, block: Block) -> None:
     """Append the checksum of a block. Raises OSError; no part of a line stays behind."""
     text = f"{_stem_and_key(file)[1]} {block.begin} {block.end} {block.lines} {block.crc:08x}"
     line = f"{text} {zlib.crc32(text.encode()):08x}\n".encode()
-    descriptor = os.open(sums_path(file), _APPEND, 0o666)
+    descriptor = open_to_append(sums_path(file))
     try:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(f"{sums_path(file)}: is no regular file")
         length = os.fstat(descriptor).st_size
         if os.write(descriptor, line) < len(line):
             os.ftruncate(descriptor, length)

@@ -6,7 +6,7 @@ import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -35,20 +35,22 @@ def write_table(path: str | Path, columns: Mapping[str, Any]) -> None:
     Raises BadInputError for an unknown suffix or a place that cannot be written, ValueError for unequal lengths.
     """
     check_suffix(path)
-    table = _table(columns)
+    table = table_of(columns)
     suffix = Path(path).suffix.lower()
-    with atomic_path(path) as temporary:
+    # Opened by hand: pyarrow takes a path for UTF-8, and would write to a file beside it where names are not.
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
         if suffix == ".parquet":
             from pyarrow import parquet
 
-            parquet.write_table(table, temporary, write_page_checksum=True)
+            parquet.write_table(table, stream, write_page_checksum=True)
         elif suffix == ".mat":
-            _write_matlab(temporary, table)
+            _write_matlab(stream, table)
         else:
-            _write_csv(temporary, table)
+            _write_csv(stream, table)
 
 
-def _table(columns: Mapping[str, Any]) -> pa.Table:
+def table_of(columns: Mapping[str, Any]) -> pa.Table:
+    """Columns (name -> n values) as one table. Raises ValueError for unequal lengths."""
     import pyarrow as pa
 
     arrays = {}
@@ -63,23 +65,21 @@ def _table(columns: Mapping[str, Any]) -> pa.Table:
     return pa.table(arrays)
 
 
-def _write_csv(path: Path, table: pa.Table) -> None:
-    import pyarrow as pa
+def _write_csv(stream: BinaryIO, table: pa.Table) -> None:
     import pyarrow.csv as pa_csv
 
     # Gaps in carried columns may stand as NaN, which readers take for a gap as well.
-    with pa.OSFile(str(path), "wb") as sink:
-        sink.write((",".join(map(cell, table.column_names)) + "\n").encode())
-        pa_csv.write_csv(table, sink, pa_csv.WriteOptions(include_header=False, quoting_style="needed"))
+    stream.write((",".join(map(cell, table.column_names)) + "\n").encode())
+    pa_csv.write_csv(table, stream, pa_csv.WriteOptions(include_header=False, quoting_style="needed"))
 
 
-def _write_matlab(path: Path, table: pa.Table) -> None:
+def _write_matlab(stream: BinaryIO, table: pa.Table) -> None:
     from scipy.io import savemat
 
     content: dict[str, Any] = {}
     for name, column in zip(table.column_names, table.columns, strict=True):
         content[_matlab_name(name, content)] = _matlab_values(column)
-    with path.open("wb") as stream, warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         savemat(stream, content, long_field_names=True, oned_as="column")
 

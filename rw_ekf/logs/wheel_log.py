@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rw_ekf.arrays import Float64Array, Int64Array
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+    from matplotlib.figure import Figure
+
     from rw_ekf.logs.column_map import Source
 
+_SHOWN_ROWS = 5
 Drive = Literal["current_command_A", "current_A", "constant"]
 
 # Order of the columns in every log this project writes; a reader takes them in any order.
@@ -40,7 +47,7 @@ CHANNELS = (
 READABLE_COLUMNS = (*LOG_COLUMNS, "speed_rpm")  # what a reader understands; anything else is carried along
 
 
-@dataclass(eq=False, frozen=True)
+@dataclass(eq=False, frozen=True, repr=False)
 class WheelLog:
     """A read log of n rows. All arrays are C-contiguous and of length n; NaN is a value that is missing."""
 
@@ -62,6 +69,52 @@ class WheelLog:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def __repr__(self) -> str:
+        return f"Log({self.name!r}, {len(self)} samples, {self.duration_s:g} s)"
+
+    def _repr_html_(self) -> str:
+        table = self.table.slice(0, _SHOWN_ROWS)
+        head = "".join(f"<th>{escape(name)}</th>" for name in table.column_names)
+        rows = ("".join(f"<td>{escape(str(value))}</td>" for value in row.values()) for row in table.to_pylist())
+        body = "".join(f"<tr>{cells}</tr>" for cells in rows)
+        return f"<p>{escape(repr(self))}</p><table><tr>{head}</tr>{body}</table>"
+
+    @classmethod
+    def from_arrays(cls, time_s: ArrayLike, *, name: str = "arrays", **columns: ArrayLike) -> WheelLog:
+        """A log of arrays by the names that a log's columns have: speed_rad_s or speed_rpm, current_A and so on.
+
+        The rules are those of a file: NaN is a gap, rows that go backward are skipped. Raises LogError.
+        """
+        from rw_ekf.logs.reader import log_of_arrays
+
+        return log_of_arrays({"time_s": time_s, **columns}, name)
+
+    @property
+    def table(self) -> pa.Table:
+        """The log as a pyarrow Table, which pandas and polars take; its columns are those of `export`."""
+        from rw_ekf.logs.export import log_columns
+        from rw_ekf.logs.tables import table_of
+
+        return table_of(log_columns(self))
+
+    def save(self, path: str | Path) -> None:
+        """Write it: CSV, Parquet or MATLAB by suffix. Raises BadInputError."""
+        from rw_ekf.logs.export import export_log
+
+        export_log(self, path)
+
+    def to_json(self) -> str:
+        """The columns by name, as one JSON document; NaN is null."""
+        from rw_ekf.json_output import json_text
+
+        return json_text({"schema": "rw_ekf.log/1", "log": self.name, "columns": self.table.to_pydict()})
+
+    def plot(self) -> Figure:
+        """Speed and current over time, as a matplotlib figure."""
+        from rw_ekf.logs.log_picture import log_figure
+
+        return log_figure(self)
 
     @property
     def rate_hz(self) -> float:

@@ -17,6 +17,7 @@ from typing import Any
 import yaml
 
 from rw_ekf.errors import ConfigError
+from rw_ekf.plain_file import read_plain
 
 PathTuple = tuple[str | int, ...]
 
@@ -141,8 +142,7 @@ def _parse(text: str, name: str) -> tuple[_Builder, Any]:
 def _read_text(path: Path) -> str:
     """Text of a UTF-8 file (with or without a byte order mark); ConfigError naming it otherwise."""
     try:
-        with path.open("rb") as stream:
-            content = stream.read(_MAX_BYTES + 1)
+        content = read_plain(path, _MAX_BYTES + 1)
         if len(content) > _MAX_BYTES:
             raise ConfigError(f"{path}: longer than {_MAX_BYTES} bytes: this is not a file of settings")
         return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from rw_ekf.course.warming import Warming
 from rw_ekf.errors import BadInputError
 from rw_ekf.likelihood.model import Model
 from rw_ekf.model.friction import LAW_CODES, Stribeck
+from rw_ekf.plain_file import json_of, read_plain
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 
@@ -96,14 +95,10 @@ def most_probable(found: Sequence[Explanation]) -> tuple[Explanation, ...]:
 
 def _document(path: str) -> dict[str, Any]:
     try:
-        with Path(path).open("rb") as stream:
-            text = stream.read(_MOST_BYTES + 1)
+        text = read_plain(path, _MOST_BYTES + 1)
     except OSError as error:
         raise BadInputError(f"{path}: cannot be read ({error.strerror or error}): {_WRITE}") from None
-    try:
-        document = json.loads(text) if len(text) <= _MOST_BYTES else None
-    except (ValueError, RecursionError):
-        document = None
+    document = json_of(text) if len(text) <= _MOST_BYTES else None
     schema = document.get("schema") if isinstance(document, dict) else None
     if not isinstance(document, dict) or schema != SCHEMA:
         said = f"its schema is {schema!r}" if schema is not None else "it is no JSON document with a schema"

@@ -12,9 +12,9 @@ from typing import Any
 from rw_ekf.clock import Clock
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.metadata import utc_text
+from rw_ekf.plain_file import open_to_append
 from rw_ekf.records import ActiveAlarm, CompensationNow, StateNow, Tick
 
-_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
 _MOST_WAITING = 1000
 
 
@@ -85,7 +85,7 @@ class EventsSink:
     def _append(self, event: dict[str, Any]) -> None:
         """Write what waits and this. Raises OSError; no part of a line stays behind."""
         self._waiting.append((json.dumps(event, allow_nan=False) + "\n").encode())
-        descriptor = os.open(self._path, _APPEND, 0o666)
+        descriptor = open_to_append(self._path)
         try:
             while self._waiting:
                 length = os.fstat(descriptor).st_size

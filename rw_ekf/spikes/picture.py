@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rw_ekf.console import printable
+from rw_ekf.drawing import picture
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.spikes.trending import VERDICTS, WheelSpikes, verdict
 
@@ -14,22 +16,18 @@ _HOUR_S = 3600.0
 _BLUE, _RED, _GREY = "#1f5fa8", "#c0392b", "#8a8f98"
 
 
+@picture
 def spikes_picture(path: str | Path, found: Sequence[WheelSpikes]) -> None:
     """Write a PNG: a column for each wheel, sizes above, trains counted below. Raises BadInputError."""
-    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, panels = plt.subplots(
-        2, len(found), figsize=(max(7.5, 5.5 * len(found)), 6.0), sharex="col", squeeze=False, layout="constrained"
-    )
+    figure = Figure(figsize=(max(7.5, 5.5 * len(found)), 6.0), layout="constrained")
+    panels = figure.subplots(2, len(found), sharex="col", squeeze=False)
     for wheel, (sizes, counts) in zip(found, panels.T, strict=True):
         _draw_sizes(sizes, wheel)
         _draw_counts(counts, wheel)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=110, format="png")
-    plt.close(figure)
 
 
 def _draw_sizes(axis: object, wheel: WheelSpikes) -> None:
@@ -47,7 +45,9 @@ def _draw_sizes(axis: object, wheel: WheelSpikes) -> None:
     )  # fmt: skip
     axis.set_ylim(bottom=0.0)
     axis.set_ylabel("size of the spike [mNm]")
-    axis.set_title(f"{wheel.wheel}: {len(wheel.spikes)} drag spikes in {wheel.watched_s / _HOUR_S:.4g} h", fontsize=10)
+    axis.set_title(
+        f"{printable(wheel.wheel)}: {len(wheel.spikes)} drag spikes in {wheel.watched_s / _HOUR_S:.4g} h", fontsize=10
+    )
     axis.grid(visible=True, alpha=0.25)
 
 

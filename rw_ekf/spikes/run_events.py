@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.logs.metadata import read_metadata
+from rw_ekf.errors import LogError, RwEkfError
+from rw_ekf.logs.metadata import moment_of, read_metadata
 from rw_ekf.logs.parts import beside, parts_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.numbers import number_of
+from rw_ekf.plain_file import json_of, read_plain
 from rw_ekf.units import rpm_from_rad_s
 
 SPIKE = "drag_spike"
 # Readings come. A spike itself gates readings, and so degrades a run: were that time left out, each spike would shorten
 # the time that its own incidence is taken over.
 WATCHED_STATES = ("TRACKING", "DEGRADED")
+_MOST_BYTES = 100_000_000  # some 500,000 events
 GENUINE_ENDS = ("faded", "another one set in")  # others were taken back by the watch
 
 
@@ -49,20 +50,25 @@ class RunEvents:
 
 
 def read_run(log: Path) -> RunEvents | None:
-    """Read the events of a run; None where nothing watched it for spikes. Raises ConfigError for damaged metadata."""
+    """Read the events of a run; None where nothing watched it for spikes.
+
+    Raises ConfigError for damaged metadata, LogError for events that cannot be read.
+    """
     metadata = read_metadata(log)
     assert metadata is not None, "runs_of gives runs with metadata alone"
-    name = str(metadata.configuration.get("wheel", {}).get("name", "wheel"))
+    name = str(_section(metadata.configuration, "wheel").get("name", "wheel"))
     serial = None if metadata.identity is None else metadata.identity.serial_number
     wheel = name if serial is None else f"{name} (serial number {serial})"
     run = RunEvents(wheel, log, metadata.first_sample_utc)
     path = beside(log, "events.jsonl")
-    if not metadata.configuration.get("watch", {}).get("enabled", True):
+    if not _section(metadata.configuration, "watch").get("enabled", True):
         return None
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
+        lines = read_plain(path, _MOST_BYTES).splitlines()
+    except FileNotFoundError:
         return None
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
     events = []
     for number, line in enumerate(lines, 1):
         event = _event(line)
@@ -74,12 +80,15 @@ def read_run(log: Path) -> RunEvents | None:
     return run
 
 
-def _event(line: str) -> dict[str, Any] | None:
-    try:
-        event = json.loads(line)
-    except ValueError:
-        return None
-    well_formed = isinstance(event, dict) and isinstance(event.get("event"), str) and _moment(event.get("utc"))
+def _section(configuration: Any, name: str) -> dict[str, Any]:
+    """A section of a configuration that nobody has checked since it was written."""
+    found = configuration.get(name) if isinstance(configuration, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _event(line: bytes) -> dict[str, Any] | None:
+    event = json_of(line)
+    well_formed = isinstance(event, dict) and isinstance(event.get("event"), str) and moment_of(event.get("utc"))
     return event if well_formed else None
 
 
@@ -107,8 +116,6 @@ def _follow(run: RunEvents, events: list[dict[str, Any]]) -> None:
 
 def _cut_off(run: RunEvents, last: dict[str, Any]) -> list[dict[str, Any]]:
     """The end that a crash has left out: the time of the last row of the log."""
-    from rw_ekf.errors import RwEkfError
-
     run.warnings.append(f"{run.log}: the run was cut off; it counts up to its last row")
     try:
         end_s = float(read_log(parts_of(run.log).files[-1]).time_s[-1])
@@ -139,14 +146,7 @@ def _elapsed_s(since: dict[str, Any], until: dict[str, Any]) -> float:
     first, last = number_of(since.get("time_s")), number_of(until.get("time_s"))
     if first is not None and last is not None and last >= first:
         return last - first
-    begin, end = _moment(since["utc"]), _moment(until["utc"])
+    begin, end = moment_of(since["utc"]), moment_of(until["utc"])
     assert begin is not None
     assert end is not None
     return max((end - begin).total_seconds(), 0.0)
-
-
-def _moment(utc: Any) -> datetime | None:
-    try:
-        return datetime.fromisoformat(str(utc))
-    except ValueError:
-        return None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.errors import LogError
 from rw_ekf.logs.run_directory import runs_of
 from rw_ekf.numbers import MISSING, number_text, plus_minus
 from rw_ekf.spikes.poisson import Rate, Trend, laplace_test, poisson_rate
@@ -56,7 +57,11 @@ def spikes_of_directory(directory: Path, train_s: float) -> tuple[list[WheelSpik
     logs, warnings = runs_of(directory)
     wheels: dict[str, list[RunEvents]] = {}
     for log in logs:
-        run = read_run(log)
+        try:
+            run = read_run(log)
+        except LogError as error:
+            warnings.append(f"{error}: its run counts for nothing here")
+            continue
         if run is None:
             warnings.append(f"{log}: no events, or its watch was off: it counts for nothing here")
         else:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from types import ModuleType
 
+from rw_ekf.compiled import make_jitable
 from rw_ekf.model import averages, flow, friction, state
 from rw_ekf.wheel import dispatch, effect_transition, interval, pieces, table, transition, window
-from rw_ekf.wheel.compiled import make_jitable
 
 make_jitable([flow.slip, flow.flow, dispatch.contribution_slope, pieces.effect_interval], inlined=True)
 make_jitable(

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import ConfigError
+from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
 from rw_ekf.model import bounds as model_bounds
 from rw_ekf.model.effect import Term
@@ -69,6 +70,15 @@ class WheelModel:
             },
             "effects": [entry for term in self.effects.terms for entry in _effect_documents(term)],
         }
+
+    @classmethod
+    def load(cls, path: str | Path) -> WheelModel:
+        """Read a model file. Raises ConfigError with file:line:column of everything that is wrong."""
+        return read_model(Path(path))
+
+    def save(self, path: str | Path) -> None:
+        """Write a model file. Raises BadInputError if the place cannot be written."""
+        write_text(path, self.to_text())
 
     def to_text(self) -> str:
         """YAML text; floats are written so that they read back exactly."""

@@ -66,7 +66,7 @@ def test_a_limit_that_the_wire_cannot_carry(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], key: str, value: float
 ) -> None:
     """Beyond what i16 of 0.1 mA or 0.5 rpm holds: the limit's own place, and what the map carries."""
-    errors = findings(capsys, write_config(tmp_path, "/dev/ttyUSB0", limits={key: value}))
+    errors = findings(capsys, write_config(tmp_path, str(tmp_path / "ttyUSB0"), limits={key: value}))
     assert f"limits.{key}" in errors
     assert "wheel.yaml:" in errors
 
@@ -82,9 +82,14 @@ def test_a_temperature_limit_on_a_map_without_a_temperature(
     wire_map = tmp_path / "map.yaml"
     wire_map.write_text(yaml.safe_dump(content), encoding="utf-8")
     named = {"wheel": {"protocol": str(wire_map)}}
-    assert main([*verb, str(write_config(tmp_path, "/nowhere", **named, limits={"temperature_degC": 50.0}))]) == 2
+    assert (
+        main(
+            [*verb, str(write_config(tmp_path, str(tmp_path / "nowhere"), **named, limits={"temperature_degC": 50.0}))]
+        )
+        == 2
+    )
     assert "limits.temperature_degC" in capsys.readouterr().err
-    assert main(["check-config", str(write_config(tmp_path, "/nowhere", **named))]) == 0
+    assert main(["check-config", str(write_config(tmp_path, str(tmp_path / "nowhere"), **named))]) == 0
 
 
 def duplicate_id(content: Map) -> None:
@@ -115,7 +120,7 @@ def test_a_bad_wire_map_is_refused_before_a_port_is_opened(
     change(content)
     wire_map = tmp_path / "map.yaml"
     wire_map.write_text(yaml.safe_dump(content), encoding="utf-8")
-    errors = findings(capsys, write_config(tmp_path, "/nowhere", wheel={"protocol": str(wire_map)}))
+    errors = findings(capsys, write_config(tmp_path, str(tmp_path / "nowhere"), wheel={"protocol": str(wire_map)}))
     assert str(wire_map) in errors
     assert expected in errors
 
@@ -124,7 +129,10 @@ def test_a_good_map_of_one_s_own_passes(tmp_path: Path, capsys: pytest.CaptureFi
     """A copy of the shipped map under another path is as good."""
     wire_map = tmp_path / "map.yaml"
     wire_map.write_text(protocol_path("sunspace-wheel").read_text(encoding="utf-8"), encoding="utf-8")
-    assert main(["check-config", str(write_config(tmp_path, "/nowhere", wheel={"protocol": "map.yaml"}))]) == 0
+    assert (
+        main(["check-config", str(write_config(tmp_path, str(tmp_path / "nowhere"), wheel={"protocol": "map.yaml"}))])
+        == 0
+    )
     assert str(wire_map) in capsys.readouterr().out
 
 
@@ -143,7 +151,7 @@ def test_keys_that_contradict_each_other_or_the_disk(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], section: str, content: dict[str, Any], expected: str
 ) -> None:
     """A model that is not there, a log not named, a command beyond its limit, an unknown effect: named, status 2."""
-    config = write_config(tmp_path, "/nowhere", **{section: content})
+    config = write_config(tmp_path, str(tmp_path / "nowhere"), **{section: content})
     assert main(["check-config", str(config)]) == 2
     out, errors = capsys.readouterr()
     assert out == ""

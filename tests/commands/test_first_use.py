@@ -14,10 +14,10 @@ import pytest
 
 from rw_ekf import compile_ahead
 from rw_ekf.arrays import Float64Array
+from rw_ekf.compiled import interpreted
 from rw_ekf.course.course import Course
-from rw_ekf.replay import consistency_now, judge_log
+from rw_ekf.log_replay import consistency_now, judge_log
 from rw_ekf.starting_point import setup_of_record
-from rw_ekf.wheel.compiled import interpreted
 from tests.commands.logs import write_log
 from tests.diagnosis.simulated import simulated
 from tests.live.bench import ROOT, program, rw_ekf, served_wheel, wait_for
@@ -25,7 +25,7 @@ from tests.live.bench import ROOT, program, rw_ekf, served_wheel, wait_for
 OF_EVERY_VERB = """
 import gc, sys
 from rw_ekf.cli import main
-from rw_ekf.wheel.compiled import Kernel
+from rw_ekf.compiled import Kernel
 log, out = sys.argv[1:]
 for arguments in (["replay", "--smooth", "--out", out, log], ["fit", "--noise", log], ["diagnose", log]):
     assert main(arguments) == 0, arguments
@@ -110,13 +110,28 @@ def test_every_verb_uses_the_types_that_are_compiled_ahead(tmp_path: Path) -> No
     assert done.returncode == 0, done.stderr
 
 
-def test_a_run_ends_without_a_compiler(tmp_path: Path) -> None:
-    """With a cold cache a run judges its residual, finds that it is twice as noisy as told, and compiles nothing."""
+def test_plain_python_does_what_a_compiler_may_not(tmp_path: Path) -> None:
+    """With NUMBA_DISABLE_JIT replay and fit say so in one line, compile nothing and print what compiled code does."""
+    run = simulated(seed=5, samples=600)
+    log = write_log(tmp_path / "log.csv", [run.time_s, run.measured_speed_rad_s, run.current_command_A])
+    plain = {**cold_cache(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "1"}
+    for verb in ("replay", "fit"):
+        done = rw_ekf(verb, str(log), env=plain)
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.startswith("rw-ekf: NUMBA_DISABLE_JIT is set")
+        assert done.stderr.count("\n") == 1
+        assert done.stdout == rw_ekf(verb, str(log)).stdout
+    assert compiled_files(tmp_path) == []
+
+
+@pytest.mark.parametrize("more", [{}, {"NUMBA_DISABLE_JIT": "1"}])
+def test_a_run_ends_without_a_compiler(tmp_path: Path, more: dict[str, str]) -> None:
+    """Cold cache, or no compiler: a run judges its residual, finds it twice as noisy as told, compiles nothing."""
     cache = tmp_path / "cache"
     with served_wheel(tmp_path, initial_speed_rad_s=60.0, noise_rpm=2.0) as bench:
         limits = {"current_A": 0.6, "silence_s": 10.0}  # a busy machine makes no difference to what is tested
         config = bench.config(limits=limits, watch={"enabled": False})
-        done = rw_ekf("run", "--config", str(config), "--duration", "13", env=cold_cache(cache))
+        done = rw_ekf("run", "--config", str(config), "--duration", "13", env=cold_cache(cache) | more)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("times what the configured noise implies (larger)") == 1
     assert "configured noise" not in done.stderr

@@ -65,11 +65,11 @@ def test_a_duration_must_be_a_positive_number(text: str, capsys: pytest.CaptureF
     assert "--duration" in capsys.readouterr().err
 
 
-def threads_for_linear_algebra(environment: dict[str, str]) -> str:
-    """What a process sees that imports the library and then numpy: the variables, and its threads after a product."""
+def threads_for_linear_algebra(first: str, environment: dict[str, str]) -> str:
+    """What a process sees that does this first: the variables, and its threads after a product."""
     probe = (
-        "import os, rw_ekf, numpy; a = numpy.ones((500, 500)); a @ a; "
-        "print(*(os.environ[f'{name}_NUM_THREADS'] for name in ('OPENBLAS', 'OMP', 'MKL')), "
+        f"{first}\nimport os, numpy; a = numpy.ones((500, 500)); a @ a; "
+        "print(*(os.environ.get(f'{name}_NUM_THREADS') for name in ('OPENBLAS', 'OMP', 'MKL')), "
         "len(os.listdir('/proc/self/task')) if os.path.isdir('/proc/self/task') else 1)"
     )
     unset = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
@@ -78,10 +78,23 @@ def threads_for_linear_algebra(environment: dict[str, str]) -> str:
     ).stdout.strip()
 
 
-def test_who_imports_the_library_has_one_thread_for_linear_algebra() -> None:
-    """Importing rw_ekf before numpy leaves one thread (decision 0005); what was set outside stays."""
-    assert threads_for_linear_algebra({}) == "1 1 1 1"
-    assert threads_for_linear_algebra({"MKL_NUM_THREADS": "3"}) == "1 1 3 1"
+def test_a_command_has_one_thread_for_linear_algebra() -> None:
+    """A verb leaves one thread (decision 0005); what was set outside stays."""
+    verb = "from rw_ekf.cli import main\ntry: main(['check-config', 'nothing'])\nexcept SystemExit: pass"
+    assert threads_for_linear_algebra(verb, {}) == "1 1 1 1"
+    assert threads_for_linear_algebra(verb, {"MKL_NUM_THREADS": "3"}) == "1 1 3 1"
+
+
+def test_the_library_leaves_a_program_its_threads() -> None:
+    """Importing it sets no variable; while it computes, the linear algebra has one thread, then as many as before."""
+    assert threads_for_linear_algebra("import rw_ekf", {}).startswith("None None None ")
+    probe = (
+        "import numpy, rw_ekf\nfrom threadpoolctl import threadpool_info as info\n"
+        "from rw_ekf.one_thread import one_thread\n"
+        "def threads(): return [pool['num_threads'] for pool in info() if pool['user_api'] == 'blas']\n"
+        "before = threads()\nwith one_thread(): assert set(threads()) <= {1}\nassert threads() == before"
+    )
+    subprocess.run([sys.executable, "-c", probe], cwd=ROOT, check=True)
 
 
 def test_help_and_check_config_import_nothing_heavy(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def example(
         document["before"] = document["after"] = dict.fromkeys(document["before"])
     return Diagnosis(
         log=log,
-        document=document,
+        content=document,
         heldout=heldout if kind != "insufficient_excitation" else np.zeros(n, dtype=bool),
         before=None if kind == "insufficient_excitation" else before,
         after=keep,

@@ -40,7 +40,7 @@ def test_a_change_of_something_else_is_no_drift_of_dry_friction(what: str, seed:
     """Viscous friction that trebles, or a torque of 8 % that sets in: unexplained, as the catalogue has neither."""
     wheel = PlantParameters()
     after = {"viscous": 3.0 * wheel.viscous, "offset_rad_s2": 0.08 * wheel.coulomb}[what]
-    verdict = diagnose_log(changed(wheel, wheel._replace(**{what: after}), seed)).document["verdict"]
+    verdict = diagnose_log(changed(wheel, wheel._replace(**{what: after}), seed)).document()["verdict"]
     assert verdict["kind"] == "unexplained", verdict["statement"]
 
 
@@ -48,6 +48,6 @@ def test_dry_friction_that_changes_is_named() -> None:
     """The same with dry friction up by 8 %: a drift, or a spike that lasts."""
     wheel = PlantParameters()
     rough = wheel._replace(coulomb=1.08 * wheel.coulomb, static=1.08 * wheel.static)
-    verdict = diagnose_log(changed(wheel, rough, 1)).document["verdict"]
+    verdict = diagnose_log(changed(wheel, rough, 1)).document()["verdict"]
     assert verdict["kind"] == "effect"
     assert {"coulomb_drift", "drag_spike"} & set(verdict["effects"])

@@ -86,7 +86,7 @@ def test_the_evidence_of_an_effect_is_its_likelihood_integrated_over_its_size() 
 
 def test_what_slow_sines_cannot_tell_apart_stands_with_even_odds() -> None:
     """A lag, a delay and a mean over a window under slow sines all stand; the document is as the contract has it."""
-    document = diagnose_log(log_of(simulated(["actuator_lag"], seed=11, profile="P1"))).document
+    document = diagnose_log(log_of(simulated(["actuator_lag"], seed=11, profile="P1"))).document()
     check_document(document)
     stand = {tuple(item["effects"]): item["posterior"] for item in document["explanations"]}
     assert set(stand) == {("actuator_lag",), ("transport_delay",), ("speed_averaging",)}

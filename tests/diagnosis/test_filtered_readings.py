@@ -46,7 +46,7 @@ def log_of(case: Case, *, lags: bool) -> WheelLog:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_noise_that_goes_on_is_no_bristle(seed: int) -> None:
     """The model is adequate, and the low-pass is told."""
-    document = diagnose_log(log_of(Case("identification", 0.0, seed), lags=False)).document
+    document = diagnose_log(log_of(Case("identification", 0.0, seed), lags=False)).document()
     assert document["verdict"]["kind"] == "adequate"
     assert any("behind a low-pass of 0." in text for text in document["warnings"])
 
@@ -55,7 +55,7 @@ def test_noise_that_goes_on_is_no_bristle(seed: int) -> None:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_lag_of_a_filter_is_named_alone(seed: int) -> None:
     """A lag of 0.15 s (0.6 / 0.4 readings) or another reading that is late, and nothing beside it."""
-    document = diagnose_log(log_of(Case("identification", 0.0, seed), lags=True)).document
+    document = diagnose_log(log_of(Case("identification", 0.0, seed), lags=True)).document()
     (named,) = document["verdict"]["effects"]
     assert named in _READINGS_LATE
 

@@ -55,7 +55,7 @@ def test_a_noisy_base_is_fitted_in_its_deepest_valley() -> None:
 def test_a_part_that_has_nothing_of_an_effect_does_not_refuse_it() -> None:
     """Half of a sine's blocks pass the bump hardly at all; verdict and probabilities say the same."""
     run = simulated(["drag_bump:amplitude_rad_s2=0.0587,speed_rad_s=6.28,width_rad_s=1.57"], seed=5013, profile="S2")
-    verdict = diagnose_log(plant.log_of(run)).document["verdict"]
+    verdict = diagnose_log(plant.log_of(run)).document()["verdict"]
     assert verdict["effects"] == ["drag_bump"]
     assert verdict["posterior"]["drag_bump"] > 0.9
 
@@ -75,7 +75,7 @@ def test_a_step_cut_short_takes_along_what_goes_with_it() -> None:
 
 def test_a_verdict_that_names_nothing_says_what_speaks_against_it() -> None:
     """A drag too weak to be named, and yet likelier than none, is told with its probability."""
-    verdict = diagnose_log(log_of(case_called("p12-1rpm-002", 11))).document["verdict"]
+    verdict = diagnose_log(log_of(case_called("p12-1rpm-002", 11))).document()["verdict"]
     assert verdict["kind"] == "adequate"
     assert verdict["posterior"]["none"] < 0.5
     assert "the probability that nothing is missing is" in verdict["statement"]
@@ -100,7 +100,7 @@ def test_a_base_fit_that_took_the_wheel_for_one_that_never_sticks_begins_anew() 
         i += int(rng.uniform(10.0, 60.0) * rate_hz)
     effects = parse_effects(["viscous_asymmetry:difference_1_s=-0.0025"], wheel)
     run = simulate_run(effects, current_A, np.arange(samples) / rate_hz, PlantNoise(RAD_S_PER_RPM, 0.0), seed=83)
-    document = diagnose_log(plant.log_of(run)).document
+    document = diagnose_log(plant.log_of(run)).document()
     static = document["parameters"]["before"]["static"]
     assert abs(static["value"] - wheel.static) < 0.05
     assert document["verdict"]["effects"] == ["viscous_asymmetry"]

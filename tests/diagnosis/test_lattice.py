@@ -125,6 +125,6 @@ def test_the_error_of_a_rounded_reading_is_the_mean_over_many(noise: float) -> N
 def test_a_grid_of_ten_rpm_hides_nothing_and_makes_nothing_up(effect: str) -> None:
     """Under 1 rpm of noise the grid is named with what the wheel has, and the readings predicted are rounded."""
     effects = [f"speed_quantisation:grid_rad_s={10.0 * RAD_S_PER_RPM}", *([] if effect == "none" else [effect])]
-    document = diagnose_log(log_of(simulated(effects, seed=21, samples=4000))).document
+    document = diagnose_log(log_of(simulated(effects, seed=21, samples=4000))).document()
     assert sorted(document["verdict"]["effects"]) == sorted(text.split(":")[0] for text in effects)
     assert document["after"]["free_run_rms_rpm"] < 0.9 * document["before"]["free_run_rms_rpm"]

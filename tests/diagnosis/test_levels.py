@@ -96,7 +96,7 @@ def staircase(seed: int, ratio: float) -> WheelLog:
 @pytest.mark.slow
 @pytest.mark.parametrize("ratio", [50.0, 2.0])
 def test_rounded_plateaus_make_no_friction_up(ratio: float) -> None:
-    """A motor without any effect: nothing is named but the grid, and one of two noises as a remark."""
+    """A motor without any effect: nothing is named but the grid, and one of two noises is said to cost nothing."""
     verdict = diagnose_log(staircase(5, ratio)).document["verdict"]
     assert verdict["effects"] == ["speed_quantisation"]
-    assert ("a remark" in verdict["statement"]) == (ratio < 3.0)
+    assert ("no held-out error is smaller" in verdict["statement"]) == (ratio < 3.0)

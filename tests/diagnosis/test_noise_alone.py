@@ -48,7 +48,7 @@ def test_hats_over_time_follow_torque_noise_and_it_is_known_how_far(restless: Pr
 
 def test_a_healthy_wheel_with_torque_noise_is_adequate() -> None:
     """What chi-square called structure in time at 4e-7 is noise."""
-    document = diagnose_log(log_of(simulated([], seed=5027, profile="P2", process_rpm=MOVED_RPM))).document
+    document = diagnose_log(log_of(simulated([], seed=5027, profile="P2", process_rpm=MOVED_RPM))).document()
     assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
     time = next(item for item in document["map"] if item["dependence"] == "time")
     assert time["p_value"] > 1.0e-3

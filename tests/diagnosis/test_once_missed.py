@@ -41,14 +41,14 @@ pytestmark = pytest.mark.slow
 )
 def test_the_effect_is_named_alone(case: str, seed: int, effect: str) -> None:
     """One effect, and no other, of a wheel with one; and its posterior says so."""
-    document = diagnose_log(log_of(case_called(case, seed))).document
+    document = diagnose_log(log_of(case_called(case, seed))).document()
     assert document["verdict"]["effects"] == [effect]
     assert document["verdict"]["posterior"][effect] > 0.9
 
 
 def test_an_event_and_a_law_that_are_nearly_as_likely_are_both_told() -> None:
     """A motor gain that rises was a spike because that explained 5 more of 35; but a spike has more to choose from."""
-    document = diagnose_log(log_of(case_called("id-5rpm-006-motor_gain_temperature", 10))).document
+    document = diagnose_log(log_of(case_called("id-5rpm-006-motor_gain_temperature", 10))).document()
     verdict = document["verdict"]
     assert verdict["effects"] == ["motor_gain_temperature"]
     assert verdict["indistinguishable"] == [["motor_gain_temperature", "drag_spike"]]
@@ -60,20 +60,20 @@ def test_an_event_and_a_law_that_are_nearly_as_likely_are_both_told() -> None:
 )
 def test_a_friction_that_wanders_is_one_effect_however_many_its_pieces(case: str, seed: int) -> None:
     """Named for a weak spike, or because it wanders: its probability is not that of thirty effects at once."""
-    verdict = diagnose_log(log_of(case_called(case, seed))).document["verdict"]
+    verdict = diagnose_log(log_of(case_called(case, seed))).document()["verdict"]
     assert verdict["effects"] == ["coulomb_drift"]
     assert verdict["posterior"]["coulomb_drift"] > 0.9
 
 
 def test_what_one_effect_does_as_well_as_two_is_a_law_before_it_is_an_event() -> None:
     """A friction that runs in from the log's start is no spike in its first second, though one fits by 1 better."""
-    verdict = diagnose_log(log_of(case_called("id-1rpm-036-coulomb_drift", 11))).document["verdict"]
+    verdict = diagnose_log(log_of(case_called("id-1rpm-036-coulomb_drift", 11))).document()["verdict"]
     assert verdict["effects"] == ["coulomb_drift"]
 
 
 def test_a_bump_that_shrank_to_what_no_reading_resolves_is_fitted_from_a_wider_place() -> None:
     """Where noise makes a narrow one likelier by 1, what is found is the wide one that there is, within two sigma."""
-    document = diagnose_log(log_of(case_called("id-5rpm-019-drag_bump", 24))).document
+    document = diagnose_log(log_of(case_called("id-5rpm-019-drag_bump", 24))).document()
     assert document["verdict"]["effects"] == ["drag_bump"]
     found = next(item for item in document["candidates"] if item["effect"] == "drag_bump")["parameters"]
     for name, truth in (("amplitude_rad_s2", 0.0377), ("speed_rad_s", 45.6), ("width_rad_s", 24.1)):
@@ -82,7 +82,7 @@ def test_a_bump_that_shrank_to_what_no_reading_resolves_is_fitted_from_a_wider_p
 
 def test_a_drag_that_half_of_a_short_log_cannot_predict_is_named_with_what_is_like_it() -> None:
     """90 s of one-way turning know two laws of drag, and say by how much held-out errors are blurred."""
-    document = diagnose_log(log_of(case_called("elsewhere-045-cubic_drag", 23))).document
+    document = diagnose_log(log_of(case_called("elsewhere-045-cubic_drag", 23))).document()
     verdict = document["verdict"]
     assert set(verdict["indistinguishable"][0]) >= {"quadratic_drag", "cubic_drag"}
     assert verdict["posterior"]["none"] < 0.01
@@ -100,7 +100,7 @@ def test_a_drag_that_half_of_a_short_log_cannot_predict_is_named_with_what_is_li
 )
 def test_a_late_reading_is_named_though_one_step_ahead_says_otherwise(case: str, effect: str) -> None:
     """What is as good as certain on the whole record is one of three ways of being late, and nothing else."""
-    verdict = diagnose_log(log_of(case_called(case, 31))).document["verdict"]
+    verdict = diagnose_log(log_of(case_called(case, 31))).document()["verdict"]
     late = {"transport_delay", "actuator_lag", "speed_averaging"}
     assert verdict["kind"] == "effect"
     assert len(verdict["effects"]) == 1

@@ -35,7 +35,7 @@ def test_a_cubesat_wheel_whose_stribeck_speed_is_guessed_keeps_its_static_fricti
     levels = np.repeat(draws.uniform(-0.12, 0.12, 50), 80)
     current_A = np.where(np.arange(4000) // 80 % 3 == 2, 0.1 * levels, levels)
     run = simulate_run(wheel, current_A, time_s, PlantNoise(0.2), seed=seed)
-    document = diagnose_log(log_of(run)).document
+    document = diagnose_log(log_of(run)).document()
     static = document["parameters"]["before"]["static"]
     assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
     assert abs(static["value"] - wheel.static) < 3.5 * static["std"]
@@ -68,7 +68,7 @@ def test_a_guessed_stribeck_speed_is_sought_anew_beside_an_effect(seed: int) -> 
     usual = PlantParameters(180.0 * draws.uniform(0.9, 1.1), 0.012, coulomb, 1.1 * coulomb)
     wheel = usual._replace(offset_rad_s2=0.05 * coulomb)
     run = simulate_run(wheel, with_rests(draws), 0.1 * np.arange(4000.0), PlantNoise(0.2), seed=seed)
-    document = diagnose_log(log_of(run)).document
+    document = diagnose_log(log_of(run)).document()
     static = document["parameters"]["after"]["static"]
     assert document["verdict"]["effects"] == ["offset_torque"], document["verdict"]["statement"]
     assert abs(static["value"] - wheel.static) < 4.0 * static["std"]
@@ -82,7 +82,7 @@ def test_the_law_that_is_told_is_the_likeliest(seed: int) -> None:
     time_s, current_A = telegraph(600.0, 0.12, seed)
     document = diagnose_log(
         log_of(simulate_run(wheel, current_A, time_s, PlantNoise(RAD_S_PER_RPM), seed=seed))
-    ).document
+    ).document()
     found = next(item for item in document["candidates"] if item["effect"] == "stribeck_shape")
     law = found["parameters"]["law"]
     assert found["decision"] == "added"

@@ -21,5 +21,5 @@ from tests.diagnosis.simulated import log_of, simulated
 )
 def test_what_goes_with_the_motion_is_no_torque_with_a_clock(effect: str) -> None:
     """Friction and motor laws the model lacks repeat with the current; none of them is told as a torque of its own."""
-    document = diagnose_log(log_of(simulated([effect], profile="S3", seed=6))).document
+    document = diagnose_log(log_of(simulated([effect], profile="S3", seed=6))).document()
     assert "external_torque" not in document["verdict"]["effects"]

@@ -197,7 +197,7 @@ def test_the_foreign_plant_agrees_with_ours_where_nothing_is_wrong() -> None:
 @pytest.mark.slow
 def test_a_motor_gain_that_falls_with_speed_is_neither_a_torque_with_a_clock_nor_process_noise() -> None:
     """A current that reverses every 30 s makes it nearly periodic in time; it depends on speed, unexplained."""
-    document = diagnose_log(log_of(case_called("outside-004", 3))).document
+    document = diagnose_log(log_of(case_called("outside-004", 3))).document()
     assert document["verdict"]["kind"] == "unexplained", document["verdict"]["statement"]
     assert document["map"][0]["dependence"] == "speed"
     torque = next(item for item in document["candidates"] if item["effect"] == "external_torque")

@@ -25,6 +25,7 @@ from rw_ekf.diagnosis.report.text import diagnosis_text
 from rw_ekf.diagnosis.report.words import Units, figure_pairs
 from rw_ekf.diagnosis.report.write import write_report
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.errors import PictureError
 from rw_ekf.numbers import number_text
 from tests.diagnosis.example import INERTIA_KG_M2, example, many_samples
 
@@ -107,6 +108,23 @@ def test_every_file_is_written_and_named(written: Path) -> None:
             assert len(content) > 20_000
 
 
+def test_pictures_that_cannot_be_drawn_cost_nothing_else(
+    found: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The document, the model and the page with the other pictures stand; one sentence names those that do not."""
+    report(found, tmp_path)  # an earlier run's pictures do not stay for new ones
+
+    def fails(*_: object) -> bytes:
+        raise PictureError("no ink")
+
+    monkeypatch.setattr("rw_ekf.diagnosis.report.write.speed_picture", fails)
+    monkeypatch.setattr("rw_ekf.diagnosis.report.write.residual_picture", fails)
+    with pytest.raises(PictureError, match=r"^speed\.png, residual\.png: no ink$"):
+        report(found, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == ALL_FILES - {"speed.png", "residual.png"}
+    assert len(page_of(tmp_path).images) == 1
+
+
 def test_the_page_stands_alone(written: Path) -> None:
     """No address, script, style sheet or font from outside; the pictures inside are the files beside it."""
     page = page_of(written)
@@ -128,7 +146,7 @@ def test_the_page_stands_alone(written: Path) -> None:
 def test_verdict_and_figures_come_first(found: Diagnosis, written: Path) -> None:
     """Badge and one line with both free-run figures come before the statement; parameters and commands follow."""
     page = page_of(written)
-    before, after = (found.document[key]["free_run_rms_rpm"] for key in ("before", "after"))
+    before, after = (found.document()[key]["free_run_rms_rpm"] for key in ("before", "after"))
     figures = f"{number_text(before)} → {number_text(after)}"
     headline = f"The model lacks viscous temperature: free-run error {figures}"
     order = [page.text.index(words) for words in ("Effect named", headline, "Viscous friction falls", "Evidence")]
@@ -159,8 +177,8 @@ def test_nan_is_null_in_the_document(found: Diagnosis, written: Path) -> None:
     document = json.loads(text, parse_constant=refuse)
     (cubic,) = (c for c in document["candidates"] if c["effect"] == "cubic_drag")
     assert cubic["heldout_gain_percent"] is None
-    assert document["verdict"] == found.document["verdict"]
-    assert document["before"] == found.document["before"]
+    assert document["verdict"] == found.document()["verdict"]
+    assert document["before"] == found.document()["before"]
 
 
 @pytest.mark.parametrize("kind", ["adequate", "unexplained", "insufficient_excitation"])
@@ -175,7 +193,7 @@ def test_without_a_better_model_what_an_earlier_run_left_is_gone(kind: str, tmp_
         left |= {"residual.png", "evidence.svg"}
     assert {path.name for path in tmp_path.iterdir()} == left
     assert "augmented-model.yaml" not in page.text
-    assert poor.document["verdict"]["statement"].split(":")[0] in page.text
+    assert poor.document()["verdict"]["statement"].split(":")[0] in page.text
     assert "What to do next" in page.text
     assert (kind == "insufficient_excitation") == ("rw-ekf excite identification --config" in page.text)
 
@@ -189,7 +207,7 @@ def test_what_no_effect_explains_is_drawn_and_told(tmp_path: Path) -> None:
         "sentence": "about 0.30 +- 0.02 mNm more drag around 150 to 450 s after the log's start",
         "record": "a second log: `rw-ekf excite identification`",
     }  # fmt: skip
-    poor.document["shapes"] = [shape, {**shape, "dependence": "current", "at_unit": "mA", "sentence": "nothing"}]
+    poor.document()["shapes"] = [shape, {**shape, "dependence": "current", "at_unit": "mA", "sentence": "nothing"}]
     page = report(poor, tmp_path)
     assert (tmp_path / "shapes.png").exists()
     assert page.images[0]["src"] == "data:image/png;base64," + base64.b64encode(
@@ -197,30 +215,30 @@ def test_what_no_effect_explains_is_drawn_and_told(tmp_path: Path) -> None:
     ).decode("ascii")
     assert "explains: about 0.30 ± 0.02 mNm more drag around 150 to 450 s" in page.text.replace("\xa0", " ")
     assert "On time would tell more: a second log: rw-ekf excite identification" in page.text
-    assert "against current: nothing" in diagnosis_text(poor.document)
+    assert "against current: nothing" in diagnosis_text(poor.document())
 
 
 def test_times_since_the_log_s_start_stand_beside_its_own(found: Diagnosis, tmp_path: Path) -> None:
     """Onset and split of a log that begins at 1000 s say so; nothing does where it begins at zero."""
-    document = copy.deepcopy(found.document)
+    document = copy.deepcopy(found.document())
     document["candidates"][0]["parameters"] = {"onset_s": {"value": 1230.0, "std": 0.5, "unit": "s"}}
-    later = replace(found, log=replace(found.log, time_s=found.log.time_s + 1000.0), document=document)
+    later = replace(found, log=replace(found.log, time_s=found.log.time_s + 1000.0), content=document)
     page = report(later, tmp_path)
     assert page.text.count("230.0 s after the log's start") == 2
     assert "it starts at 1000 s" in page.text
-    assert "log's start" not in report(replace(found, document=document), tmp_path).text
+    assert "log's start" not in report(replace(found, content=document), tmp_path).text
 
 
 def test_no_rpm_for_a_plant_that_is_no_wheel(found: Diagnosis, tmp_path: Path) -> None:
     """SI throughout, and the figures of the document converted back."""
     plant = replace(
-        found, document={**found.document, "verdict": {"kind": "effect", "effects": [], "statement": "Drag."}}
+        found, content={**found.document(), "verdict": {"kind": "effect", "effects": [], "statement": "Drag."}}
     )
     page = report(plant, tmp_path, None, wheel=False)
     assert "rpm" not in page.text.replace(str(tmp_path), "")
-    (pair,) = (p for p in figure_pairs(found.document, Units(False, None)) if p.key == "free_run_rms_rpm")
-    assert pair.before == pytest.approx(found.document["before"]["free_run_rms_rpm"] * np.pi / 30.0)
-    assert "rpm" not in diagnosis_text(plant.document, wheel_units=False)
+    (pair,) = (p for p in figure_pairs(found.document(), Units(False, None)) if p.key == "free_run_rms_rpm")
+    assert pair.before == pytest.approx(found.document()["before"]["free_run_rms_rpm"] * np.pi / 30.0)
+    assert "rpm" not in diagnosis_text(plant.document(), wheel_units=False)
 
 
 def odd_records(found: Diagnosis) -> dict[str, Diagnosis]:
@@ -242,7 +260,7 @@ def odd_records(found: Diagnosis) -> dict[str, Diagnosis]:
         ),
         "nothing held out": replace(found, heldout=np.zeros(n, dtype=bool)),
         "one sample": many_samples(found, 1),
-        "bare document": replace(found, document={"verdict": {"kind": "effect"}, "before": None, "after": None}),
+        "bare document": replace(found, content={"verdict": {"kind": "effect"}, "before": None, "after": None}),
     }
 
 
@@ -256,7 +274,7 @@ def test_odd_records_still_make_a_page(case: str, found: Diagnosis, tmp_path: Pa
     odd = odd_records(found)[case]
     page = report(odd, tmp_path)
     assert "Effect named" in page.text
-    assert diagnosis_text(odd.document)
+    assert diagnosis_text(odd.document())
     assert set(odd_records(found)) == set(ODD)
 
 
@@ -326,9 +344,9 @@ def test_running_means_stop_at_a_stretch() -> None:
 
 def test_the_terminal_has_the_verdict_first(found: Diagnosis) -> None:
     """Verdict, aligned figures, the effect, at most five others, one line of untestable ones, where the report is."""
-    lines = diagnosis_text(found.document, directory=Path("runs/d")).splitlines()
+    lines = diagnosis_text(found.document(), directory=Path("runs/d")).splitlines()
     assert lines[0] == "runs/2026-11-21T0512.csv: effect named"
-    assert lines[1].strip() == found.document["verdict"]["statement"]
+    assert lines[1].strip() == found.document()["verdict"]["statement"]
     arrows = [line.index("->") for line in lines[2:] if " -> " in line and line.startswith("    ")]
     assert len(arrows) == 6
     assert len(set(arrows)) == 1

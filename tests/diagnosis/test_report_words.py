@@ -21,7 +21,7 @@ PANELS: Any = [SimpleNamespace(title=t) for t in ("time", "speed", "low speed", 
 
 def marked(kind: str, *effects: str) -> list[str]:
     """Titles in bold where the low speed has the largest structure."""
-    diagnosis: Any = SimpleNamespace(document={"verdict": {"kind": kind, "effects": list(effects)}})
+    diagnosis: Any = SimpleNamespace(document=lambda: {"verdict": {"kind": kind, "effects": list(effects)}})
     means: Any = [[SimpleNamespace(structure=9.0 if p.title == "low speed" else 1.0)] for p in PANELS]
     return [PANELS[number].title for number in sorted(_marked(diagnosis, PANELS, means))]
 
@@ -38,7 +38,10 @@ def test_the_bold_panel_is_that_of_the_named_cause() -> None:
 def test_the_bold_panel_of_what_is_unexplained_is_that_of_the_curve() -> None:
     """The first fitted curve goes before the largest means; a drive that is no wheel's current has a panel too."""
     diagnosis: Any = SimpleNamespace(
-        document={"verdict": {"kind": "unexplained"}, "shapes": [{"dependence": "current"}, {"dependence": "time"}]}
+        document=lambda: {
+            "verdict": {"kind": "unexplained"},
+            "shapes": [{"dependence": "current"}, {"dependence": "time"}],
+        }
     )
     means: Any = [[SimpleNamespace(structure=1.0)] for _ in PANELS]
     assert [PANELS[number].title for number in _marked(diagnosis, PANELS, means)] == ["current"]

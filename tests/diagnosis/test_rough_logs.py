@@ -29,7 +29,7 @@ DRAG = injected("quadratic_drag")
 
 def diagnosed(log: WheelLog, model: WheelModel | None = None) -> dict[str, Any]:
     """The document."""
-    return diagnose_log(log, model=model).document
+    return diagnose_log(log, model=model).document()
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_the_clock_of_a_log_may_begin_anywhere(name: str) -> None:
     log, since_start = diagnosed_once(injected(name))
     since_1970 = diagnose_log(replace(log, time_s=log.time_s + 1.76e9))
     sizes, onsets = [], []
-    for begins_s, document in ((0.0, since_start.document), (1.76e9, since_1970.document)):
+    for begins_s, document in ((0.0, since_start.document()), (1.76e9, since_1970.document())):
         assert document["verdict"]["effects"] == [name], document["verdict"]["statement"]
         found = next(item for item in document["candidates"] if item["effect"] == name)["parameters"]
         sizes.append(found["amplitude_rad_s2"]["value"])
@@ -96,7 +96,7 @@ def test_a_given_effect_that_is_not_missed_is_no_error() -> None:
 def test_the_loop_closes(tmp_path: Path, name: str) -> None:
     """Diagnosed again with the model that the diagnosis wrote, read back from its file, the log is explained."""
     log, found = diagnosed_once(injected(name))
-    assert found.model is not None, found.document["verdict"]["statement"]
+    assert found.model is not None, found.document()["verdict"]["statement"]
     path = tmp_path / "augmented-model.yaml"
     path.write_text(found.model.to_text(), encoding="utf-8")
     document = diagnosed(log, read_model(path))

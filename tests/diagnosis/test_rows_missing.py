@@ -38,7 +38,7 @@ def of_rows(log: WheelLog, keep: BoolArray) -> WheelLog:
 @pytest.mark.parametrize("effects", [[], [OFFSET]])
 def test_a_log_that_lost_rows_says_so_and_is_judged_all_the_same(effects: list[str]) -> None:
     """Steps every few seconds, a third of the rows lost: healthy is adequate, an offset is named with its size."""
-    document = diagnose_log(thinned(log_of(simulated(effects, seed=31, profile="P2")), 32)).document
+    document = diagnose_log(thinned(log_of(simulated(effects, seed=31, profile="P2")), 32)).document()
     verdict = document["verdict"]
     assert verdict["statement"].startswith("Rows are lost: 6.45 samples a second on a 10 Hz grid"), verdict["statement"]
     assert verdict["effects"] == [text.split(":")[0] for text in effects], verdict["statement"]
@@ -62,7 +62,7 @@ def test_rows_lost_where_the_command_changes_accuse_no_healthy_wheel() -> None:
     steps = np.flatnonzero(np.diff(current_A)) + 1
     keep = np.ones(samples, dtype=bool)
     keep[draws.choice(steps, steps.size // 3, replace=False)] = False
-    verdict = diagnose_log(of_rows(log_of(run), keep)).document["verdict"]
+    verdict = diagnose_log(of_rows(log_of(run), keep)).document()["verdict"]
     assert verdict["kind"] == "adequate", verdict["statement"]
 
 
@@ -75,6 +75,6 @@ def test_held_readings_say_so_and_are_judged_all_the_same(effects: list[str]) ->
     run = simulate_run(parse_effects(effects), currents, times, PlantNoise(0.08, 0.0), seed=34)
     first = np.concatenate(([True], np.diff(np.floor(times * 30.0 + 1e-9)) > 0))
     held = run.measured_speed_rad_s[np.maximum.accumulate(np.where(first, np.arange(times.size), 0))]
-    verdict = diagnose_log(replace(log_of(run), speed_rad_s=held)).document["verdict"]
+    verdict = diagnose_log(replace(log_of(run), speed_rad_s=held)).document()["verdict"]
     assert verdict["statement"].startswith("Readings are held: 70 %"), verdict["statement"]
     assert verdict["effects"] == [text.split(":")[0] for text in effects], verdict["statement"]

@@ -22,7 +22,7 @@ from tests.diagnosis.simulated import log_of, simulated
 def test_a_bristle_is_found_with_its_damping(damping: float) -> None:
     """Dahl's bristle, which swings undamped, and LuGre's: each named, both numbers as they are, with sigmas."""
     run = simulated([f"presliding_hysteresis:deflection_rad=0.1,damping={damping}"], seed=7)
-    document = diagnose_log(log_of(run)).document
+    document = diagnose_log(log_of(run)).document()
     assert document["verdict"]["effects"] == ["presliding_hysteresis"], document["verdict"]["statement"]
     found = next(c for c in document["candidates"] if c["effect"] == "presliding_hysteresis")["parameters"]
     std = found["damping"]["std"]
@@ -36,7 +36,7 @@ def test_friction_that_follows_what_is_not_logged_drifts() -> None:
     """Coulomb friction falls with a temperature that nobody logs, up and down again: a drift, and a better free run."""
     log = log_of(simulated(["coulomb_temperature:slope_1_K=-0.015"], seed=5))
     blind = replace(log, channels={name: v for name, v in log.channels.items() if name != "temperature_degC"})
-    document = diagnose_log(blind).document
+    document = diagnose_log(blind).document()
     assert document["verdict"]["effects"] == ["coulomb_drift"], document["verdict"]["statement"]
     assert document["after"]["free_run_rms_rpm"] < 0.7 * document["before"]["free_run_rms_rpm"]
 
@@ -59,7 +59,7 @@ def test_a_friction_that_walks_at_random_is_told_from_one_that_keeps_still(wande
 def test_a_strong_short_spike_is_followed_to_the_end() -> None:
     """A quarter of Coulomb friction for 25 s, within a block that is held out: named, with onset, decay and size."""
     run = simulated(["drag_spike:amplitude_rad_s2=0.147,onset_s=230,decay_s=25"], seed=13, profile="P2")
-    document = diagnose_log(log_of(run)).document
+    document = diagnose_log(log_of(run)).document()
     assert document["verdict"]["effects"] == ["drag_spike"], document["verdict"]["statement"]
     found = next(c for c in document["candidates"] if c["effect"] == "drag_spike")["parameters"]
     for name, value, share in (("onset_s", 230.0, 0.01), ("decay_s", 25.0, 0.2), ("amplitude_rad_s2", 0.147, 0.15)):
@@ -70,7 +70,7 @@ def test_a_strong_short_spike_is_followed_to_the_end() -> None:
 def test_a_friction_that_walks_is_named_as_one_that_wanders() -> None:
     """Not unexplained, and not one of the shapes that a stretch of it happens to have."""
     run = simulated(["coulomb_drift:rate_rad_s3=0,wander_rad_s2=0.0024"], seed=3, profile="P2")
-    verdict = diagnose_log(log_of(run)).document["verdict"]
+    verdict = diagnose_log(log_of(run)).document()["verdict"]
     assert verdict["effects"] == ["coulomb_drift"], verdict["statement"]
     assert "wanders with time" in verdict["statement"]
 

@@ -28,6 +28,6 @@ def test_a_bristle_is_named_where_nothing_else_leaves_noise(deflection_rad: floa
     current_A = np.where(np.arange(time_s.size) // 150 % 3 == 2, 0.06 * levels, levels)
     wheel = _LARGE._replace(presliding_rad=deflection_rad, presliding_damping=0.4)
     run = simulate_run(wheel, current_A, time_s, PlantNoise(0.3 * RAD_S_PER_RPM), seed=seed)
-    verdict = diagnose_log(log_of(run)).document["verdict"]
+    verdict = diagnose_log(log_of(run)).document()["verdict"]
     assert verdict["effects"] == (["presliding_hysteresis"] if deflection_rad > 0.0 else [])
     assert verdict["kind"] == ("effect" if deflection_rad > 0.0 else "adequate")

@@ -90,7 +90,7 @@ def test_a_finding_in_words() -> None:
 
 def test_an_adequate_model_says_so_of_its_noise() -> None:
     """Three times the noise above half speed is no effect: adequate still, but statement and probability say it."""
-    document = diagnose_log(noisy_above_half(2, 0.1, 3.0)).document
+    document = diagnose_log(noisy_above_half(2, 0.1, 3.0)).document()
     assert document["verdict"]["kind"] == "adequate"
     assert document["torque_noise"]["p_value"] < LEVEL
     assert "torque noise is" in document["verdict"]["statement"]

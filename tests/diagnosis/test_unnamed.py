@@ -20,7 +20,7 @@ def prepared_of(effect: str, seed: int, noise_rpm: float = 1.0) -> Prepared:
 def test_a_weak_law_that_is_in_no_catalogue_is_no_saturating_motor() -> None:
     """Friction loaded by the torque at 5 rpm: the nearest name explains half of it, and is only said to be near."""
     run = simulated(["acceleration_friction:ratio=0.005"], seed=37, noise_rpm=5.0)
-    verdict = diagnose_log(log_of(run)).document["verdict"]
+    verdict = diagnose_log(log_of(run)).document()["verdict"]
     assert verdict["kind"] == "unexplained", verdict["statement"]
     assert "depends on current" in verdict["statement"]
     assert verdict["posterior"]["something_else"] > 0.5

@@ -99,7 +99,7 @@ def test_an_onset_is_found_behind_a_reversal_and_as_open_as_two_places_are_apart
 ) -> None:
     """One spike was told 12 sigma off, on the wrong side of a reversal; one has two places that are nearly alike."""
     what = drawn("drag_spike", seed)
-    document = diagnose_log(log_of_case(what.case)).document
+    document = diagnose_log(log_of_case(what.case)).document()
     entry = next(item for item in document["candidates"] if item["effect"] == "drag_spike")
     found = told({"found": entry["parameters"], "truth": what.truth})
     assert least_std_s < found["onset_s"][1] < most_std_s
@@ -112,7 +112,7 @@ def test_an_onset_is_found_behind_a_reversal_and_as_open_as_two_places_are_apart
 def test_a_law_that_is_hardly_told_from_another_leaves_the_speed_open() -> None:
     """Gauss's law at 5 % of Coulomb friction looks like Lorentz's: both are told, and the sigma spans both speeds."""
     what = drawn("stribeck_shape", 210)
-    document = diagnose_log(log_of_case(what.case)).document
+    document = diagnose_log(log_of_case(what.case)).document()
     entry = next(item for item in document["candidates"] if item["effect"] == "stribeck_shape")
     chances = entry["parameters"]["law"]["probability"]
     assert chances["gauss"] > 0.02

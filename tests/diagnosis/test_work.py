@@ -67,7 +67,7 @@ def test_what_is_left_out_is_said_once() -> None:
 
 def test_an_ordinary_record_leaves_nothing_out(log: WheelLog) -> None:
     """Five minutes at 10 Hz are well within the budget: the document's list is there, and empty."""
-    document = diagnose_log(log).document
+    document = diagnose_log(log).document()
     assert document["left_out"] == []
     assert document["verdict"]["effects"] == ["quadratic_drag"]
 
@@ -78,7 +78,7 @@ def test_a_spent_budget_ends_in_a_verdict_that_says_so(log: WheelLog, monkeypatc
     Counted work decides, not time: the clock here stands still.
     """
     monkeypatch.setattr(preparation, "Work", lambda: Work(1.0e6, 1.0, Clock()))
-    documents = [diagnose_log(log).document for _ in range(2)]
+    documents = [diagnose_log(log).document() for _ in range(2)]
     assert documents[0] == documents[1]
     document = documents[0]
     assert document["verdict"]["kind"] in {"adequate", "effect", "unexplained"}
@@ -97,7 +97,7 @@ def test_ways_of_being_late_are_weighed_when_the_budget_is_nearly_spent(monkeypa
     """
     run = simulated(["actuator_lag:time_constant_s=0.06"], seed=41, samples=3000, profile="P2")
     monkeypatch.setattr(preparation, "Work", lambda: Work(6.0e8, 1.0, Clock()))
-    document = diagnose_log(log_of(run)).document
+    document = diagnose_log(log_of(run)).document()
     posterior = document["verdict"]["posterior"]
     assert document["left_out"]
     assert posterior["actuator_lag"] > 0.3

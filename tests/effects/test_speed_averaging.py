@@ -81,11 +81,11 @@ def log_of(run: PlantRun) -> WheelLog:
 def test_it_is_told_from_a_delay_at_a_hundred_hertz_and_named_with_it_at_ten() -> None:
     """At 100 Hz and .3 rpm the window alone, to a tenth; at 10 Hz a group that holds it, of a delay of half of it."""
     noise, quiet = PlantNoise(RAD_S_PER_RPM), PlantNoise(0.3 * RAD_S_PER_RPM)
-    fast = diagnose_log(log_of(read("speed_averaging:window_s=0.1", 100.0, 160.0, quiet, "identification"))).document
+    fast = diagnose_log(log_of(read("speed_averaging:window_s=0.1", 100.0, 160.0, quiet, "identification"))).document()
     assert fast["verdict"]["effects"] == ["speed_averaging"]
     assert fast["verdict"]["indistinguishable"] == []
     entry = next(item for item in fast["candidates"] if item["effect"] == "speed_averaging")
     assert entry["parameters"]["window_s"]["value"] == pytest.approx(0.1, rel=0.1)
-    slow = diagnose_log(log_of(read("speed_averaging:window_s=0.05", 10.0, 600.0, noise, "identification"))).document
+    slow = diagnose_log(log_of(read("speed_averaging:window_s=0.05", 10.0, 600.0, noise, "identification"))).document()
     (group,) = slow["verdict"]["indistinguishable"]
     assert {"speed_averaging", "transport_delay"} <= set(group)

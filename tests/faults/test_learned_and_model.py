@@ -18,7 +18,7 @@ from rw_ekf.commands.inputs import wheel_of_logs
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.learning.learned_file import read_learned
-from rw_ekf.replay import replay_log, setup_of_run
+from rw_ekf.log_replay import replay_log, setup_of_run
 from rw_ekf.wheel.model_file import read_model
 from tests.faults.rig import BEGAN, LineWheel
 from tests.live.bench import rw_ekf
@@ -139,7 +139,7 @@ def dangling(path: Path) -> None:
         (lambda path: path.write_bytes(os.urandom(3000)), "UTF-8|YAML"),
         (directory_instead, "directory"),
         (dangling, "no such file"),
-        (pipe, "no regular file"),
+        (pipe, "it is a pipe"),
         (edited(r"motor_gain: \{value: [\d.]+", "motor_gain: {value: 15.3"), "was changed after it was written"),
         (edited(r"coulomb: \{value: [\d.]+", "coulomb: {value: 1.0e+09"), "no machine is like that"),
         (edited(r"viscous: \{value: [\d.]+", "viscous: {value: .nan"), "finite"),

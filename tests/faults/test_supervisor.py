@@ -91,6 +91,28 @@ def test_an_unhandled_exception_is_a_crash_and_too_many_end_it(bench: Bench) -> 
     assert bench.registers.command_A == 0.0
 
 
+def test_no_room_for_a_process_is_waited_out(bench: Bench) -> None:
+    """The first two forks fail, and so does one after a crash: said, tried again, and the wheel is driven again."""
+    sabotage = QUICKLY + (
+        "s._LONGEST_PAUSE_S = 0.05\n"
+        "import os, errno\nfork, tries = os.fork, 0\n"
+        "def bad():\n    global tries\n    tries += 1\n"
+        "    if tries in (1, 2, 4): raise OSError(errno.EAGAIN, 'Resource temporarily unavailable')\n"
+        "    return fork()\nos.fork = bad\n"
+    )
+    with running(bench, "--supervise", sabotage=sabotage) as run:
+        first = run.child()
+        assert [line["reason"] for line in run.said("not_started")] == ["Resource temporarily unavailable"] * 2
+        kill(first)
+        second = run.child(besides=(first,))
+        assert len(run.said("not_started")) == 3
+        assert run.said("daemon_died")[0]["zero_current"] == "confirmed"
+        kill(run.pid, signal.SIGTERM)
+        assert run.ended() == 0
+        assert not is_there(second)
+    assert bench.registers.command_A == 0.0
+
+
 @pytest.mark.slow
 def test_a_daemon_that_hangs_is_killed_and_the_wheel_stopped(bench: Bench) -> None:
     """Row 29: SIGSTOP holds the whole process while the wheel is driven: killed, zero, and TRACKING again."""

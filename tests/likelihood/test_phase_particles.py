@@ -106,7 +106,7 @@ def test_a_part_of_a_record_keeps_its_angle_and_a_gap_loses_it() -> None:
 def test_orders_above_two_are_found_without_an_angle(seed: int, order: int) -> None:
     """Ripples of order 3 and 4 at 1 rpm: the order is named, and the amplitude holds the truth within two sigma."""
     what = drawn("torque_ripple", seed)
-    document = diagnose_log(log_of(what.case)).document
+    document = diagnose_log(log_of(what.case)).document()
     entry = next(item for item in document["candidates"] if item["effect"] == "torque_ripple")
     assert document["verdict"]["effects"] == ["torque_ripple"]
     assert entry["parameters"]["order"]["value"] == what.truth["order"] == order

@@ -115,7 +115,7 @@ def test_a_log_that_begins_with_full_current_shows_a_lag(seed: int) -> None:
     current_A = np.concatenate((np.zeros(20), current_A))
     run = simulate_run(wheel, current_A, 0.1 * np.arange(4020.0), PlantNoise(0.2), seed=seed)
     late = {name: getattr(run, name)[20:] for name in ROWS}
-    document = diagnose_log(log_of(replace(run, **late))).document
+    document = diagnose_log(log_of(replace(run, **late))).document()
     assert document["verdict"]["effects"] == ["actuator_lag"], document["verdict"]["statement"]
     found = next(item for item in document["candidates"] if item["effect"] == "actuator_lag")
     lag_s = found["parameters"]["time_constant_s"]

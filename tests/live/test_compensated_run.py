@@ -101,7 +101,7 @@ def test_a_reversal_follows_the_torque_with_compensation_and_stops_without(tmp_p
 
 def test_the_log_and_the_filter_have_the_current_that_was_issued(tmp_path: Path) -> None:
     """What the client is told is what the log has; the log replays to the estimates of the run."""
-    from rw_ekf.replay import replay_log
+    from rw_ekf.log_replay import replay_log
     from rw_ekf.settings.load import load_configuration
     from rw_ekf.wheel.model_file import read_model
 

@@ -191,4 +191,4 @@ def test_a_replayed_record_cannot_reach_a_wheel() -> None:
         for path in PACKAGE.rglob("*.py")
         if "command_of_record" in path.read_text(encoding="utf-8")
     }
-    assert users == {"live/loop.py", "replay.py"}
+    assert users == {"live/loop.py", "log_replay.py"}

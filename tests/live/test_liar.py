@@ -95,6 +95,21 @@ def test_a_zero_that_nothing_enforces_is_not_confirmed() -> None:
     assert said.count("zero_not_in_force") == 3
 
 
+def test_a_limit_that_counts_in_part_is_said_once_until_it_is_whole_again() -> None:
+    """Shares of 1, .85, .95, .85, 1, .85: said at the first .85 and at the last."""
+    said: list[str] = []
+    clock = VirtualClock()
+    guard = CurrentGuard(TellingWheel(), LIMITS, clock, 0.1, lambda event, text: said.append(text))
+    told = []
+    for share in (1.0, 0.85, 0.95, 0.85, 1.0, 0.85):
+        guard.speed_limit = lambda share=share: SpeedLimit(None, share)  # type: ignore[misc]
+        clock.sleep(1.0)
+        guard.write(0.1, WheelSample(1.0, 1.0))
+        told.append(len(said))
+    assert told == [0, 1, 1, 1, 1, 2]
+    assert "85% of limits.speed_rpm" in said[0]
+
+
 @pytest.mark.parametrize("told_A", [3.2767, -3.2768, 0.6, -0.6])
 def test_the_slew_never_begins_beyond_what_was_written(told_A: float) -> None:
     """Telemetry says that a large current is in force: the next write lies between zero, the last and the request."""

@@ -11,11 +11,11 @@ import pytest
 
 from rw_ekf.cli import main
 from rw_ekf.filter.belief import Belief
+from rw_ekf.log_replay import replay_log, setup_of_run
 from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.parts import parts_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.run_directory import runs_of, start_path
-from rw_ekf.replay import replay_log, setup_of_run
 from tests.commands.documents import replay_document
 from tests.live.daemon import Ran
 from tests.live.virtual import run, setting

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import shutil
 from pathlib import Path
 
@@ -170,6 +171,15 @@ def test_packing_keeps_the_plain_part_unless_the_packed_one_is_whole(tmp_path: P
     pack(part)
     assert [path.name for path in tmp_path.iterdir()] == ["run.csv.zst"]
     assert parts_of(part).files == (packed_path(part),)
+
+
+def test_a_part_whose_name_is_no_utf_8_is_packed_like_any_other(tmp_path: Path) -> None:
+    """A folder, or a wheel, with a name of another encoding: the packed part takes the plain one's place."""
+    part = tmp_path / os.fsdecode(b"gr\xf6sse.csv")
+    write(part, range(50))
+    pack(part)
+    assert list(tmp_path.iterdir()) == [packed_path(part)]
+    assert len(read_log(part)) == 50
 
 
 def test_a_part_that_is_compressed_while_it_is_read_is_read(

@@ -20,12 +20,12 @@ from rw_ekf.course.course import Course
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.filter.estimator import Estimator
+from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect_kinds import ReadingEffect
 from rw_ekf.model.state import PARAMETER_NAMES, FrictionParameters
 from rw_ekf.records import IssuedCommand, WheelSample
-from rw_ekf.replay import replay_log
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.starting_point import model_of, setup_of_record
 from rw_ekf.wheel.model_file import WheelModel, model_from_data, read_model, refusal_of

@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 from drivers.sim.plant_batch import simulate_run
 from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.compiled import make_jitable
 from rw_ekf.effects.friction_lag import FrictionLag
 from rw_ekf.effects.presliding_hysteresis import PreslidingHysteresis
 from rw_ekf.model import flow as propagation
@@ -27,7 +28,6 @@ from rw_ekf.model.memory_coast import BRISTLE, LAG, Wheel
 from rw_ekf.model.memory_flow import bristle_flow, lag_flow
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.compiled import make_jitable
 from tests.counting import lines_of
 
 K, B, C, S = CK13_STATISTICAL

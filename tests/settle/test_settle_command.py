@@ -158,12 +158,12 @@ def test_the_command_at_the_end_names_logs_as_this_folder_sees_them(
 def test_a_whole_run_settles_what_a_first_log_left_open(tmp_path: Path) -> None:
     """Slow sines leave a lag beside a delay and a mean; both logs together say which it is, as the design expected."""
     first = log_of(simulated(["actuator_lag"], seed=11, profile="P1"))
-    document = diagnose_log(first).document
+    document = diagnose_log(first).document()
     config = load_configuration(write_config(tmp_path, "nowhere"))
     plan = designed(standing_of_document("first", document), config, looked_at=60)
     assert plan.separates
     second = run(config, plan, parse_effects(["actuator_lag"]), 0.0)
-    both = diagnose_log([first, second]).document
+    both = diagnose_log([first, second]).document()
     top = both["explanations"][0]
     assert top["effects"] == ["actuator_lag"]
     assert top["posterior"] > 0.95

@@ -64,7 +64,7 @@ def test_what_the_plant_has_is_named(effect_id: str) -> None:
         pytest.fail(f"{effect_id} has no amplitude here: add one of 5 to 10 % of Coulomb friction to INJECTED")
     given, sizes = INJECTED[effect_id]
     _, diagnosis = diagnosed_once(injected(effect_id))
-    document = diagnosis.document
+    document = diagnosis.document()
     verdict = document["verdict"]
     assert verdict["kind"] == "effect", verdict["statement"]
     groups = [group for group in verdict["indistinguishable"] if effect_id in group]
@@ -84,7 +84,7 @@ def test_what_the_plant_has_is_named(effect_id: str) -> None:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_healthy_wheel_is_not_accused(seed: int) -> None:
     """Nothing wrong, nothing found: adequate, no model written, figures after those before."""
-    document = diagnose_log(log_of(simulated(seed=seed), angle=seed == 1)).document
+    document = diagnose_log(log_of(simulated(seed=seed), angle=seed == 1)).document()
     assert document["verdict"]["kind"] == "adequate", document["verdict"]["statement"]
     assert document["model"] is None
     assert document["before"] == document["after"]

@@ -104,7 +104,7 @@ def measure(job: tuple[str, int]) -> dict[str, Any]:
     what = drawn(*job)
     log = log_of(what.case)
     before = time.process_time()
-    document = diagnose_log(log).document
+    document = diagnose_log(log).document()
     entry = next(item for item in document["candidates"] if item["effect"] == what.effect)
     verdict = document["verdict"]
     named = verdict["kind"] == "effect" and what.effect in verdict["effects"]

@@ -29,11 +29,11 @@ from rw_ekf.errors import RwEkfError
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.log_replay import setup_of_run
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.metadata import read_metadata
 from rw_ekf.logs.parts import beside
 from rw_ekf.logs.reader import read_table
-from rw_ekf.replay import setup_of_run
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import read_model

@@ -257,7 +257,7 @@ class Outcome:
 def outcome_of(pair: Pair, number: int) -> Outcome:
     """Diagnose the first log, then both ways on."""
     wheel = Wheel.drawn(pair, number)
-    document = diagnose_log(wheel.first).document
+    document = diagnose_log(wheel.first).document()
     if len(document["explanations"]) < 2:
         alone = [item["effects"] for item in document["explanations"]] == [[wheel.effect]]
         return Outcome(wheel, float(alone), None, None)

@@ -72,7 +72,7 @@ def prove(case: Case, job: Job) -> Record:
             log = log_of(case)
             diagnose = _found(job.diagnosis)
             began = time.perf_counter()
-            document = diagnose(log).document
+            document = diagnose(log).document()
             seconds = time.perf_counter() - began
             facts["cold"] = job.diagnosis not in _warm
             _warm.add(job.diagnosis)

@@ -131,7 +131,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
     heldout[kept] = prepared.split.heldout
     return Diagnosis(
         log=prepared.source.log,
-        document=document,
+        content=document,
         heldout=heldout,
         before=_trace_over_log(before.trace, kept),
         after=_trace_over_log(after.trace, kept) if chosen else None,

@@ -30,9 +30,9 @@ from rw_ekf.likelihood.robust_fit import (
 )
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work
+from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
-from rw_ekf.replay import refuse_runaway_model
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.table import EffectSet

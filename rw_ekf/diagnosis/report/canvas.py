@@ -75,7 +75,7 @@ def plain(axis: Any) -> None:
 
 def colour_of_first(diagnosis: Diagnosis) -> str:
     """Colour of the model before: red, unless it stands alone and is all that is needed."""
-    kind = (diagnosis.document.get("verdict") or {}).get("kind")
+    kind = (diagnosis.document().get("verdict") or {}).get("kind")
     return AFTER if diagnosis.after is None and kind == "adequate" else BEFORE
 
 

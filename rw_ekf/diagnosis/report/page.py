@@ -7,7 +7,7 @@ import html
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rw_ekf.diagnosis.report.markup import (
     STYLE,
@@ -25,11 +25,13 @@ from rw_ekf.diagnosis.report.markup import (
 )
 from rw_ekf.diagnosis.report.shapes import shapes_caption
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, untestable_reasons, verdict_of
-from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.standing import standing_of
 from rw_ekf.documents import inertia_text
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.numbers import chance_text, number_text
+
+if TYPE_CHECKING:
+    from rw_ekf.diagnosis.result import Diagnosis
 
 
 def page(
@@ -43,7 +45,7 @@ def page(
 
     pictures: name of the file -> content; directory, options: of the model and log, for commands shown.
     """
-    document = diagnosis.document
+    document = diagnosis.document()
     kind, name, statement = verdict_of(document)
     title = f"{name}: {Path(diagnosis.log.name).name}"
     headline = headline_of(document, units)
@@ -65,7 +67,7 @@ def page(
 
 
 def _head(diagnosis: Diagnosis, kind: str, name: str, headline: str) -> str:
-    log, document = diagnosis.log, diagnosis.document
+    log, document = diagnosis.log, diagnosis.document()
     statement = verdict_of(document)[2]
     said = f'<p class="statement">{prose(statement)}</p>' if statement and statement != headline else ""
     facts = [html.escape(log.name), f"{document.get('samples', len(log))} samples"]
@@ -80,7 +82,7 @@ def _head(diagnosis: Diagnosis, kind: str, name: str, headline: str) -> str:
 
 
 def _figures(diagnosis: Diagnosis, units: Units) -> str:
-    pairs = figure_pairs(diagnosis.document, units)
+    pairs = figure_pairs(diagnosis.document(), units)
     if diagnosis.after is not None:  # those that an effect did not move stand in the table
         pairs = [pair for pair in pairs if pair.moves] or pairs[:1]
     if not pairs:
@@ -105,15 +107,15 @@ _MEDIA = {"png": "image/png", "svg": "image/svg+xml"}
 
 
 def _pictures(diagnosis: Diagnosis, pictures: Mapping[str, bytes], units: Units) -> str:
-    kind, _, _ = verdict_of(diagnosis.document)
-    thresholds = any(c.get("threshold") is not None for c in diagnosis.document.get("candidates") or ())
+    kind, _, _ = verdict_of(diagnosis.document())
+    thresholds = any(c.get("threshold") is not None for c in diagnosis.document().get("candidates") or ())
     parts = []
     for name, heading, alt, caption in (
         (
             "shapes.png",
             "What no effect explains" if kind != "effect" else "What is left over",
             "Fitted curves of what is left, over the quantities that it depends on, each with a band of two sigma.",
-            shapes_caption(diagnosis.document),
+            shapes_caption(diagnosis.document()),
         ),
         ("speed.png", *_speed_words(diagnosis)),
         (
@@ -152,7 +154,7 @@ def _speed_words(diagnosis: Diagnosis) -> tuple[str, str, str]:
 
 
 def _details(diagnosis: Diagnosis, units: Units) -> str:
-    document = diagnosis.document
+    document = diagnosis.document()
     start_s = float(diagnosis.log.time_s[0]) if len(diagnosis.log) else 0.0
     parts = []
     for heading, content in (
@@ -173,9 +175,9 @@ def _details(diagnosis: Diagnosis, units: Units) -> str:
 
 
 def _next(diagnosis: Diagnosis, directory: Path, options: Sequence[str]) -> str:
-    steps = "".join(f"<li>{prose(step)}</li>" for step in next_steps(diagnosis.document))
+    steps = "".join(f"<li>{prose(step)}</li>" for step in next_steps(diagnosis.document()))
     found = f"<h2>What to do next</h2><ul>{steps}</ul>"
-    excitation = excitation_of(diagnosis.document)
+    excitation = excitation_of(diagnosis.document())
     if excitation:
         rows = [("", [f"<code>{html.escape(name)}</code>", prose(text)]) for name, text in excitation.items()]
         found += f"<h3>What shows it best</h3>{table(('effect', 'excitation'), rows)}"

@@ -28,6 +28,7 @@ from rw_ekf.diagnosis.report.canvas import (
     with_margins,
 )
 from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.drawing import picture
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -72,6 +73,7 @@ class Series:
     correlation: float
 
 
+@picture
 def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     """A panel for each quantity, both models in each, one scale throughout; None without a residual."""
     series = _series(diagnosis, units)
@@ -88,7 +90,7 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
     axes = [drawn[str(number)] for number in range(len(panels))]
     marked = _marked(diagnosis, panels, means)
     extent = _extent(means)
-    if (diagnosis.document.get("verdict") or {}).get("kind") == "adequate":
+    if (diagnosis.document().get("verdict") or {}).get("kind") == "adequate":
         # Nothing but noise is left: on the scale of single samples its means look as flat as they are.
         extent = max(extent, _scatter(series[0].values))
     shown = point_indices(np.isfinite(series[0].values), _MOST_POINTS)
@@ -112,13 +114,13 @@ def residual_picture(diagnosis: Diagnosis, units: Units) -> bytes | None:
 
 def _marked(diagnosis: Diagnosis, panels: list[Panel], means: list[list[BinnedMeans]]) -> set[int]:
     """Panels whose title is bold: those of the causes that are named; without a name, the largest dependence."""
-    verdict = diagnosis.document.get("verdict") or {}
+    verdict = diagnosis.document().get("verdict") or {}
     if verdict.get("kind") == "adequate":
         return set()
     named = {CATALOGUE[name].shown_against for name in verdict.get("effects") or () if name in CATALOGUE}
     if verdict.get("kind") == "effect":
         return {number for number, panel in enumerate(panels) if panel.title in named}
-    fitted = [shape["dependence"] for shape in diagnosis.document.get("shapes") or ()][:1]
+    fitted = [shape["dependence"] for shape in diagnosis.document().get("shapes") or ()][:1]
     titles = {"current", "drive"} if fitted == ["current"] else set(fitted)
     largest = {number for number, panel in enumerate(panels) if panel.title in titles}
     return largest or {int(np.argmax([np.nan_to_num(row[0].structure) for row in means]))}

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, GREY, INK, new_figure, plain, png, time_axis
 from rw_ekf.diagnosis.report.markup import prose
-from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.drawing import picture
+
+if TYPE_CHECKING:
+    from rw_ekf.diagnosis.result import Diagnosis
 
 _ALONG = {
     "speed": "|speed|",
@@ -29,13 +32,16 @@ _KINDS = {
 
 def shapes_picture(diagnosis: Diagnosis) -> bytes | None:
     """A panel for each curve; None where nothing is left."""
-    shapes = list(diagnosis.document.get("shapes") or ())
-    if not shapes:
-        return None
+    shapes = diagnosis.document().get("shapes")
+    return _panels(diagnosis, shapes) if shapes else None
+
+
+@picture
+def _panels(diagnosis: Diagnosis, shapes: Sequence[Mapping[str, Any]]) -> bytes:
     from matplotlib.ticker import MaxNLocator
 
     figure, time = new_figure(3.1), time_axis(diagnosis.log)
-    named = (diagnosis.document.get("verdict") or {}).get("kind") == "effect"
+    named = (diagnosis.document().get("verdict") or {}).get("kind") == "effect"
     for axis, shape in zip(figure.subplots(1, len(shapes), squeeze=False)[0], shapes, strict=True):
         at, value, std = (np.asarray(shape[key], dtype=np.float64) for key in ("at", "value", "std"))
         along, unit = _ALONG[shape["dependence"]], str(shape["at_unit"])

@@ -24,8 +24,11 @@ from rw_ekf.diagnosis.report.canvas import (
     with_margins,
 )
 from rw_ekf.diagnosis.report.words import Units
+from rw_ekf.drawing import picture
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from rw_ekf.arrays import BoolArray, Float64Array
     from rw_ekf.diagnosis.result import Diagnosis
     from rw_ekf.logs.wheel_log import WheelLog
@@ -33,7 +36,14 @@ if TYPE_CHECKING:
 _RUNNING_MEANS = 300  # so many fit into a record: what is beneath the noise of the readings
 
 
+@picture
 def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
+    """`speed_figure` as a PNG."""
+    return png(speed_figure(diagnosis, units))
+
+
+@picture
+def speed_figure(diagnosis: Diagnosis, units: Units) -> Figure:
     """Speed measured and simulated, and what the simulation misses it by; with no model, speed and current."""
     from matplotlib.ticker import MaxNLocator
 
@@ -85,7 +95,7 @@ def speed_picture(diagnosis: Diagnosis, units: Units) -> bytes:
     legend(figure, entries)
     figure.align_ylabels([upper, lower])
     with_margins(figure, Margins(above=0.86 if own else 0.42, rows=0.16), rows=2)
-    return png(figure)
+    return figure
 
 
 def _draw_current(axis: Any, time: Float64Array, log: WheelLog, units: Units) -> None:

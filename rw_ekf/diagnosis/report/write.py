@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from rw_ekf.diagnosis.report.drawn import remove, write_pictures
 from rw_ekf.diagnosis.report.evidence import evidence_picture
 from rw_ekf.diagnosis.report.page import page
 from rw_ekf.diagnosis.report.residual import residual_picture
 from rw_ekf.diagnosis.report.shapes import shapes_picture
 from rw_ekf.diagnosis.report.speed import speed_picture
 from rw_ekf.diagnosis.report.words import Units
-from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
-from rw_ekf.logs.atomic import atomic_path, write_text
+from rw_ekf.logs.atomic import write_text
+
+if TYPE_CHECKING:
+    from rw_ekf.diagnosis.result import Diagnosis
 
 DOCUMENT, PAGE, MODEL = "diagnosis.json", "report.html", "augmented-model.yaml"
 _EARLIER = "evidence.png"  # as the evidence was drawn before: of an earlier run, and so removed
@@ -28,43 +32,39 @@ def write_report(
     wheel_units: bool,
     options: Sequence[str] = (),
 ) -> list[Path]:
-    """Write everything into `directory`, each file whole or not at all; returns what was written.
+    """Write everything into `directory`, each file whole or not at all, pictures last; returns what was written.
 
     inertia_kg_m2: turns residuals into mNm; None: they stay accelerations. wheel_units: rpm and mA, otherwise plain SI.
     options: of the command line with which the log was read, for the commands that the page shows.
     What an earlier run left there and this one does not have (a model, a picture) is removed.
-    Raises BadInputError if the place cannot be written.
+    Raises BadInputError if the place cannot be written, PictureError, after all else is, for pictures that cannot be
+    drawn.
     """
     units = Units(wheel_units, inertia_kg_m2)
     _make(directory)
-    drawn = {
-        "shapes.png": shapes_picture(diagnosis),
-        "speed.png": speed_picture(diagnosis, units),
-        "residual.png": residual_picture(diagnosis, units),
-        "evidence.svg": evidence_picture(diagnosis.document),
-        _EARLIER: None,
-    }
-    pictures = {name: content for name, content in drawn.items() if content is not None}
     written = [directory / DOCUMENT]
-    write_text(written[0], json_text(diagnosis.document))
+    write_text(written[0], json_text(diagnosis.document()))
     model = directory / MODEL
     if diagnosis.model is not None:
         write_text(model, diagnosis.model.to_text())
         written.append(model)
     else:
-        _remove(model)
-    for name in drawn:
-        path = directory / name
-        if name in pictures:
-            with atomic_path(path) as temporary:
-                temporary.write_bytes(pictures[name])
-            written.append(path)
-        else:
-            _remove(path)
+        remove(model)
+    pictures, failed = write_pictures(
+        directory,
+        {
+            "shapes.png": lambda: shapes_picture(diagnosis),
+            "speed.png": lambda: speed_picture(diagnosis, units),
+            "residual.png": lambda: residual_picture(diagnosis, units),
+            "evidence.svg": lambda: evidence_picture(diagnosis.document()),
+            _EARLIER: lambda: None,
+        },
+    )
     # The page comes last: where it stands, what it speaks of stands too.
     write_text(directory / PAGE, page(diagnosis, pictures, directory, units, options))
-    written.append(directory / PAGE)
-    return written
+    if failed is not None:
+        raise failed
+    return [*written, *(directory / name for name in pictures), directory / PAGE]
 
 
 def _make(directory: Path) -> None:
@@ -73,14 +73,4 @@ def _make(directory: Path) -> None:
     except OSError as error:
         raise BadInputError(
             f"{directory}: cannot be made a directory ({error.strerror or error}): give another place"
-        ) from None
-
-
-def _remove(path: Path) -> None:
-    """Remove what an earlier run left."""
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise BadInputError(
-            f"{path}: is left from another run and cannot be removed ({error.strerror or error}): remove it"
         ) from None

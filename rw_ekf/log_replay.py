@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import WILD, Course
+from rw_ekf.documents import REPLAY_SCHEMA, as_it_went_text, entry_text, log_entry
 from rw_ekf.errors import BadInputError, FilterError, LogError
 from rw_ekf.filter import decisions, health
 from rw_ekf.filter.belief import Belief
@@ -33,18 +35,28 @@ from rw_ekf.logs.record_print import made_of
 from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import sampling_of, without_repeats
 from rw_ekf.logs.sums import changed
+from rw_ekf.logs.tables import table_of
+from rw_ekf.model.state import PARAMETER_NAMES
+from rw_ekf.numbers import plus_minus
+from rw_ekf.pictures import run_figure
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
 from rw_ekf.second_record import as_of_another_record
+from rw_ekf.shown import Shown
 from rw_ekf.starting_point import (
     FilterSetup,
+    model_of,
     setup_of_configuration,
     setup_of_record,
     setup_of_start,
 )
 from rw_ekf.statistics import RunStatistics
+from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.model_file import read_model
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+    from matplotlib.figure import Figure
+
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
@@ -55,8 +67,8 @@ _FEW_SAMPLES = 20
 _BREAKAGES = 3  # of the filter's arithmetic in one log: more is no accident
 
 
-@dataclass(frozen=True)
-class Replayed:
+@dataclass(eq=False, frozen=True, repr=False)
+class Run(Shown):
     """A replayed log: where it ended, how it went, and per-sample columns where they were asked for."""
 
     log: WheelLog
@@ -67,11 +79,58 @@ class Replayed:
     warnings: tuple[str, ...]
     columns: dict[str, Any] | None
     as_it_went: Belief | None = None  # at the end of the rows, where `belief` is in hindsight and may be another
+    noise_from: str | None = None  # who told the readings' noise, where nobody did: the record, the model
+    filter_s: float = 0.0  # that the filter took [s]
 
     @property
     def hindsight(self) -> Belief | None:
         """What is believed of the whole log, where that is not what the rows end with."""
         return None if self.as_it_went is None else self.belief
+
+    @property
+    def model(self) -> WheelModel:
+        """What is believed at the end, for another log to start from."""
+        source = {"method": "replay", "log": Path(self.log.name).name, "samples": len(self.log)}
+        return model_of(self.belief, self.setup, source)
+
+    @property
+    def table(self) -> pa.Table:
+        """A row per sample, as `replay --out` writes them. Raises ValueError where they were not kept."""
+        return table_of(self._rows())
+
+    def entry(self) -> dict[str, Any]:
+        """What the document of `replay --json` has of this log."""
+        return log_entry(self.log.name, self.statistics, self.belief, self.setup, self.warnings, self.as_it_went)
+
+    def document(self) -> dict[str, Any]:
+        """The document of `replay --json` for this log alone."""
+        seconds = {"read": 0.0, "filter": self.filter_s, "write": 0.0}
+        return {"schema": REPLAY_SCHEMA, "logs": [self.entry()], "seconds": seconds}
+
+    def text(self) -> str:
+        """What `replay` prints of it."""
+        entry = self.entry()
+        lines = [entry_text(entry, self.statistics, self.belief, self.setup)]
+        if self.columns is not None and self.as_it_went is not None:
+            lines.append(as_it_went_text(entry))
+        if self.noise_from is not None:
+            noise = rpm_from_rad_s(self.setup.constants.speed_noise_rad_s)
+            lines.append(f"  speed noise {noise:.3g} rpm taken from {self.noise_from}; --config gives the run's own")
+        return "\n".join(lines)
+
+    def plot(self, truth: Mapping[str, float] | None = None) -> Figure:
+        """Speed, innovation and parameters over time, as a matplotlib figure; truth: parameters, drawn dashed."""
+        in_rpm = self.setup.inertia_kg_m2 is not None
+        return run_figure(self.log, self._rows(), truth=truth, hindsight=self.hindsight, wheel_units=in_rpm)
+
+    def __repr__(self) -> str:
+        parts = zip(PARAMETER_NAMES, self.belief.parameters, self.belief.core.parameter_std, strict=True)
+        return f"Run({self.log.name!r}, {', '.join(f'{name} {plus_minus(v, std)}' for name, v, std in parts)})"
+
+    def _rows(self) -> dict[str, Any]:
+        if self.columns is None:
+            raise ValueError(f"{self.log.name}: the rows of this run were not kept")
+        return self.columns
 
 
 def replay_log(
@@ -84,7 +143,7 @@ def replay_log(
     smooth: bool = False,
     online: bool = False,
     advance: Callable[[int], object] = lambda n: None,
-) -> Replayed:
+) -> Run:
     """Filter a log. Raises LogError for a log without a single speed, FilterError where the filter breaks.
 
     setup: where to start (`setup_of_run`); without it configuration, model or the record say. Without configuration and
@@ -92,6 +151,8 @@ def replay_log(
     with_columns: keep one row per sample. smooth: add smoothed states. online: send the log through the daemon's loop
     and filterpy; `advance` is then told of every 100 samples done.
     """
+    began_s = time.perf_counter()
+    noise_from = None if setup is not None or configuration is not None else "the model" if model else "the record"
     again = None if model is None else made_of(model.source, log)
     # A run goes on from its own start just as it went: every reading that it took then.
     log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
@@ -140,7 +201,10 @@ def replay_log(
     ]
     columns = _columns(log, run, setup, smooth=smooth) if with_columns else None
     as_it_went = Belief(run.mean, run.covariance) if with_hindsight else None
-    return Replayed(log, setup, belief, statistics, consistency, tuple(warnings), columns, as_it_went)
+    return Run(
+        log, setup, belief, statistics, consistency, tuple(warnings), columns, as_it_went, noise_from,
+        time.perf_counter() - began_s,
+    )  # fmt: skip
 
 
 def setup_of_run(log: Path) -> FilterSetup:
@@ -238,7 +302,7 @@ def consistency_now(course: Course, setup: FilterSetup, belief: Belief) -> tuple
     seconds on a desktop computer.
     """
     from rw_ekf import compile_ahead
-    from rw_ekf.wheel.compiled import interpreted
+    from rw_ekf.compiled import interpreted
 
     needed = (*compile_ahead.FILTER, *compile_ahead.EFFECTS) if setup.effects.terms else compile_ahead.FIT
     if not compile_ahead.cold(needed):

@@ -12,13 +12,14 @@ from types import ModuleType
 import numba
 import pytest
 
-from rw_ekf.wheel.compiled import compile_cached, make_jitable, source_digest
+from rw_ekf.compiled import Kernel, compile_cached, make_jitable, source_digest
 
 
 @pytest.fixture
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own for modules, and for numba's files beside them."""
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     return tmp_path
 
 
@@ -66,17 +67,39 @@ def test_a_kernel_is_never_older_than_the_equations_in_it(workplace: Path) -> No
     assert compiled_law(workplace, triple.replace("3.0", "5.0")) == (10.0, 0)
 
 
-def test_an_index_that_cannot_be_read_is_written_anew(workplace: Path) -> None:
-    """After an upgrade the index on disk names types that are no more, after a power cut nothing: compiled again."""
+def damages(whole: bytes) -> list[bytes]:
+    """What a power cut, a worn card or an upgrade makes of a file."""
+    middle = len(whole) // 2
+    flipped = whole[:middle] + bytes([whole[middle] ^ 0x10]) + whole[middle + 1 :]
+    foreign = pickle.dumps(numba.__version__, protocol=-1) + b"cno_such_module\nNoSuchType\n."
+    return [b"", whole[:middle], bytes(len(whole)), flipped, foreign]
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_a_file_that_is_damaged_is_written_anew(workplace: Path, kind: str) -> None:
+    """Whatever has happened to the index or the code on disk, it is compiled once more, and then served again."""
     triple = "def gain(x):\n    return 3.0 * x\n"
     compiled_law(workplace, triple)
-    (index,) = workplace.rglob("*.nbi")
-    whole = index.read_bytes()
-    head = pickle.dumps(numba.__version__, protocol=-1)
-    for damaged in (head + b"cno_such_module\nNoSuchType\n.", whole[: len(whole) // 2]):
-        index.write_bytes(damaged)
+    (file,) = workplace.rglob(f"*.{kind}")
+    for damaged in damages(file.read_bytes()):
+        file.write_bytes(damaged)
         assert compiled_law(workplace, triple) == (6.0, 0)
         assert compiled_law(workplace, triple) == (6.0, 1)
+
+
+def test_a_damaged_kernel_is_not_ready(workplace: Path) -> None:
+    """A verb has what is damaged compiled ahead, as it has what is missing: only whole code counts as compiled."""
+    caller = load(workplace, "ready_caller", "def law(x):\n    return 2.0 * x\n")
+
+    def law() -> Kernel:
+        return compile_cached(caller.law, [caller], lambda: (1.0,))
+
+    law().compile()
+    assert law().is_ready()
+    (file,) = workplace.rglob("*.nbc")
+    for damaged in damages(file.read_bytes()):
+        file.write_bytes(damaged)
+        assert not law().is_ready()
 
 
 def test_a_disk_without_room_costs_the_cache_and_not_the_run(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:

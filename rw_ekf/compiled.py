@@ -26,6 +26,8 @@ from numba.core import caching
 from numba.core.runtime import rtsys
 from numba.extending import register_jitable
 
+_DIGEST_BYTES = hashlib.sha256().digest_size
+
 
 def source_digest(modules: list[ModuleType]) -> str:
     """SHA-256 over the sources of `modules`, hexadecimal."""
@@ -56,14 +58,19 @@ class Kernel:
 
     interpreting = False  # of all kernels, see `interpreted`
 
-    def __init__(self, dispatcher: Any, example: Callable[[], tuple[Any, ...]] | None) -> None:
-        """example: gives arguments of the types that every call has; None where nobody compiles ahead."""
+    def __init__(
+        self, plain: Callable[..., Any], dispatcher: Any, example: Callable[[], tuple[Any, ...]] | None
+    ) -> None:
+        """dispatcher: numba's of the plain function, or that function itself where nothing is to be compiled.
+
+        example: gives arguments of the types that every call has; None where nobody compiles ahead.
+        """
         self.dispatcher = dispatcher
-        self.plain = dispatcher.py_func
+        self.plain = plain
         self._example = example
 
     def __call__(self, *args: Any) -> Any:
-        """Compute, in plain Python within `interpreted()`."""
+        """Compute, in plain Python within `interpreted()` or `never_compiles()`."""
         return self.plain(*args) if Kernel.interpreting else self.dispatcher(*args)
 
     @property
@@ -74,7 +81,9 @@ class Kernel:
         return tuple(self.dispatcher.typeof_pyval(value) for value in self._example())
 
     def is_ready(self) -> bool:
-        """Whether the next call runs at once: compiled in this process, or listed in the cache's index on disk."""
+        """Whether the next call runs at once: compiled in this process, or whole in the cache on disk."""
+        if never_compiles():
+            return False
         signature = self.signature
         if signature in self.dispatcher.overloads:
             return True
@@ -82,29 +91,66 @@ class Kernel:
         if not isinstance(cache, caching.FunctionCache):
             return False
         key = cache._index_key(signature, self.dispatcher.targetctx.codegen())
-        try:
-            name = cache._cache_file._load_index().get(key)
-        except OSError:
-            return False
-        return name is not None and os.path.exists(cache._cache_file._data_path(name))
+        return bool(cache._cache_file.is_whole(key))
 
     def compile(self) -> None:
         """Compile for the example's types, or load that from the cache."""
         self.dispatcher.compile(self.signature)
 
 
-class _Index(caching.IndexDataCacheFile):
-    """numba's index of compiled code; one that cannot be read is empty, and so written anew.
+class _Sealed(caching.IndexDataCacheFile):
+    """numba's cache of one function, each file behind a digest of it, of numba's version and of the sources.
 
-    An older version's index names types that are no more, and a torn one names nothing: neither may end a run.
+    A file that a loss of power has torn, or that is of other sources or another version, is none, and so written anew.
+    numba itself takes what it finds: machine code with a flipped bit ends the process, or computes something else.
     """
+
+    def is_whole(self, key: Any) -> bool:
+        """Whether there is code for these types that can be loaded."""
+        name = self._load_index().get(key)
+        try:
+            return name is not None and bool(self._unsealed(self._data_path(name)))
+        except OSError:
+            return False
 
     def _load_index(self) -> dict[Any, str]:
         try:
-            found: dict[Any, str] = super()._load_index()
-        except (EOFError, ValueError, AttributeError, ImportError, pickle.PickleError):
+            found: dict[Any, str] = self._load(self._index_path)
+        except OSError:
             return {}
         return found
+
+    def _save_index(self, overloads: dict[Any, str]) -> None:
+        self._save(self._index_path, overloads)
+
+    def _load_data(self, name: str) -> Any:
+        return self._load(self._data_path(name))
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._save(self._data_path(name), data)
+
+    def _load(self, path: str) -> Any:
+        """What a file holds. Raises OSError where it is damaged, stale or names types that are no more."""
+        try:
+            return pickle.loads(self._unsealed(path))
+        except (ValueError, AttributeError, ImportError, pickle.PickleError) as error:
+            raise OSError(f"{path}: {error}") from None
+
+    def _unsealed(self, path: str) -> bytes:
+        """The content behind the digest. Raises OSError where the digest is another's."""
+        with open(path, "rb") as file:
+            digest, content = file.read(_DIGEST_BYTES), file.read()
+        if digest != self._digest(content):
+            raise OSError(f"{path}: damaged, or of other sources")
+        return content
+
+    def _save(self, path: str, found: Any) -> None:
+        content = self._dump(found)
+        with self._open_for_write(path) as file:
+            file.write(self._digest(content) + content)
+
+    def _digest(self, content: bytes) -> bytes:
+        return hashlib.sha256(f"{self._version} {self._source_stamp}\n".encode() + content).digest()
 
 
 @contextlib.contextmanager
@@ -115,6 +161,11 @@ def interpreted() -> Iterator[None]:
         yield
     finally:
         Kernel.interpreting = False
+
+
+def never_compiles() -> bool:
+    """Whether numba is told to compile nothing (NUMBA_DISABLE_JIT): kernels are plain Python, and never ready."""
+    return bool(numba.config.DISABLE_JIT)
 
 
 @functools.cache
@@ -177,7 +228,7 @@ def compile_cached(
 
         def __init__(self, py_func: Any) -> None:
             super().__init__(py_func)
-            self._cache_file.__class__ = _Index
+            self._cache_file.__class__ = _Sealed
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             # What is loaded needs numba's runtime. Its own version reads in all that could be compiled besides: 0.3 s.
@@ -192,9 +243,10 @@ def compile_cached(
     if name is not None:
         function = _renamed(function, name)
     dispatcher = numba.njit(error_model="numpy")(function)
-    with contextlib.suppress(RuntimeError, OSError):  # no folder is writable: compile in memory, every time
-        dispatcher._cache = Cache(function)
-    return Kernel(dispatcher, example)
+    if not never_compiles():
+        with contextlib.suppress(RuntimeError, OSError):  # no folder is writable: compile in memory, every time
+            dispatcher._cache = Cache(function)
+    return Kernel(function, dispatcher, example)
 
 
 def _renamed(function: Callable[..., Any], name: str) -> Callable[..., Any]:

@@ -1,0 +1,64 @@
+"""matplotlib as this project draws with it: no window, its own defaults, and every failure one sentence.
+
+Figures are made outside pyplot, and so need no backend. What a notebook, a `matplotlibrc` or a `$` in a name would have
+matplotlib do (another backend, LaTeX, a formula) is none of a report's business.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import sys
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import ParamSpec, TypeVar
+
+from rw_ekf.errors import PictureError, RwEkfError
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def picture(function: Callable[P, T]) -> Callable[P, T]:
+    """Let a function draw by matplotlib's defaults, with texts as they stand.
+
+    Raises PictureError for whatever matplotlib fails of: nobody loses what the picture shows for the picture.
+    """
+
+    @functools.wraps(function)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            with _defaults():
+                return function(*args, **kwargs)
+        except (RwEkfError, MemoryError):
+            raise
+        except Exception as error:
+            reason = str(error).strip().split("\n")[0]
+            raise PictureError(f"the picture cannot be drawn ({type(error).__name__}: {reason[:200]})") from error
+
+    return drawn
+
+
+@contextlib.contextmanager
+def _defaults() -> Iterator[None]:
+    mpl = _matplotlib()
+    own = {key: value for key, value in mpl.rcParamsDefault.items() if key != "backend"}
+    with mpl.rc_context({**own, "text.parse_math": False}):
+        yield
+
+
+def _matplotlib() -> ModuleType:
+    """Import matplotlib; one that does not know the backend asked for in MPLBACKEND would refuse to be imported."""
+    if "matplotlib" in sys.modules:
+        return sys.modules["matplotlib"]
+    asked = os.environ.pop("MPLBACKEND", None)
+    try:
+        import matplotlib as mpl
+    finally:
+        if asked is not None:
+            os.environ["MPLBACKEND"] = asked
+    if asked is not None:
+        with contextlib.suppress(ValueError):
+            mpl.rcParams["backend"] = asked  # whoever draws with pyplot in this process gets what they asked for
+    return mpl

@@ -1,0 +1,210 @@
+"""What `import rw_ekf` offers: each verb as a function, with what it finds as a value (docs/library.md).
+
+Units are in the names. What cannot be done is raised as an `rw_ekf.Error` with the sentence that the command prints;
+nothing is printed, and nothing ends the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from rw_ekf.batch_fit import Fit, Method, fit_record
+from rw_ekf.compared import Comparison, compared
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.prepare.split import Kind
+from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.errors import RwEkfError as Error
+from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
+from rw_ekf.filter.constants import filter_constants
+from rw_ekf.filter.estimator import Estimator as Filter
+from rw_ekf.log_replay import Run, replay_log
+from rw_ekf.log_simulation import simulate_log
+from rw_ekf.logs.reader import read_log
+from rw_ekf.logs.wheel_log import WheelLog as Log
+from rw_ekf.one_thread import one_thread
+from rw_ekf.records import Estimate, IssuedCommand, WheelSample
+from rw_ekf.starting_point import setup_of_model
+from rw_ekf.units import rad_s_from_rpm
+from rw_ekf.wheel.model_file import WheelModel as Model
+
+if TYPE_CHECKING:
+    from rw_ekf.logs.column_map import ColumnMap
+    from rw_ekf.settings.schema import Configuration
+
+__all__ = [
+    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit", "Log", "Model", "Run",
+    "compare", "diagnose", "fit", "read", "replay", "simulate",
+]  # fmt: skip
+
+P = ParamSpec("P")
+T = TypeVar("T")
+HasModel = Model | Fit | Diagnosis
+_STRIBECK_RPM = 4.0
+
+
+def _one_thread(function: Callable[P, T]) -> Callable[P, T]:
+    """Let it compute as the command does, whatever the program around it has asked of the linear algebra."""
+    import functools
+
+    @functools.wraps(function)
+    def alone(*args: P.args, **kwargs: P.kwargs) -> T:
+        with one_thread():
+            return function(*args, **kwargs)
+
+    return alone
+
+
+def read(path: str | Path, columns: str | Path | ColumnMap | None = None) -> Log:
+    """Read a log: CSV, Parquet or MATLAB. columns: the column map of a foreign one, or its path.
+
+    Raises Error with file, line and column, and what to do.
+    """
+    return read_log(path, columns)
+
+
+def simulate(profile: str = "identification", effects: Sequence[str] = (), *, seed: int = 0, **options: Any) -> Log:
+    """Drive a simulated wheel through a profile of `excite`, and log it.
+
+    effects: the truth beside the four parameters, as `simulate --effect` has them: "quadratic_drag" alone, or
+    "quadratic_drag:coefficient_1_rad=1e-5". options: see `rw_ekf.log_simulation.simulate_log`. Raises Error.
+    """
+    return simulate_log(profile, effects=effects, seed=seed, **options)
+
+
+@_one_thread
+def replay(
+    log: Log | str | Path,
+    model: HasModel | str | Path | None = None,
+    *,
+    smooth: bool = False,
+    configuration: Configuration | str | Path | None = None,
+) -> Run:
+    """Filter a log, sample by sample, as the daemon would have. smooth: add what the whole log says of each sample.
+
+    Without configuration and model noise, prior and scale come from the log itself. Raises Error.
+    """
+    given = _configuration(configuration)
+    return replay_log(_log(log), given, _model(model, given), with_columns=True, smooth=smooth)
+
+
+@_one_thread
+def fit(
+    log: Log | str | Path,
+    prior: HasModel | str | Path | None = None,
+    *,
+    noise: bool = False,
+    method: Method = "least-squares",
+    configuration: Configuration | str | Path | None = None,
+) -> Fit:
+    """Fit the parameters to a whole log, and the effects of the prior. noise: tell the noises as well. Raises Error."""
+    given = _configuration(configuration)
+    return fit_record(_log(log), given, _model(prior, given), method=method, with_noise=noise)
+
+
+@_one_thread
+def diagnose(
+    logs: Log | str | Path | Sequence[Log | str | Path],
+    model: HasModel | str | Path | None = None,
+    *,
+    split: Kind = "blocks",
+    configuration: Configuration | str | Path | None = None,
+    progress: Callable[[str], object] = lambda text: None,
+) -> Diagnosis:
+    """Find what the model lacks in a log, or in several of one wheel. progress: told of each step. Raises Error."""
+    several = [logs] if isinstance(logs, Log | str | Path) else list(logs)
+    given = _configuration(configuration)
+    return diagnose_log(list(map(_log, several)), given, _model(model, given), split=split, advance=progress)
+
+
+@_one_thread
+def compare(
+    first: HasModel | Run | str | Path, second: HasModel | Run | str | Path, on: Log | str | Path | None = None
+) -> Comparison:
+    """Hold two models, fits or runs against each other, number by number; on: which of them a third log likes better.
+
+    Raises Error, also for two that have no number in common.
+    """
+    sides = [side.model if isinstance(side, Run) else _model(side) for side in (first, second)]
+    assert sides[0] is not None
+    assert sides[1] is not None
+    return compared(sides[0], sides[1], None if on is None else _log(on))
+
+
+class Estimator:
+    """The daemon's filter, for a loop of one's own: `step` with each reading."""
+
+    def __init__(
+        self,
+        model: HasModel | str | Path | None = None,
+        *,
+        speed_noise_rpm: float = 1.0,
+        acceleration_noise_rpm_per_sqrt_s: float = 0.03,
+        period_s: float = 0.1,
+        **priors: tuple[float, float],
+    ) -> None:
+        """Start from a model, else from the prior around [CK13]; noises that the model knows are the model's.
+
+        priors: motor_gain, viscous, coulomb, static as (value, standard deviation), in place of either's. period_s:
+        usual time between two steps; a gap is never shorter than five of it. Raises Error.
+        """
+        noise = rad_s_from_rpm(speed_noise_rpm)
+        torque_noise = rad_s_from_rpm(acceleration_noise_rpm_per_sqrt_s)
+        known = _model(model)
+        if known is None:
+            belief, effects, drift = DEFAULT_PRIOR, None, None
+            constants = filter_constants(
+                rad_s_from_rpm(_STRIBECK_RPM), speed_noise_rad_s=noise, acceleration_noise=torque_noise,
+                nominal_period_s=period_s,
+            )  # fmt: skip
+        else:
+            setup = setup_of_model(known, noise, torque_noise, period_s)
+            constants, belief, effects, drift = setup.constants, setup.prior, setup.effects, setup.effect_drift
+        try:
+            belief = with_prior_table(belief, priors)
+        except (KeyError, ValueError) as error:
+            raise Error(f"a prior is one of motor_gain, viscous, coulomb, static = (value, std): {error}") from None
+        more = {} if effects is None else {"effects": effects, "drift": drift}
+        self._filter = Filter(constants, belief.mean, belief.covariance, **more)  # type: ignore[arg-type]
+
+    def step(self, time_s: float, speed_rad_s: float | None, current_A: float, **conditions: float) -> Estimate:
+        """Take a reading, and the current that is in force from then on; returns what is believed at the reading.
+
+        speed_rad_s: None or NaN where there was none. conditions: temperature_degC, angle_rad, for effects that need
+        them; segment, another whole number where the time has begun anew. Raises Error for what is no number.
+        """
+        estimate = self._filter.step(WheelSample(time_s, speed_rad_s, **conditions))  # type: ignore[arg-type]
+        self._filter.command_issued(IssuedCommand(current_A))
+        return estimate
+
+    @property
+    def findings(self) -> list[str]:
+        """What had to be reset so far, and why, in sentences."""
+        return self._filter.findings
+
+
+def _log(given: Log | str | Path) -> Log:
+    return given if isinstance(given, Log) else read_log(given)
+
+
+def _configuration(given: Configuration | str | Path | None) -> Configuration | None:
+    if not isinstance(given, str | Path):
+        return given
+    from rw_ekf.settings.load import load_configuration
+
+    return load_configuration(given)
+
+
+def _model(given: HasModel | str | Path | None, configuration: Configuration | None = None) -> Model | None:
+    """A model, what holds one, its file, or what the configuration names. Raises Error where a diagnosis has none."""
+    if given is None:
+        named = None if configuration is None else configuration.filter.model
+        return None if named is None else Model.load(named)
+    if isinstance(given, str | Path):
+        return Model.load(given)
+    if isinstance(given, Model):
+        return given
+    if given.model is None:
+        raise Error(f"{given.log.name if isinstance(given, Diagnosis) else given.log}: this diagnosis found no model")
+    return given.model

@@ -1,0 +1,165 @@
+"""`import rw_ekf`: what it offers, that it is what the commands do, and that it leaves the program around it alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rw_ekf
+from rw_ekf.cli import main
+from tests.live.bench import ROOT
+
+PUBLIC = [
+    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit", "Log", "Model", "Run", "__version__",
+    "compare", "diagnose", "fit", "read", "replay", "simulate",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def log() -> rw_ekf.Log:
+    """A minute of a simulated wheel with windage."""
+    return rw_ekf.simulate("P1", ["quadratic_drag"], seed=3, duration_s=120.0)
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """What a command prints."""
+    assert main(list(arguments)) == 0
+    return capsys.readouterr().out
+
+
+def without_times(document: dict[str, object]) -> dict[str, object]:
+    return {key: value for key, value in document.items() if key != "seconds"}
+
+
+def test_the_public_names_are_these() -> None:
+    """Nobody adds one, or drops one, without saying so here."""
+    assert dir(rw_ekf) == PUBLIC
+    for name in PUBLIC:
+        assert getattr(rw_ekf, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        getattr(rw_ekf, "nothing")  # noqa: B009
+
+
+def test_importing_it_loads_nothing_and_sets_nothing() -> None:
+    """Neither numpy nor a variable of the linear algebra; the command sets them for its own process."""
+    probe = (
+        "import os, sys; before = dict(os.environ); import rw_ekf; assert before == dict(os.environ);"
+        "print('numpy' in sys.modules, rw_ekf.Error.__name__)"
+    )
+    unset = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, cwd=ROOT, check=True, env=unset
+    )
+    assert done.stdout.strip() == "False RwEkfError"
+
+
+def test_its_functions_return_what_the_commands_print(
+    log: rw_ekf.Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """replay, fit and diagnose of one file: the same document, and the same text."""
+    path = str(tmp_path / "log.csv")
+    log.save(path)
+    same = rw_ekf.read(path)
+    for verb, found, more in (
+        ("replay", rw_ekf.replay(same), ("--out", str(tmp_path / "rows.csv"))),
+        ("fit", rw_ekf.fit(same, noise=True), ("--noise",)),
+        ("diagnose", rw_ekf.diagnose(path), ()),
+    ):
+        document = json.loads(said(capsys, verb, path, *more, "--json"))
+        assert without_times(json.loads(found.to_json())) == without_times(document)
+        assert said(capsys, verb, path, *more) == found.text() + "\n"
+        assert Path(path).name in repr(found)
+        assert "<pre>" in found._repr_html_()
+        assert found.plot().axes if not isinstance(found, rw_ekf.Fit) else True
+    rows = rw_ekf.read(path, None)
+    assert rw_ekf.replay(rows).table.num_rows == len(log)
+
+
+def test_a_log_of_arrays_is_the_log_of_the_file(log: rw_ekf.Log, tmp_path: Path) -> None:
+    """Arrays by keyword, a file, its table: the same numbers; and the rules of a file hold for arrays too."""
+    log.save(tmp_path / "log.parquet")
+    other = rw_ekf.Log.from_arrays(log.time_s, speed_rad_s=log.speed_rad_s, current_command_A=log.current_A)
+    read = rw_ekf.read(tmp_path / "log.parquet")
+    for one in (other, read):
+        assert np.array_equal(one.speed_rad_s, log.speed_rad_s)
+        assert np.array_equal(one.current_A, log.current_A)
+    assert read.table.column_names == log.table.column_names
+    assert json.loads(other.to_json())["columns"]["time_s"][-1] == log.time_s[-1]
+    assert "<table>" in log._repr_html_()
+    with pytest.raises(rw_ekf.Error, match="unequal length"):
+        rw_ekf.Log.from_arrays([0.0, 1.0], speed_rpm=[1.0], current_A=[0.0, 0.0])
+    with pytest.raises(rw_ekf.Error, match="speed_rad_s or speed_rpm is missing"):
+        rw_ekf.Log.from_arrays([0.0, 1.0], current_A=[0.0, 0.0])
+
+
+def test_an_own_loop_is_the_replay_of_its_log(log: rw_ekf.Log, tmp_path: Path) -> None:
+    """`Estimator.step` from a model, sample by sample: the rows of a replay from the same model, to rounding."""
+    model = rw_ekf.fit(log).model
+    model.save(tmp_path / "model.yaml")
+    assert rw_ekf.Model.load(tmp_path / "model.yaml").parameters == model.parameters
+    run = rw_ekf.replay(log, tmp_path / "model.yaml")
+    estimator = rw_ekf.Estimator(
+        model, speed_noise_rpm=run.setup.constants.speed_noise_rad_s * 30.0 / np.pi,
+        acceleration_noise_rpm_per_sqrt_s=run.setup.constants.acceleration_noise * 30.0 / np.pi,
+    )  # fmt: skip
+    for i in range(len(log)):
+        estimate = estimator.step(log.time_s[i], log.speed_rad_s[i], log.current_A[i])
+    assert estimate.mean.speed_rad_s == pytest.approx(run.columns["speed_rad_s"][-1], rel=1e-3)  # type: ignore[index]
+    assert 0.9 < estimate.std.coulomb / run.columns["std_coulomb"][-1] < 1.1  # type: ignore[index]
+    assert estimate.friction_torque_rad_s2(30.0).std > 0.0
+    with pytest.raises(rw_ekf.Error, match="a prior is one of"):
+        rw_ekf.Estimator(gain=(1.0, 1.0))
+
+
+def test_two_models_are_told_apart(log: rw_ekf.Log) -> None:
+    """Fits of two logs of one wheel agree; one of a wheel with twice the friction is far off and less likely."""
+    plain = [rw_ekf.fit(rw_ekf.simulate("P1", seed=seed, duration_s=120.0)) for seed in (5, 6)]
+    same = rw_ekf.compare(plain[0], plain[1])
+    assert max(abs(item.sigmas) for item in same.differences) < 4.0
+    from rw_ekf.model.state import CK13_STATISTICAL
+
+    rough = CK13_STATISTICAL._replace(coulomb=2.0 * CK13_STATISTICAL.coulomb, static=2.0 * CK13_STATISTICAL.static)
+    other = rw_ekf.fit(rw_ekf.simulate("P1", wheel=rough, seed=7, duration_s=120.0))
+    third = rw_ekf.simulate("P1", seed=8, duration_s=120.0)
+    found = rw_ekf.compare(plain[0], other.model, on=third)
+    assert next(item.sigmas for item in found.differences if item.name == "coulomb") < -10.0
+    assert found.log_likelihoods is not None
+    assert found.log_likelihoods[0] > found.log_likelihoods[1] + 10.0
+    assert "the first is likelier" in found.text()
+    assert json.loads(found.to_json())["schema"] == "rw_ekf.compare/1"
+
+
+def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(
+    log: rw_ekf.Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file that is not there, a profile, an effect, a model: rw_ekf.Error; nothing is printed, nothing exits."""
+    for call, match in (
+        (lambda: rw_ekf.read(tmp_path / "none.csv"), "no such file"),
+        (lambda: rw_ekf.simulate("nothing"), "there is no profile"),
+        (lambda: rw_ekf.simulate("P1", ["nothing"]), "nothing"),
+        (lambda: rw_ekf.replay(log, tmp_path / "none.yaml"), "no such file"),
+    ):
+        with pytest.raises(rw_ekf.Error, match=match):
+            call()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: Path) -> None:
+    """`report` writes the page; the model, where there is one, goes on to replay and Estimator."""
+    found = rw_ekf.diagnose([log])
+    files = found.report(tmp_path)
+    assert (tmp_path / "report.html") in files
+    assert json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8")) == json.loads(found.to_json())
+    assert found.table.num_rows == len(log)
+    if found.model is not None:
+        rw_ekf.replay(log, found)
+        rw_ekf.Estimator(found)
+    else:
+        with pytest.raises(rw_ekf.Error, match="found no model"):
+            rw_ekf.replay(log, found)
