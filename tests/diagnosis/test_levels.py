@@ -97,6 +97,6 @@ def staircase(seed: int, ratio: float) -> WheelLog:
 @pytest.mark.parametrize("ratio", [50.0, 2.0])
 def test_rounded_plateaus_make_no_friction_up(ratio: float) -> None:
     """A motor without any effect: nothing is named but the grid, and one of two noises is said to cost nothing."""
-    verdict = diagnose_log(staircase(5, ratio)).document["verdict"]
+    verdict = diagnose_log(staircase(5, ratio)).document()["verdict"]
     assert verdict["effects"] == ["speed_quantisation"]
     assert ("no held-out error is smaller" in verdict["statement"]) == (ratio < 3.0)

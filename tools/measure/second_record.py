@@ -50,7 +50,7 @@ def scores(kind: str, seed: int, directory: Path) -> dict[str, dict[str, float]]
             log_of(Case("", "", "effects", (kind,), (text,), wheel, "identification", 7, noise, 1.0, telemetry=warm))
         )
     found = diagnose_log(logs[0])
-    if found.model is None or kind not in found.document["verdict"]["effects"]:
+    if found.model is None or kind not in found.document()["verdict"]["effects"]:
         return {}
     model, log = directory / f"{kind}-{seed}.yaml", directory / f"{kind}-{seed}.csv"
     model.write_text(found.model.to_text())

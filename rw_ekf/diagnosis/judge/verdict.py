@@ -27,8 +27,8 @@ _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
 _LEAST_TOLD = 0.01  # probability of another effect that is named beside one
 _RULED_OUT = 0.01  # probability of no effect at all, with which a model is not called adequate
 _GROUP = 3  # at most so many are named together
-# Percent of the held-out error: a grid that takes off less is said to take off nothing. Grids of 3, 3.5 and 4 sigma of the
-# noise take off 0.16, 0.6 and 1.5 (eq. 11a), so that a third more or less moves the limit between 3.3 and 3.6 sigma.
+# Percent of the held-out error: a grid that takes off less is said to take off nothing. Grids of 3, 3.5 and 4 sigma of
+# the noise take off 0.16, 0.6 and 1.5 (eq. 11a), so that a third more or less moves the limit between 3.3 and 3.6.
 GRID_GAINS = 0.5
 _DOUBTFUL = 0.1  # probability of an effect that is mentioned where none was named
 
