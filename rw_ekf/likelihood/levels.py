@@ -20,9 +20,10 @@ from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.likelihood.whitening import Chain
 
 # Readings in a row within half a cell. An error that fewer share weighs at most so many times what it should, for as
-# long as the wheel stays; a third more or less named the same on six staircases of 20 to 200 noises a step.
+# long as the wheel stays. A third more or less of it, or of the next, names the same on six staircases of 20 to 200
+# noises a step and on a slow swing through its cells.
 _STAYS = 8
-_MOVES_ON = 1.0 / 3.0  # of the room, from first to last third: half of a ramp's
+_MOVES_ON = 1.0 / 3.0  # of the room, from first to last third of a stay: half of what a ramp does
 _MOST = 60  # levels, those of most readings: for what they cost; a staircase has some ten or twenty
 
 
