@@ -17,6 +17,7 @@ NOT_BESIDE_MOTION = "nothing beside smooth laws of the motion"
 NOT_CONFIRMED = "not confirmed"
 PARTIAL = "explains only part of the residual"
 NO_GRID = "no grid coarser than the noise"
+HARMLESS_GRID = "a grid, but held-out readings are missed by more"
 EXPLAINED, ALIKE = "explained by ", "indistinguishable from "  # and names
 
 _STANDINGS: dict[str, Standing] = {

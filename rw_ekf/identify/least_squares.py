@@ -23,6 +23,7 @@ from rw_ekf.identify.orthogonal import linearised, posterior_covariance
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
+_GROWS = 1.0  # logarithm of what an error grows by over a record: with a viscous friction that is one it shrinks
 _MAX_ITERATIONS = 60
 _STEP_TOLERANCE = 1.0e-3  # in standard deviations of the estimate
 OUTLIER_STDS = 6.0  # of what is left: readings beyond are no noise, ...
@@ -108,9 +109,14 @@ def least_squares(
 def default_starts(
     course: Course, constants: FilterConstants, prior: Belief, effects: EffectSet = NO_EFFECTS
 ) -> list[Float64Array]:
-    """The filter's own estimate, and two others that differ in T_s: equal to c, and a third above it; (4 + m,) each."""
+    """The filter's own estimate, and two others that differ in T_s: equal to c, and a third above it; (4 + m,) each.
+
+    The a priori in place of an estimate with which a free run would run away: where the filter lost its way.
+    """
     run = filter_log(course, constants, prior.mean, prior.covariance, effects)
     here = Belief(run.mean, run.covariance)
+    if -here.parameters.viscous * float(np.ptp(course.time_s)) > _GROWS:
+        here = prior
     found, coefficients = here.parameters, here.known(effects.size)[0][PARAMETER_COUNT:]
     statics = (found.static, found.coulomb, 1.35 * found.coulomb)
     return [np.concatenate((found._replace(static=static), coefficients)) for static in statics]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.likelihood.levels import Integrated
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Prediction, Record, Trajectory, predict
 from rw_ekf.likelihood.unknown_past import variance_of_past
@@ -56,16 +57,39 @@ class Linearisation:
         used: slice | NDArray[np.intp] = at
         if at.size and at[-1] - at[0] == at.size - 1:  # nothing is missing in between: no copy
             used = slice(int(at[0]), int(at[-1]) + 1)
-        return r[used], A[used], logs
+        if self.record.levels is None or self.record.levels.count == 0:
+            return r[used], A[used], logs
+        levels = self._levels(ratio, scale)
+        return levels.taken_out(r[used]), levels.taken_out(A[used]), logs + levels.logs
 
     def whitened_sums(
         self, ratio: float, scale: float, jacobian: Float64Array, memory_jacobian: Float64Array | None = None
     ) -> tuple[Float64Array, float, int]:
         """(A, r)'(A, r) (m + 1, m + 1), the sum of log S and how many r there are, of what `whitened` gives."""
         m = jacobian.shape[1]
+        if self.record.levels is not None and self.record.levels.count:
+            r, A, logs = self.whitened(ratio, scale, jacobian, memory_jacobian)
+            both = np.column_stack((A, r))
+            return both.T @ both, logs, r.size
         sums = np.zeros((m + 1, m + 1))
         logs, count = self._whiten(ratio, scale, jacobian, memory_jacobian, np.zeros(0), np.zeros((0, m)), sums)
         return sums + np.tril(sums, -1).T, logs, count
+
+    def _levels(self, ratio: float, scale: float) -> Integrated:
+        """What unknown errors of rounded readings may have done to whitened rows, worked out once for each noise."""
+        if (ratio, scale) not in self._integrated:
+            assert self.record.levels is not None
+            with_memory = self.memory_jacobian.shape[0] > 0
+            speed, memory = self.record.levels.regressors(self.chain, with_memory=with_memory)
+            rows = np.zeros(speed.shape)
+            r = np.full(speed.shape[0], np.nan)
+            self._whiten(ratio, scale, speed, memory, r, rows, np.zeros((0, 0)))
+            self._integrated[ratio, scale] = Integrated.of(rows[np.isfinite(r)])
+        return self._integrated[ratio, scale]
+
+    @cached_property
+    def _integrated(self) -> dict[tuple[float, float], Integrated]:
+        return {}
 
     def _whiten(
         self,

@@ -33,6 +33,9 @@ _REGULAR = 0.8  # share of the runs that must not: of runs of any length half do
 _EVEN = 0.01  # of the refresh: on a clock of seconds a whole number of them is not quite one
 _PAUSE = 0.05  # of a record: a longer step is a pause, and says nothing of how often rows come
 _LEAST_RUNS = 20
+_IN_BATCHES = 0.25  # of the time per row: half of the steps are shorter, so that most rows came with the one before
+_LEAST_BATCHES, _LONGEST_WAIT_S = 20, 1.0  # a logger that sleeps between its bursts sleeps longer, and stamps truly
+_ON_CLOCK = 1.5  # of the time a batch waits: so far apart may stamps be from an even clock, early to late
 _DOUBT = 0.2  # speed noises that an unknown current may move the wheel by, for good, before the gap is not bridged
 
 
@@ -91,6 +94,41 @@ def sampling_of(log: WheelLog) -> Sampling:
         return Sampling(_mean_step(step[same]), 0, len(log), held, refresh_s)
     lost = np.round(step[same] / period) - 1.0
     return Sampling(period, int(np.sum(lost[lost > 0.0])), len(log), held, refresh_s)
+
+
+def evenly_stamped(log: WheelLog) -> WheelLog:
+    """The log with its rows evenly in time, where they come in batches and are stamped on arrival, and a warning.
+
+    A row then is as old as it has waited for its batch, current and reading alike. Where the count of rows keeps step
+    with the clock, within what a batch waits and from end to end, that count is the better clock: rows that are lost,
+    or a pause, would leave it behind for good.
+    """
+    time = log.time_s.copy()
+    for number in np.unique(log.segment):
+        rows = np.flatnonzero(log.segment == number)
+        even = _even_clock(time[rows])
+        if even is None:
+            return log
+        time[rows] = even
+    late_s = float(np.ptp(time - log.time_s)) if time.size else 0.0
+    said = (
+        f"the rows come in batches and are stamped as these arrive, up to {late_s:.2g} s late; their count keeps step "
+        "with the clock, so they are taken to be evenly in time"
+    )
+    return replace(log, time_s=time, warnings=(*log.warnings, said))
+
+
+def _even_clock(time_s: Float64Array) -> Float64Array | None:
+    """An even clock through stamps (n,) of rows that come in batches; None where they do not, or keep no step."""
+    step = np.diff(time_s)
+    if step.size < _LEAST_STEPS or float(np.median(step)) >= _IN_BATCHES * float(np.mean(step)):
+        return None
+    waits = step[step > np.mean(step)]
+    if waits.size < _LEAST_BATCHES or float(waits.max()) > _LONGEST_WAIT_S:
+        return None
+    row = np.arange(time_s.size) - 0.5 * (time_s.size - 1)
+    even: Float64Array = time_s.mean() + row * float(row @ time_s) / float(row @ row)
+    return even if float(np.ptp(time_s - even)) <= _ON_CLOCK * float(np.quantile(waits, 0.95)) else None
 
 
 def _mean_step(step_s: Float64Array) -> float:
@@ -181,6 +219,7 @@ class _Refresh:
 
 def without_repeats(log: WheelLog) -> tuple[WheelLog, Sampling]:
     """The same rows, those that only repeat the reading before without one: they would count it many times over."""
+    log = evenly_stamped(log)
     sampling = sampling_of(log)
     return _read_anew(log, sampling), sampling
 

@@ -7,7 +7,7 @@ import pytest
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.joined import joined
-from rw_ekf.logs.sampling import mended, sampling_of
+from rw_ekf.logs.sampling import evenly_stamped, mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
 
 
@@ -145,3 +145,37 @@ def test_logs_are_joined_one_after_the_other() -> None:
     assert [part["begins_s"] for part in both.parts] == pytest.approx([0.0, 30.0])
     assert np.array_equal(both.log.speed_rad_s[300:], two.speed_rad_s)
     assert joined([one]).log is one
+
+
+def in_batches(time_s: Float64Array, seed: int) -> Float64Array:
+    """The stamps that rows get on arrival, in batches of 2 to 60."""
+    n = time_s.size
+    ends = np.cumsum(np.random.default_rng(seed).integers(2, 60, n))
+    batch = np.searchsorted(ends, np.arange(n), side="left")
+    place = np.arange(n) - np.append(0, ends)[batch]
+    arrives = time_s[np.minimum(ends[batch], n - 1)]
+    late: Float64Array = np.maximum.accumulate(arrives + 1.4e-4 * np.maximum(place, 0)) + 1.0e-7 * np.arange(n)
+    return late
+
+
+def test_rows_that_come_in_batches_go_by_their_count() -> None:
+    """Stamped on arrival, up to 60 ms late: the clock they were taken by comes back, and it is said."""
+    time, speed = ramp(20_000, 1000.0, 11)
+    found = evenly_stamped(log_of(in_batches(time, 12), speed))
+    assert np.ptp(found.time_s - time) < 0.003
+    assert "stamped as these arrive" in found.warnings[-1]
+
+
+def test_rows_that_are_late_or_lost_for_good_keep_their_stamps() -> None:
+    """Even rows, rows at any moment, batches with a pause or lost rows, one pause, a duty cycle: left as they are."""
+    time, speed = ramp(20_000, 1000.0, 13)
+    late = in_batches(time, 14)
+    paused = late + np.where(np.arange(time.size) > 9000, 2.0, 0.0)
+    lost = np.ones(time.size, dtype=bool)
+    lost[6000:7000] = False
+    moments = np.cumsum(np.random.default_rng(15).exponential(0.001, time.size))
+    once = time + np.where(np.arange(time.size) > 10_000, 500.0, 0.0)
+    duty = time + 9.0 * (np.arange(time.size) // 500)  # half a second of rows, every 9.5 s
+    for stamps in (time, paused, late[lost], moments, once, duty):
+        log = log_of(stamps, speed[: stamps.size])
+        assert evenly_stamped(log) is log

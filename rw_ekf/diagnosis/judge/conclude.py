@@ -19,7 +19,7 @@ from rw_ekf.diagnosis.judge.posterior import posterior_of
 from rw_ekf.diagnosis.judge.residual import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
 from rw_ekf.diagnosis.judge.torque_noise import noise_finding
-from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
+from rw_ekf.diagnosis.judge.verdict import GRID_GAINS, Verdict, verdict_on
 from rw_ekf.diagnosis.judge.widths import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, threshold
@@ -30,6 +30,7 @@ from rw_ekf.diagnosis.standing import (
     ALIKE,
     EXPLAINED,
     GIVEN,
+    HARMLESS_GRID,
     NO_GRID,
     NOT_CONFIRMED,
     NOT_SIGNIFICANT,
@@ -43,6 +44,7 @@ from rw_ekf.filter.evenness import unevenness
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import size_of
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
+from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from rw_ekf.wheel.model_file import refusal_of
 
 Advance = Callable[[str], object]
@@ -57,18 +59,18 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
     work, kept, course = prepared.record.work, prepared.kept, prepared.record.course
     before = performance(prepared, selection.base)
     names, unexplained = found.new_ids, found.is_unexplained
-    lattice = None if unexplained else found.lattice
     after = performance(prepared, selection.final) if names else before
-    if lattice is not None:
-        after = performance_read(prepared, selection.final, lattice)
+    lattice, rounded_off = (None, None) if unexplained else named_grid(found)
+    after = after if rounded_off is None else rounded_off
     split = prepared.split.document()
     heldout_s = sum(end - begin for begin, end in split["heldout_s"])
     advance("weighing explanations")
     weighed = weighed_explanations(found)
-    noise = noise_finding(found.fit, prepared.facts)
+    rounded = lattice is not None or GRID.id in selection.base.model.effects.ids
+    # Rounded readings are noisier where the wheel moves through cell after cell than where it stays: no torque does it.
+    noise = None if rounded else noise_finding(found.fit, prepared.facts)
     noisy = None if noise is None else noise.sentence(in_rpm=prepared.in_rpm)
     chosen = [] if unexplained else [*names, *([] if lattice is None else [GRID.id])]
-    rounded = lattice is not None or GRID.id in selection.base.model.effects.ids
     judged = found.fit if chosen else selection.base
     white = left_over(judged)
     tests = residual_tests(white, rounded=rounded)
@@ -118,6 +120,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
             *prepared.setup.notes,
             *prepared.notes,
             *([f"{noisy[:1].upper()}{noisy[1:]}."] if noisy is not None and verdict.kind == "effect" else []),
+            *_of_no_use(found.lattice if lattice is None else None, in_rpm=prepared.in_rpm),
             *([] if uneven is None else [f"{uneven[:1].upper()}{uneven[1:]}"]),
             *work.sentences(),
             *([] if refusal is None else [f"no model was written, because none could read it: {refusal}"]),
@@ -263,4 +266,31 @@ def _lattice_entry(lattice: Lattice) -> dict[str, Any]:
         "parameters": {coefficient.name: {"value": lattice.grid_rad_s, "std": None, "unit": coefficient.unit}},
         "statistic": lattice.statistic,
         "p_value": None,
+        "decision": HARMLESS_GRID,
     }
+
+
+def named_grid(found: Found) -> tuple[Lattice, Performance] | tuple[None, None]:
+    """The readings' grid, and the figures with it, where it is coarser than what held-out readings are missed by.
+
+    One-step errors may be small where noise goes on from reading to reading: a grid that is lost in what a free run
+    misses is nothing to anybody, unless errors are smaller for knowing it.
+    """
+    lattice = found.lattice
+    if lattice is None or found.corrected is None:
+        return None, None
+    less = performance(found.prepared, found.selection.final).figures
+    after = performance_read(found.prepared, found.corrected, found.selection.final, lattice)
+    missed_rpm = less["free_run_rms_rpm"] or less["horizon_20s_rms_rpm"] or less["one_step_rms_rpm"] or 0.0
+    coarse = lattice.is_coarser_than((missed_rpm * RAD_S_PER_RPM) ** 2)
+    return (lattice, after) if coarse or (percent_better(less, after.figures) or 0.0) >= GRID_GAINS else (None, None)
+
+
+def _of_no_use(lattice: Lattice | None, *, in_rpm: bool) -> list[str]:
+    """What is said of a grid that is not named, if there is one."""
+    if lattice is None:
+        return []
+    size = f"{rpm_from_rad_s(lattice.grid_rad_s):.4g} rpm" if in_rpm else f"{lattice.grid_rad_s:.4g} rad/s (or m/s)"
+    return [
+        f"The readings stand on a grid of {size}; held-out errors are no smaller for knowing it, so it is not named."
+    ]

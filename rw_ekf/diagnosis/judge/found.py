@@ -43,6 +43,7 @@ class Found:
     orders: dict[float, float] = field(default_factory=dict)  # how probable each is, of a ripple without a logged angle
     laws: dict[str, float] = field(default_factory=dict)  # the same of an effect that may follow several
     lattice: Lattice | None = None  # the readings' grid, where it is coarser than their noise
+    corrected: Prepared | None = None  # the record without what the grid did to the readings, as it was searched
 
 
 def mapped(prepared: Prepared, selection: Selection) -> Found:

@@ -17,6 +17,7 @@ from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.judge.lattice import Lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
+from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
@@ -52,13 +53,19 @@ def by_fit_part(prepared: Prepared, fit: Fit) -> Fit:
     return prepared.remembered("fit", fit, lambda: fit.on_part(prepared.fit_part))
 
 
-def performance_read(prepared: Prepared, fit: Fit, lattice: Lattice) -> Performance:
-    """The same, the readings predicted being those that a grid makes of the speed."""
-    return _performance(prepared, by_fit_part(prepared, fit), lattice)
+def performance_read(prepared: Prepared, corrected: Prepared, fit: Fit, lattice: Lattice) -> Performance:
+    """The same, the readings predicted being those that a grid makes of the speed.
+
+    corrected: the record without what the grid did to its readings; the numbers come from its other part.
+    """
+    return _performance(prepared, by_fit_part(corrected, fit), lattice)
 
 
 def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Performance:
     record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
+    if lattice is not None:  # of the readings as they were read, as a filter with this model is told
+        variance = lattice.noise_rad_s**2 + GRID.variance(lattice.grid_rad_s)
+        noise = Noise(variance, noise.ratio * noise.variance / variance)
     inertia_kg_m2 = prepared.setup.inertia_kg_m2
     record = record.along(fit.trajectory)
     course = record.course.only(~prepared.base.omit)

@@ -30,13 +30,21 @@ class Lattice:
     statistic: float  # 2 x gain in log-likelihood of less noise, then rounded, over all the noise found; fit part
     heldout_statistic: float
 
+    def is_coarser_than(self, variance: float) -> bool:
+        """Whether it is coarser than 1.5 sigma of a noise, or an error, of this variance, its own share taken off."""
+        return _is_coarse(self.grid_rad_s, variance)
+
+
+def _is_coarse(grid: float, variance: float) -> bool:
+    return grid >= _COARSER * math.sqrt(max(variance - grid * grid / 12.0, 0.0))
+
 
 def coarse_grid(speed_rad_s: Float64Array, reading_variance: float, least_grid_rad_s: float) -> float | None:
     """The grid [rad/s] of readings (n,), if it is worth comparing likelihoods for."""
     grid = grid_of(speed_rad_s)
     if grid is None or grid < least_grid_rad_s:
         return None
-    return None if grid < _COARSER * math.sqrt(max(reading_variance - grid * grid / 12.0, 0.0)) else grid
+    return grid if _is_coarse(grid, reading_variance) else None
 
 
 def find_lattice(
@@ -88,6 +96,19 @@ def _log_cell(error: Float64Array, spread: Float64Array, grid: float) -> Float64
     cell = ndtr((0.5 * grid - near) / spread) - ndtr((-0.5 * grid - near) / spread)
     found: Float64Array = np.log(np.maximum(cell, _LEAST_PROBABILITY))
     return found
+
+
+def explained_variance(spread_rad_s: Float64Array, lattice: Lattice) -> Float64Array:
+    """Variance [rad^2/s^2], over all places in a cell, of what `rounding_error` tells at speeds known so well (n,).
+
+    Of a speed that is known it is that of the error which all readings there have in common: grid^2/12 of readings
+    without noise, and nothing where noise of half the grid makes the mean of many readings the speed.
+    """
+    blurred = (2.0 * math.pi / lattice.grid_rad_s) ** 2 * (lattice.noise_rad_s**2 + np.square(spread_rad_s))
+    told = np.zeros(np.shape(spread_rad_s))
+    for k in range(1, _HARMONICS + 1):
+        told += np.exp(-blurred * k**2) / k**2
+    return told * lattice.grid_rad_s**2 / (2.0 * math.pi**2)
 
 
 def rounding_error(speed_rad_s: Float64Array, spread_rad_s: Float64Array, lattice: Lattice) -> Float64Array:

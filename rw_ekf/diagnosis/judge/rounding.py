@@ -10,15 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rw_ekf.arrays import Float64Array
+import numpy as np
+
 from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import investigate
-from rw_ekf.diagnosis.judge.lattice import Lattice, coarse_grid, find_lattice, rounding_error
+from rw_ekf.diagnosis.judge.lattice import Lattice, coarse_grid, explained_variance, find_lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
+from rw_ekf.likelihood.levels import Levels
 from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.units import RAD_S_PER_RPM
 
@@ -43,7 +45,7 @@ def investigated(prepared: Prepared, advance: Callable[[str], object]) -> Found:
     else:
         advance("taking off what rounding did to the readings")
         found = investigate(_without(prepared, prepared.base.trajectory, lattice), advance)
-    return replace(found, prepared=prepared, lattice=lattice)
+    return replace(found, prepared=prepared, lattice=lattice, corrected=found.prepared)
 
 
 def lattice_of(prepared: Prepared, fit: Fit) -> Lattice | None:
@@ -73,20 +75,32 @@ def _without(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Pr
     """The same without what rounding did, the base model fitted anew: by turns, since either asks for the other."""
     changed = prepared
     for _ in range(_TURNS):
-        changed = _corrected(prepared, rounding_error(trajectory.speed, trajectory.spread, lattice), lattice)
+        changed = _corrected(prepared, trajectory, lattice)
         trajectory = changed.base.trajectory
     return changed
 
 
-def _corrected(prepared: Prepared, error_rad_s: Float64Array, lattice: Lattice) -> Prepared:
-    """The same with errors of the readings (n,) taken off them, and the base model fitted anew."""
+def _corrected(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Prepared:
+    """The same with the errors that readings along a trajectory have taken off them, and the base model fitted anew.
+
+    Where the wheel stays in a cell, nothing tells the error: it is left open, the same for all readings there. They
+    are as good as free of noise then, and no measure of those of a wheel that moves: of these no fit may make less
+    than half of what the correction leaves of them, so well as the trajectory is known.
+    """
+    error_rad_s = rounding_error(trajectory.speed, trajectory.spread, lattice)
+    shared = float(explained_variance(np.zeros(1), lattice)[0])
+    levels = Levels.of(trajectory.speed, prepared.record.follows, lattice.grid_rad_s, shared)
+    moving = prepared.record.follows & (levels.of_sample < 0)
+    told = explained_variance(trajectory.spread[moving], lattice)
+    left = lattice.noise_rad_s**2 + lattice.grid_rad_s**2 / 12.0 - (float(told.mean()) if told.size else shared)
 
     def corrected(record: Record) -> Record:
         course = record.course
         return replace(
             record,
             course=course._replace(speed_rad_s=course.speed_rad_s - error_rad_s),
-            least_variance=0.5 * lattice.noise_rad_s**2,
+            least_variance=0.5 * left,
+            levels=levels,
         )
 
     base, record = prepared.base, corrected(prepared.record)

@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.prepare.split import running_time
 from rw_ekf.errors import LogError
 from rw_ekf.identify.record_scale import noise_beside_motion
 from rw_ekf.logs.joined import joined
-from rw_ekf.logs.sampling import mended, sampling_of
+from rw_ekf.logs.sampling import evenly_stamped, mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
 
 _NOISES = 15.0  # of the readings beside their neighbours' median
@@ -57,6 +57,7 @@ def source_of(logs: Sequence[WheelLog]) -> Source:
     Raises LogError for wild values, and for a log that is given twice.
     """
     _refuse_twice(logs)
+    logs = [evenly_stamped(log) for log in logs]
     seen = [sampling_of(log) for log in logs]
     whole = joined([mended(log, sampling) for log, sampling in zip(logs, seen, strict=True)])
     several = len(logs) > 1

@@ -29,7 +29,7 @@ def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> list[Score]:
     """
     scorer, effect = Scorer(fit), score.effect
     bank = scorer.all_at(facts, [(effect, candidate) for candidate in effect.candidates(facts)])
-    worth = [item for item in [score, *bank] if item.statistic > _WORTH_FOLLOWING * score.statistic]
+    worth = [score, *(item for item in bank if item.statistic > _WORTH_FOLLOWING * score.statistic)]
     found = [_followed(scorer, start, facts) for start in _apart(worth, facts.duration_s / _STARTS)[:_STARTS]]
     return _apart(sorted(found, key=lambda item: -item.statistic), 0.0)[:_FITTED]
 

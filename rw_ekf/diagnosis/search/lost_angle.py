@@ -41,8 +41,12 @@ class FollowedOrder:
 
 
 def applies(fit: Fit) -> bool:
-    """Whether the angle is integrated and not yet followed, in a model without a memory."""
-    return fit.linearised.record.angle_is_integrated and fit.linearised.memory_jacobian.shape[0] == 0
+    """Whether the angle is integrated and not yet followed, in a model without a memory.
+
+    Not where rounded readings share errors: particles take each reading for one by itself.
+    """
+    record = fit.linearised.record
+    return record.angle_is_integrated and record.levels is None and fit.linearised.memory_jacobian.shape[0] == 0
 
 
 def followed_orders(fit: Fit, places: list[Hypothesis], facts: RecordFacts) -> list[FollowedOrder]:
