@@ -38,26 +38,16 @@ _FAR_LONGER = 20  # times as many readings must agree after a step that no wheel
 _FAR_LONGER_S = 10.0  # ... and for so long
 
 
-def timing(dt: float, seeded: bool, new_segment: bool, has_speed: bool, max_gap_s: float) -> int:
-    """Outcome that the sample's time alone decides; UPDATED means: predict, then look at the innovation.
+def timing(dt: float, new_segment: bool) -> int:
+    """UPDATED where a sample dt [s] after the last is one to predict to; else REPEATED or BACKWARD, and left alone.
 
-    dt [s] since the last sample; not finite where a time is none. A gap, or a new segment, re-seeds the speed from the
-    sample; where that sample has no speed the caller waits (MISSING) and re-seeds from the next that has one.
+    dt is not finite where a time is none.
     """
     if not math.isfinite(dt):
         return BACKWARD
-    if not new_segment:
-        if dt == 0.0:
-            return REPEATED
-        if dt < 0.0:
-            return BACKWARD
-    if not has_speed:
-        return MISSING
-    if not seeded:
-        return FIRST
-    if new_segment or dt > max_gap_s:
-        return RESEEDED
-    return UPDATED
+    if new_segment or dt > 0.0:
+        return UPDATED
+    return REPEATED if dt == 0.0 else BACKWARD
 
 
 def forget(memory: Any) -> None:

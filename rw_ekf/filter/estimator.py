@@ -20,6 +20,7 @@ from rw_ekf.filter.ekf import WheelEkf
 from rw_ekf.filter.identifiability import Validity
 from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import Physician, findings
+from rw_ekf.filter.step import Sample
 from rw_ekf.filter.surroundings import Gatherer, outlook
 from rw_ekf.model.state import PARAMETERS, STATE_SIZE, FrictionParameters
 from rw_ekf.records import (
@@ -72,9 +73,6 @@ class Estimator:
         self._validity = Validity(start)
         self._gatherer = Gatherer(remembers=max(self.ekf.table.delay_at, self.ekf.table.window_at) != ABSENT)
         self._last: WheelSample | None = None
-        self._seeded = False
-        self._ever_seeded = False
-        self._gate_memory = [0.0] * decisions.MEMORY_SIZE
         self._effect_names = effects.state_names
 
     @property
@@ -121,95 +119,46 @@ class Estimator:
         on a speed that is infinite.
         """
         last = self._last
-        dt = sample.time_s - (last.time_s if last is not None else sample.time_s - 1.0)
-        new_segment = last is not None and sample.segment != last.segment
-        has_speed = sample.speed_rad_s is not None and not math.isnan(sample.speed_rad_s)
-        if sample.speed_rad_s is not None and math.isinf(sample.speed_rad_s):
-            raise FilterError(f"a speed of {sample.speed_rad_s} rad/s reached the filter")
-        what = decisions.timing(dt, self._seeded, new_segment, has_speed, self.constants.max_gap_s)
-        if what in (decisions.REPEATED, decisions.BACKWARD):
+        speed = math.nan if sample.speed_rad_s is None else sample.speed_rad_s
+        if math.isinf(speed):
+            raise FilterError(f"a speed of {speed} rad/s reached the filter")
+        begins = last is None or sample.segment != last.segment
+        dt = 1.0 if last is None else sample.time_s - last.time_s
+        what = decisions.timing(dt, begins)
+        if what != decisions.UPDATED:
             return self._estimate(sample, what, None)
+        if last is None or begins:
+            surroundings = self._gatherer.restart()
+        else:
+            surroundings = self._gatherer.interval(last.time_s, sample.time_s)
+        reading = Sample(dt, speed, begins, self._gatherer.schedule.in_force_A)
         before = self.ekf.speed_rad_s
-        innovation, predicted, continuous = None, math.nan, False
+        innovation, predicted = None, math.nan
         try:
-            continuous = self._predict(sample, dt, new_segment=new_segment)
-            if has_speed and not self._seeded:
-                what = decisions.RESEEDED if self._ever_seeded else decisions.FIRST
-                self._seed(sample)
+            what = self.ekf.predict(reading, surroundings)
             predicted = self.ekf.speed_rad_s
             if what == decisions.UPDATED:
-                what, innovation = self._weigh(sample)
+                what = self.ekf.update(reading)
+                innovation = self._innovation(sample.time_s, what)
         except (ArithmeticError, ValueError):  # where compiled arithmetic leaves NaN
             self.ekf.x[:] = math.nan
-        self._gatherer.note(sample, 0.5 * (before + predicted) if continuous else 0.0, dt)
+        self._gatherer.note(sample, 0.5 * (before + predicted) if self.ekf.is_continuous else 0.0, dt)
         self._last = sample
-        elapsed = 0.0 if last is None or new_segment else dt
-        if self._is_reset(sample, what, innovation, elapsed):
-            what = decisions.RESEEDED if has_speed else decisions.MISSING
-        elif continuous:
-            self.ekf.follow(dt)
-        if what == decisions.UPDATED and sample.speed_rad_s is not None:
-            self.points.add(sample.speed_rad_s, self._gatherer.schedule.in_force_A)
+        if self._physician.examine(reading, sample.time_s, what):
+            what = decisions.MISSING if math.isnan(speed) else decisions.RESEEDED
+            if self._physician.has_forgotten:
+                self.points.clear()
+                self._validity = Validity(Belief(self.mean, self.covariance))
+        if what == decisions.UPDATED:
+            self.points.add(speed, self._gatherer.schedule.in_force_A)
         return self._estimate(sample, what, innovation, predicted)
 
-    def _is_reset(self, sample: WheelSample, what: int, innovation: Innovation | None, dt: float) -> bool:
-        """Whether the filter had to be reset after a sample; then it starts from its speed, or waits for one."""
-        if not self._physician.examine(sample.time_s, what, innovation, dt):
-            return False
-        if self._physician.has_forgotten:
-            self.points.clear()
-            self._validity = Validity(Belief(self.mean, self.covariance))
-        if sample.speed_rad_s is None or math.isnan(sample.speed_rad_s):
-            self.ekf.wait_for_speed(self._gatherer.schedule.in_force_A)
-            self._seeded = False
-            decisions.forget(self._gate_memory)
-        else:
-            self._seed(sample)
-        return True
-
-    def _predict(self, sample: WheelSample, dt: float, *, new_segment: bool) -> bool:
-        """Bring the belief to the sample's time; False where the speed has to start afresh."""
-        if self._last is None:
-            return False
-        if new_segment:
-            self._gatherer.restart()
-            self._seeded = False
-            return False
-        surroundings = self._gatherer.interval(self._last.time_s, sample.time_s)
-        if self._seeded and dt <= self.constants.max_gap_s:
-            self.ekf.predict_over(dt, surroundings)
-            interval, pieces = surroundings
-            decisions.elapse(self._gate_memory, dt, pieces.current_A, interval.start, interval.stop)
-            return True
-        self.ekf.grow_parameters(dt)
-        self._seeded = False
-        return False
-
-    def _seed(self, sample: WheelSample) -> None:
-        assert sample.speed_rad_s is not None
-        self.ekf.seed_speed(sample.speed_rad_s, self._gatherer.schedule.in_force_A)
-        self._seeded = self._ever_seeded = True
-        decisions.forget(self._gate_memory)
-
-    def _weigh(self, sample: WheelSample) -> tuple[int, Innovation]:
-        assert sample.speed_rad_s is not None
-        c = self.constants
-        residual, variance = self.ekf.compare(sample.speed_rad_s)
+    def _innovation(self, time_s: float, what: int) -> Innovation:
+        residual, variance = float(self.ekf.y[0, 0]), float(self.ekf.S[0, 0])
+        gate = self.constants.gate
+        reason = {decisions.GATED: "gate", decisions.RESEEDED: "reseeded"}.get(what)
         nis = residual * residual / variance
-        what = decisions.gating(
-            residual, variance, sample.speed_rad_s, self.ekf.x, self.ekf.P,
-            c.speed_variance, c.gate, c.reseed_after, self._gate_memory,
-        )  # fmt: skip
-        if what == decisions.UPDATED:
-            self.ekf.update_speed(sample.speed_rad_s)
-            reason = None
-        elif what == decisions.RESEEDED:
-            self._seed(sample)
-            decisions.doubt(self._gate_memory)
-            reason = "reseeded"
-        else:
-            reason = "gate"
-        return what, Innovation(sample.time_s, residual, math.sqrt(variance), nis, c.gate, reason is None, reason)
+        return Innovation(time_s, residual, math.sqrt(variance), nis, gate, reason is None, reason)
 
     def _estimate(
         self, sample: WheelSample, what: int, innovation: Innovation | None, predicted: float = math.nan

@@ -10,6 +10,7 @@ from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
+from rw_ekf.filter.step import memory_of
 from rw_ekf.model.state import STATE_SIZE
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
@@ -42,10 +43,9 @@ def filter_log(
         raise FilterError(f"the model has {table.size} states, the belief {run.mean.shape} and {run.covariance.shape}")
     if effects.reading_variance > 0.0:
         constants = constants._replace(speed_variance=constants.speed_variance + effects.reading_variance)
-    if table.size > STATE_SIZE:
-        filter_pass_with_effects(constants, table, course, run, mends)
-    else:
-        filter_pass(constants, None, course, run, mends)
+    known = table if table.size > STATE_SIZE else None
+    memory = memory_of(run.mean, run.covariance, constants, known, mends=mends)
+    (filter_pass if known is None else filter_pass_with_effects)(constants, known, course, run, memory)
     if not (np.isfinite(run.mean).all() and np.isfinite(run.covariance).all()):
         raise FilterError(
             f"the filter's state is no longer finite after {course.samples} samples: {run.mean}. Look for wild values "

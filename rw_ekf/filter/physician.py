@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rw_ekf.filter import health
-from rw_ekf.filter.covariance import cap_variance
+from rw_ekf.filter.step import LEARNS, RESET, Sample
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN
-from rw_ekf.records import FilterHealth, FilterReset, FilterTrouble, Innovation
+from rw_ekf.records import FilterHealth, FilterReset, FilterTrouble
 
 if TYPE_CHECKING:
     from rw_ekf.filter.ekf import WheelEkf  # with filterpy, which takes a second to import
@@ -58,37 +58,26 @@ class Physician:
 
     def __init__(self, ekf: WheelEkf) -> None:
         self._ekf = ekf
-        self._memory = [0.0] * health.HEALTH_SIZE
-        health.start_health(self._memory)
-        self._learns = health.learns(ekf.P)
-        self._grounds = health.lay_grounds(ekf.x, ekf.P, ekf.ceiling)
+        self._memory = ekf.memory.health
         self._last: FilterHealth | None = None
         self.troubles: Counter[FilterTrouble] = Counter()  # that led to a reset
 
-    def examine(self, time_s: float, what: int, innovation: Innovation | None, dt: float) -> bool:
-        """Reset what is broken; True where anything was, and the speed has to be seeded anew.
+    def examine(self, sample: Sample, time_s: float, what: int) -> bool:
+        """Reset what is broken after a sample of outcome `what`; True where anything was.
 
-        what: outcome of the sample; dt [s] since the one before.
+        Raises FilterError on a broken belief that has nothing to be reset to, because it held everything for known.
         """
-        ekf, memory = self._ekf, self._memory
-        if not self._learns:
-            ekf.check()
-            return False
-        residual, variance = (
-            (0.0, 1.0) if innovation is None else (innovation.innovation_rad_s, innovation.std_rad_s**2)
-        )
-        verdict = health.WELL
-        if health.notice(memory, ekf.x, ekf.P, what, residual, variance, ekf.constants.gate, dt):
-            cap_variance(ekf.P, ekf.ceiling)
-            verdict = health.examine(memory, ekf.x, ekf.P, self._grounds, what)
-        if verdict == health.WELL:
+        verdict = self._ekf.look_after(sample, what)
+        now = self._ekf.memory.now
+        if now[LEARNS] == 0.0:
+            self._ekf.check()
+        elif verdict == health.WELL:
             self._last = self._still_wrong(time_s)
-            return False
-        reset = _RESETS[health.mend(memory, verdict, ekf.x, ekf.P, self._grounds)]
-        trouble = TROUBLES[verdict]
-        self.troubles[trouble] += 1
-        self._last = self._found(trouble, reset, time_s)
-        return True
+        else:
+            trouble = TROUBLES[verdict]
+            self.troubles[trouble] += 1
+            self._last = self._found(trouble, _RESETS[int(now[RESET])], time_s)
+        return verdict != health.WELL
 
     @property
     def has_forgotten(self) -> bool:

@@ -79,10 +79,11 @@ class Gatherer:
         """What is known of what follows the last sample."""
         return Given(self.conditions, self.schedule.given, tuple(self._past) if self._remembers else ())
 
-    def restart(self) -> None:
-        """Forget the currents: a new segment, whose clock says nothing about the old one's."""
+    def restart(self) -> Surroundings:
+        """Forget the currents: a new segment, whose clock says nothing about the old one's, and no interval before."""
         self.schedule.restart()
         self._past.clear()
+        return Surroundings(Interval(0.0, 0.0, *self.conditions, 0, 0, 0), Pieces([], [], []))
 
     def interval(self, from_s: float, to_s: float) -> Surroundings:
         """Describe the interval; commands that came to act within it are used up."""

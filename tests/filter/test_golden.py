@@ -1,4 +1,4 @@
-"""The online estimator over filterpy and the compiled pass over logs are one filter: every number, every decision."""
+"""The online estimator and the compiled pass over logs are one filter: every number, every decision."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def rough_log(profile: str, seed: int, law: str, samples: int = 900) -> Columns:
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("profile", ["P1", "P2", "S2"])
 def test_online_and_compiled_agree_at_every_sample(profile: str, law: str) -> None:
-    """Means, sigmas and innovations agree to a millionth of a sigma and every outcome is the same, on a rough log."""
+    """Means, sigmas and innovations agree to 1e-12 of a sigma and every outcome is the same, on a rough log."""
     log = rough_log(profile, 5, law)
     constants = constants_for(law=law)
     estimator, results = online(log, constants, DEFAULT_PRIOR)
@@ -57,19 +57,19 @@ def test_online_and_compiled_agree_at_every_sample(profile: str, law: str) -> No
     assert [r.outcome for r in results] == [OUTCOMES[code] for code in run.outcome]
     assert {r.outcome for r in results} == set(Outcome)
     means, stds = np.array([r.values for r in results]), np.array([r.stds for r in results])
-    assert np.max(np.abs(means - run.states) / run.stds) < 1e-6
-    assert np.max(np.abs(stds / run.stds - 1.0)) < 1e-6
-    assert np.max(np.abs(estimator.mean - run.mean) / run.stds[-1]) < 1e-6
+    assert np.max(np.abs(means - run.states) / run.stds) < 1e-12
+    assert np.max(np.abs(stds / run.stds - 1.0)) < 1e-12
+    assert np.max(np.abs(estimator.mean - run.mean) / run.stds[-1]) < 1e-12
     scale = np.outer(run.stds[-1], run.stds[-1])
-    assert np.max(np.abs(estimator.covariance - run.covariance) / scale) < 1e-6
+    assert np.max(np.abs(estimator.covariance - run.covariance) / scale) < 1e-12
     for i, result in enumerate(results):
         if result.innovation is None:
             assert np.isnan(run.innovation_rad_s[i])
         else:
             spread = np.sqrt(run.innovation_variance[i])
-            assert abs(result.innovation.innovation_rad_s - run.innovation_rad_s[i]) < 1e-6 * spread
-            assert result.innovation.std_rad_s == pytest.approx(spread, rel=1e-6)
-            assert result.innovation.nis == pytest.approx(run.nis[i], rel=1e-5, abs=1e-9)
+            assert abs(result.innovation.innovation_rad_s - run.innovation_rad_s[i]) < 1e-12 * spread
+            assert result.innovation.std_rad_s == pytest.approx(spread, rel=1e-12)
+            assert result.innovation.nis == pytest.approx(run.nis[i], rel=1e-12, abs=1e-15)
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 100.0])
@@ -80,4 +80,4 @@ def test_online_and_compiled_agree_at_other_rates(rate_hz: float) -> None:
     log = Columns(run.time_s[:n], run.reading_rad_s[:n], run.current_A[:n])
     _, results = online(log, constants_for(), DEFAULT_PRIOR)
     other = compiled(log, constants_for(), DEFAULT_PRIOR)
-    assert np.max(np.abs(np.array([r.values for r in results]) - other.states) / other.stds) < 1e-6
+    assert np.max(np.abs(np.array([r.values for r in results]) - other.states) / other.stds) < 1e-12
