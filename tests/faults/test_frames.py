@@ -161,4 +161,4 @@ def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, bad: str, co
     assert ran.outcome.zero_confirmed
     assert not ran.outcome.lost
     assert bench.registers.command_A == 0.0
-    assert errors_rpm(ran, bench) < 5.0
+    assert errors_rpm(ran, bench) < 20.0  # a flipped bit is hundreds; the wheel coasts until it is looked at
