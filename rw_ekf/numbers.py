@@ -17,7 +17,7 @@ class Rounded(NamedTuple):
 
     @property
     def text(self) -> str:
-        """ "3.02 +- 0.14", or "(3.02 +- 0.14)e-6"."""
+        """As `plus_minus` has it: "3.02 +- 0.14", or "(3.02 +- 0.14)e-6"."""
         if not self.sigma:
             return self.value
         text = f"{self.value} +- {self.sigma}"

@@ -87,7 +87,7 @@ def _lawful(cause: _Cause, after: ModelTrace, model: WheelModel, diagnosis: Diag
     quantity = cause.quantity
     lever, sign, words = _lever(cause, diagnosis, units)
     at = np.linspace(quantity.low, quantity.high, _LAW_POINTS)
-    torques = [_acceleration(cause.terms, model, _moved(cause, float(x), diagnosis, units)) for x in at]
+    torques = [_acceleration(cause.terms, model, place) for place in _places(cause, at, diagnosis, units)]
     law = sign * np.array(torques) / units.residual_scale
     left = after.residual_acceleration_rad_s2 / units.residual_scale
     points = quantity.means(left + lever * np.interp(quantity.x, at, law), cause.correlation, lever)
@@ -141,19 +141,16 @@ def _acceleration(terms: tuple[Term, ...], model: WheelModel, place: _Place) -> 
     return total
 
 
-def _moved(cause: _Cause, x: float, diagnosis: Diagnosis, units: Units) -> _Place:
-    """The usual place, but for the quantity that the effect is drawn against."""
-    title = cause.quantity.title
-    if title == "time":
-        time = timeline(diagnosis.log.time_s)
-        return replace(cause.usual, time_s=time.start_s + x * time.unit_s)
-    if title == "temperature":
-        return replace(cause.usual, temperature_degC=x)
-    if title == "angle":
-        return replace(cause.usual, angle_rad=float(np.radians(x)), speed_rad_s=0.0)
-    if title == units.drive:
-        return replace(cause.usual, current_A=x * units.current_scale)
-    return replace(cause.usual, speed_rad_s=x * units.speed_scale)
+def _places(cause: _Cause, at: Float64Array, diagnosis: Diagnosis, units: Units) -> list[_Place]:
+    """The usual place, moved along the quantity that the effect is drawn against."""
+    time = timeline(diagnosis.log.time_s)
+    name, scale, zero = {
+        "time": ("time_s", time.unit_s, time.start_s),
+        "temperature": ("temperature_degC", 1.0, 0.0),
+        "angle": ("angle_rad", np.radians(1.0), 0.0),
+        units.drive: ("current_A", units.current_scale, 0.0),
+    }.get(cause.quantity.title, ("speed_rad_s", units.speed_scale, 0.0))
+    return [replace(cause.usual, **{name: float(zero + scale * x)}) for x in at]
 
 
 def _folded(quantity: Quantity, terms: tuple[Term, ...], diagnosis: Diagnosis) -> Quantity:

@@ -1,4 +1,4 @@
-"""The evidence for every effect of the catalogue as a picture: the rows of the page's table, with their bars, as SVG."""
+"""The evidence for every effect as a picture: the rows of the page's table, with their bars, as SVG."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rw_ekf.diagnosis.report.rows import added_parameters, candidate_rows, friction_rows, stretch_rows
+from rw_ekf.diagnosis.report.rows import added_parameters, candidate_rows, friction_rows
 from rw_ekf.diagnosis.report.steps import commands, excitation_of, next_steps
 from rw_ekf.diagnosis.report.templates import rendered
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, verdict_of
@@ -56,8 +56,7 @@ def page(
         "candidates": candidates,
         "parameters": added_parameters(candidates),
         "friction": friction_rows(document),
-        "split": (document.get("split") or {}).get("kind"),
-        "stretches": stretch_rows(document),
+        "split": document.get("split"),
         "start_s": start_s,
         "warnings": list(dict.fromkeys(str(text) for text in (*log.warnings, *(document.get("warnings") or ())))),
     }

@@ -61,8 +61,8 @@ def residual_view(diagnosis: Diagnosis, units: Units) -> ResidualView | None:
         # Nothing but noise is left: on the scale of single samples its means look as flat as they are.
         extent = max(extent, _scatter(residuals[0]))
     panels = [
-        Panel(quantity, *rows, marked=number in marked)
-        for number, (quantity, *rows) in enumerate(zip(quantities, values, means, strict=True))
+        Panel(*parts, marked=number in marked)
+        for number, parts in enumerate(zip(quantities, values, means, strict=True))
     ]
     return ResidualView(panels, models, units.residual, extent, diagnosis.heldout)
 

@@ -148,31 +148,8 @@ def friction_rows(document: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """(name, before, after) of the four parameters; empty where they are not known, an empty text where nothing was."""
     parameters = document.get("parameters") or {}
     before, after = parameters.get("before") or {}, parameters.get("after") or {}
-    return [
-        (plain_name(name), *(parameter_row("", name, found[name]).text if found else "" for found in (before, after)))
-        for name in before
-    ]
 
+    def text(found: Mapping[str, Any], name: str) -> str:
+        return parameter_row("", name, found[name]).text if found else ""
 
-@dataclass(frozen=True)
-class StretchRow:
-    """The stretches of the log that had one part in the diagnosis [s, the log's own time]."""
-
-    role: str
-    total_s: float
-    count: int
-    first: tuple[str, ...]
-
-
-_MOST_STRETCHES = 12
-
-
-def stretch_rows(document: Mapping[str, Any]) -> list[StretchRow]:
-    """Which stretches found the effect and which judged it."""
-    split, rows = document.get("split") or {}, []
-    for key, role in (("fit_s", "Fitted on"), ("heldout_s", "Held out")):
-        spans = split.get(key) or []
-        if spans:
-            shown = tuple(f"{start:.6g} to {end:.6g}" for start, end in spans[:_MOST_STRETCHES])
-            rows.append(StretchRow(role, sum(end - start for start, end in spans), len(spans), shown))
-    return rows
+    return [(plain_name(name), text(before, name), text(after, name)) for name in before]

@@ -11,7 +11,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.diagnosis.report.binning import broken, running_means, thinned_line
 from rw_ekf.diagnosis.report.canvas import FRAME, GREY, ground, legend, new_figure, plain, png, shade
-from rw_ekf.diagnosis.report.quantities import models_of
+from rw_ekf.diagnosis.report.quantities import DrawnModel, models_of
 from rw_ekf.diagnosis.report.timeline import Timeline, timeline
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.drawing import picture
@@ -26,23 +26,14 @@ _STRAYS = 99.7  # percentile of the errors that are shown
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """A model's free run (n,) in the picture's unit, and how it is drawn."""
-
-    label: str
-    colour: str
-    style: Any
-    speed: Float64Array
-
-
-@dataclass(frozen=True)
 class SpeedCourse:
     """What the picture shows; arrays (n,)."""
 
     time: Timeline
     measured: Float64Array
     unit: str
-    predictions: Sequence[Prediction]
+    models: Sequence[DrawnModel]
+    predicted: Sequence[Float64Array]  # of each model its free run
     drive: Float64Array
     drive_label: str
     segment_starts: BoolArray
@@ -60,13 +51,8 @@ def speed_course(diagnosis: Diagnosis, units: Units) -> SpeedCourse:
         timeline(np.asarray(log.time_s, dtype=np.float64)),
         log.speed_rad_s / units.speed_scale,
         units.speed,
-        [
-            Prediction(
-                f"model{f' {model.name}' if len(models) > 1 else ''}, free run", model.colour, model.dashes,
-                model.trace.free_run_rad_s / units.speed_scale,
-            )
-            for model in models
-        ],  # fmt: skip
+        models,
+        [model.trace.free_run_rad_s / units.speed_scale for model in models],
         log.current_A / units.current_scale,
         f"{units.drive} [{units.current}]",
         segments,
@@ -91,12 +77,17 @@ def speed_figure(course: SpeedCourse) -> Figure:
     measured = thinned_line(x, broken(course.measured, course.segment_starts))
     (line,) = upper.plot(*measured, color=FRAME, lw=4.5, alpha=0.75, solid_capstyle="butt")
     entries: list[tuple[Any, str]] = [(line, "measured")]
-    entries += [(_draw_speed(upper, x, one, course), one.label) for one in course.predictions]
-    if course.predictions:
-        largest = max(_draw_error(lower, x, one, course) for one in course.predictions)
+    reach = [0.0]
+    for model, predicted in zip(course.models, course.predicted, strict=True):
+        (line,) = upper.plot(
+            *thinned_line(x, broken(predicted, course.stretch_starts)), color=model.colour, lw=1.2, ls=model.dashes
+        )
+        entries.append((line, f"model{f' {model.name}' if len(course.models) > 1 else ''}, free run"))
+        reach.append(_draw_error(lower, x, course.measured - predicted, course.stretch_starts, model.colour))
+    if course.models:
         lower.axhline(0.0, color=GREY, lw=0.8, zorder=1)
-        if largest > 0.0:
-            lower.set_ylim(-1.15 * largest, 1.15 * largest)
+        if max(reach) > 0.0:
+            lower.set_ylim(-1.15 * max(reach), 1.15 * max(reach))
         lower.set_ylabel(f"measured − free run [{course.unit}]", fontsize=9)
     else:
         lower.plot(*thinned_line(x, course.drive), color=GREY, lw=1.0, drawstyle="steps-post")
@@ -116,17 +107,12 @@ def speed_figure(course: SpeedCourse) -> Figure:
     return figure
 
 
-def _draw_speed(axis: Any, x: Float64Array, one: Prediction, course: SpeedCourse) -> Any:
-    drawn = thinned_line(x, broken(one.speed, course.stretch_starts))
-    return axis.plot(*drawn, color=one.colour, lw=1.2, ls=one.style)[0]
-
-
-def _draw_error(axis: Any, x: Float64Array, one: Prediction, course: SpeedCourse) -> float:
+def _draw_error(axis: Any, x: Float64Array, error: Float64Array, starts: BoolArray, colour: str) -> float:
     """The error with its running mean; returns how far it reaches, strays left out."""
-    error = broken(course.measured - one.speed, course.stretch_starts)
-    axis.plot(*thinned_line(x, error), color=one.colour, lw=0.6, alpha=0.35)
-    smooth = running_means(error, course.stretch_starts, 1 + error.size // _RUNNING_MEANS)
-    axis.plot(*thinned_line(x, broken(smooth, course.stretch_starts)), color=one.colour, lw=1.8)
+    error = broken(error, starts)
+    axis.plot(*thinned_line(x, error), color=colour, lw=0.6, alpha=0.35)
+    smooth = running_means(error, starts, 1 + error.size // _RUNNING_MEANS)
+    axis.plot(*thinned_line(x, broken(smooth, starts)), color=colour, lw=1.8)
     return float(np.nanpercentile(np.abs(error), _STRAYS)) if np.isfinite(error).any() else 0.0
 
 
