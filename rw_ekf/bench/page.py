@@ -15,7 +15,7 @@ from rw_ekf.bench.result import BASELINE, LEGEND, Row, rows_of, tables_of
 from rw_ekf.bench.tables import Table
 from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.diagnosis.report.drawn import write_pictures
-from rw_ekf.diagnosis.report.templates import rendered
+from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import write_text

@@ -67,14 +67,14 @@ def cause_curves(diagnosis: Diagnosis, units: Units) -> list[Curve]:
     quantities = {"current" if q.title == units.drive else q.title: q for q in quantities_of(diagnosis, units)}
     usual = _Place(_root_mean_square(log.speed_rad_s), _root_mean_square(log.current_A))
     terms = () if model is None else model.effects.terms
-    curves = []
+    correlation, curves = correlation_of(diagnosis), []
     for name in (diagnosis.document().get("verdict") or {}).get("effects") or ():
         effect = CATALOGUE.get(name)
         quantity = None if effect is None else quantities.get(effect.shown_against)
         if effect is None or quantity is None:
             continue
         own = tuple(term for term in terms if term.id == name)
-        cause = _Cause(effect, own, _folded(quantity, own, diagnosis), usual, correlation_of(diagnosis))
+        cause = _Cause(effect, own, _folded(quantity, own, diagnosis), usual, correlation)
         if model is not None and own and issubclass(effect, StaticEffect):
             curves.append(_lawful(cause, after, model, diagnosis, units))
         else:

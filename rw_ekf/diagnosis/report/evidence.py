@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.diagnosis.report.rows import candidate_rows, evidence_scale
-from rw_ekf.diagnosis.report.templates import rendered
 
 
 def evidence_picture(document: Mapping[str, Any]) -> bytes | None:

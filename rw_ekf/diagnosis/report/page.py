@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.diagnosis.report.rows import added_parameters, candidate_rows, friction_rows
 from rw_ekf.diagnosis.report.steps import commands, excitation_of, next_steps
-from rw_ekf.diagnosis.report.templates import rendered
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, verdict_of
 from rw_ekf.documents import inertia_text
 from rw_ekf.numbers import number_text

@@ -20,49 +20,19 @@ VERDICTS = {
 }
 
 
-@dataclass(frozen=True)
 class Units:
-    """Units of a report: a wheel's rpm and mNm, or plain SI for a plant that is no wheel."""
+    """Units of a report, each with its size in SI: a wheel's rpm and mA, or SI for a plant that may move along a line.
 
-    wheel: bool
-    inertia_kg_m2: float | None
+    Residuals are torques where the inertia is known, else accelerations.
+    """
 
-    @property
-    def speed(self) -> str:
-        """Unit of speeds; a plant that is no wheel may as well move along a line."""
-        return "rpm" if self.wheel else "rad/s (or m/s)"
-
-    @property
-    def speed_scale(self) -> float:
-        """Rad/s (or SI) of one such unit."""
-        return RAD_S_PER_RPM if self.wheel else 1.0
-
-    @property
-    def drive(self) -> str:
-        """What drives the plant: a wheel's current, or any force or torque."""
-        return "current" if self.wheel else "drive"
-
-    @property
-    def current(self) -> str:
-        """Unit of the drive."""
-        return "mA" if self.wheel else "A (or N)"
-
-    @property
-    def current_scale(self) -> float:
-        """Ampere (or SI) of one such unit."""
-        return 1.0e-3 if self.wheel else 1.0
-
-    @property
-    def residual(self) -> str:
-        """Unit of the residual: a torque where the inertia is known."""
-        if self.inertia_kg_m2 is not None:
-            return "mNm"
-        return "rad/s²" if self.wheel else "rad/s² (or m/s²)"
-
-    @property
-    def residual_scale(self) -> float:
-        """Rad/s^2 of one such unit."""
-        return 1.0 if self.inertia_kg_m2 is None else 1.0e-3 / self.inertia_kg_m2
+    def __init__(self, wheel: bool, inertia_kg_m2: float | None) -> None:
+        self.wheel, self.inertia_kg_m2 = wheel, inertia_kg_m2
+        self.speed, self.speed_scale = ("rpm", RAD_S_PER_RPM) if wheel else ("rad/s (or m/s)", 1.0)
+        self.drive, self.current, self.current_scale = ("current", "mA", 1e-3) if wheel else ("drive", "A (or N)", 1.0)
+        self.residual, self.residual_scale = "rad/s²" if wheel else "rad/s² (or m/s²)", 1.0
+        if inertia_kg_m2 is not None:
+            self.residual, self.residual_scale = "mNm", 1.0e-3 / inertia_kg_m2
 
 
 @dataclass(frozen=True)
