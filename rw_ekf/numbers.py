@@ -3,24 +3,48 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 MISSING = "–"
 
 
-def plus_minus(value: float, std: float) -> str:
-    """Value and standard deviation with the digits that mean something: "3.02 +- 0.14"."""
+class Rounded(NamedTuple):
+    """Digits of a value and of its standard deviation that mean something; empty for a deviation that is none."""
+
+    value: str
+    sigma: str = ""
+    power: str = ""  # of ten, of both: "e-6"
+
+    @property
+    def text(self) -> str:
+        """As `plus_minus` has it: "3.02 +- 0.14", or "(3.02 +- 0.14)e-6"."""
+        if not self.sigma:
+            return self.value
+        text = f"{self.value} +- {self.sigma}"
+        return f"({text}){self.power}" if self.power else text
+
+
+def rounded(value: float, std: float) -> Rounded:
+    """Value and standard deviation with the digits that mean something."""
     if not math.isfinite(value) or not math.isfinite(std) or std <= 0.0:
-        return f"{value:.3g}"
+        return Rounded(f"{value:.3g}")
     exponent = math.floor(math.log10(max(abs(value), std)))
     if not -4 <= exponent < 6:
         scale = 10.0**exponent
-        return f"({plus_minus(value / scale, std / scale)})e{exponent:+d}" if scale > 0.0 else f"{value:.3g}"
+        if scale <= 0.0:
+            return Rounded(f"{value:.3g}")
+        return rounded(value / scale, std / scale)._replace(power=f"e{exponent:+d}")
     first = math.floor(math.log10(std))
     leading_one = std / 10.0**first < 1.95
     decimals = max(leading_one - first, 0)
     if decimals > 5 - exponent:
-        return f"{value:.{max(5 - exponent, 0)}f} +- {std:.1g}"
-    return f"{value:.{decimals}f} +- {std:.{decimals}f}"
+        return Rounded(f"{value:.{max(5 - exponent, 0)}f}", f"{std:.1g}")
+    return Rounded(f"{value:.{decimals}f}", f"{std:.{decimals}f}")
+
+
+def plus_minus(value: float, std: float) -> str:
+    """Value and standard deviation with the digits that mean something: "3.02 +- 0.14"."""
+    return rounded(value, std).text
 
 
 def number_text(value: object, digits: int = 3) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import html
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -17,13 +15,14 @@ from rw_ekf.bench.result import BASELINE, LEGEND, Row, rows_of, tables_of
 from rw_ekf.bench.tables import Table
 from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.diagnosis.report.drawn import write_pictures
-from rw_ekf.diagnosis.report.markup import STYLE, prose
+from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import write_text
 
 DOCUMENT, PAGE = "bench.json", "bench.html"
 _PEAKS = "peaks.png"
+_TEMPLATES = Path(__file__).parent / "templates"
 
 
 def write_page(
@@ -84,32 +83,14 @@ def page_text(
     ]
     if scenario.wheel.effects:
         facts.append("wheel with " + ", ".join(scenario.wheel.effects))
-    body = [
-        f'<header><p class="source">Attitude bench · {html.escape(" · ".join(facts))}</p>'
-        f"<h1>{prose(headline)}</h1></header>",
-        _figure(pictures.get(_PEAKS), "Peak error of every scheme, best first; the line goes on to the worst seed."),
-    ]
-    for noise_rpm, table in zip(scenario.cycle.speed_noise_rpm, tables_of(rows, scenario), strict=True):
-        course = pictures.get(_course_name(noise_rpm))
-        body.append(f"<h2>{table.title}</h2>")
-        body.append(_figure(course, f"Attitude around the reversal, first seed. Grey: {RECOVERED_DEG:g} deg."))
-        body.append(table.markup())
-    body.append(f"<p>{html.escape(LEGEND)}</p>")
-    body += [f"<h2>{html.escape(table.title)}</h2>{table.markup()}" for table in further]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n'
-        f"<title>Attitude bench</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
-        + "\n".join(body)
-        + "\n</body>\n</html>\n"
-    )
-
-
-def _figure(content: bytes | None, caption: str) -> str:
-    """Nothing for a picture that there is not."""
-    if content is None:
-        return ""
-    encoded = base64.b64encode(content).decode("ascii")
-    text = html.escape(caption)
-    return f'<figure><img alt="{text}" src="data:image/png;base64,{encoded}"><figcaption>{text}</figcaption></figure>'
+    tables = zip(scenario.cycle.speed_noise_rpm, tables_of(rows, scenario), strict=True)
+    values = {
+        "facts": facts,
+        "headline": headline,
+        "pictures": pictures,
+        "reversals": [(table, _course_name(noise_rpm)) for noise_rpm, table in tables],
+        "further": further,
+        "legend": LEGEND,
+        "recovered_deg": RECOVERED_DEG,
+    }
+    return rendered("bench.html", values, _TEMPLATES)

@@ -14,6 +14,7 @@ from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, GREY, INK, new_figure,
 from rw_ekf.drawing import picture
 
 _NOISE_COLOURS = (AFTER, BEFORE, "#0b6e4f", GREY)
+_WIDTH_IN = 9.8
 _SHOWN_BEFORE_S, _SHOWN_AFTER_S = 15.0, 60.0
 _NAMED = {BASELINE: BEFORE, "dmc": "#8a5fb0", "predictive_crossing": AFTER, "dmc_deterministic": "#b08a00"}
 
@@ -25,7 +26,7 @@ def peaks_picture(rows: Sequence[Row], noises_rpm: Sequence[float]) -> bytes:
 
     last = [row for row in rows if row.noise_rpm == noises_rpm[-1]]
     order = [row.scheme for row in sorted(last, key=lambda row: (math.isnan(row.peak_deg), row.peak_deg))]
-    figure = new_figure(1.2 + 0.27 * len(order))
+    figure = new_figure(1.2 + 0.27 * len(order), _WIDTH_IN)
     axis = figure.subplots()
     for i, noise_rpm in enumerate(noises_rpm):
         colour = _NOISE_COLOURS[i % len(_NOISE_COLOURS)]
@@ -58,7 +59,7 @@ def courses_picture(contest: Contest, noise_rpm: float) -> bytes | None:
     }
     if not courses:
         return None
-    figure = new_figure(4.6)
+    figure = new_figure(4.6, _WIDTH_IN)
     whole, near = figure.subplots(1, 2)
     for scheme, run in sorted(courses.items(), key=lambda item: item[0] in _NAMED):
         assert run.reversal_s is not None

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-from rw_ekf.diagnosis.report import markup
 
 _WIDEST = 24  # characters of a terminal's column
 
@@ -33,13 +30,10 @@ class Table:
         ]
         return "\n".join([self.title, *(f"  {line}".rstrip() for line in shown), *self.notes]) + "\n"
 
-    def markup(self) -> str:
-        """For a page, without the title."""
-        heads = [f"{head} [{unit}]" if unit else head for head, unit in zip(self.heads, self.units, strict=True)]
-        rows = [("", [html.escape(cell) for cell in row]) for row in self.rows]
-        notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
-        numbers = range(self.words, len(heads))
-        return markup.table([html.escape(head) for head in heads], rows, numbers) + notes
+    @property
+    def headings(self) -> list[str]:
+        """For a page: heads with their units."""
+        return [f"{head} [{unit}]" if unit else head for head, unit in zip(self.heads, self.units, strict=True)]
 
 
 def _shortened(cell: str) -> str:

@@ -89,10 +89,10 @@ class Diagnosis(Shown):
 
     def plot(self) -> Figure:
         """Speed, measured and simulated before and after, as a matplotlib figure."""
-        from rw_ekf.diagnosis.report.speed import speed_figure
+        from rw_ekf.diagnosis.report.speed import speed_course, speed_figure
         from rw_ekf.diagnosis.report.words import Units
 
-        return speed_figure(self, Units(self.in_rpm, self.inertia_kg_m2))
+        return speed_figure(speed_course(self, Units(self.in_rpm, self.inertia_kg_m2)))
 
     def __repr__(self) -> str:
         return f"Diagnosis({self.log.name!r}, {self.verdict['statement']!r})"

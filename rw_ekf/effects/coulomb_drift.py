@@ -30,6 +30,7 @@ class CoulombDrift(WanderingEffect):
     )
     excitation = "the same motion early and late, for long enough: `rw-ekf excite P1`, repeated"
     shown_against = "time"
+    acts_as = "drag"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_temperature": "a temperature that is cycled up and down within the record",
         "drag_spike": "a record well beyond both sides of the onset",

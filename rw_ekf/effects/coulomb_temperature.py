@@ -26,6 +26,7 @@ class CoulombTemperature(StaticEffect):
     lacking = (lacks_temperature,)
     excitation = "reversals, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
     shown_against = "temperature"
+    acts_as = "drag"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_drift": "a temperature that is cycled up and down within the record",
         "viscous_temperature": "several speeds, fast and slow, at each temperature",

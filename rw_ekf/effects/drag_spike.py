@@ -28,6 +28,7 @@ class DragSpike(StaticEffect):
     )
     excitation = "nothing but its own time: the record must go on, turning, before and after"
     shown_against = "time"
+    acts_as = "drag"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_drift": "a record well beyond both sides of the onset",
         "coulomb_temperature": "a temperature that is cycled up and down within the record",

@@ -28,6 +28,7 @@ class MotorGainTemperature(StaticEffect):
     lacking = (lacks_current, lacks_temperature)
     excitation = "strong currents, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
     shown_against = "temperature"
+    acts_as = "motor torque"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_temperature": "coast-downs without current, cold and warm",
         "viscous_temperature": "coast-downs without current, cold and warm",

@@ -27,6 +27,7 @@ class ViscousTemperature(StaticEffect):
     lacking = (lacks_temperature,)
     excitation = "high speed, the temperature cycled up and down: `rw-ekf excite identification` in a chamber"
     shown_against = "temperature"
+    acts_as = "viscous drag"
     confounded: ClassVar[dict[str, str]] = {
         "coulomb_temperature": "several speeds, fast and slow, at each temperature",
         "motor_gain_temperature": "coast-downs without current, cold and warm",

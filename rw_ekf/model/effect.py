@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 from rw_ekf.model.state import FrictionParameters
 
@@ -73,6 +73,9 @@ class RecordFacts:
         return self.last_s - self.first_s
 
 
+ActsAs = Literal["torque", "drag", "viscous drag", "motor torque"]
+
+
 class Candidate(NamedTuple):
     """A place to start from: the coefficient's value and the shape constants."""
 
@@ -102,6 +105,7 @@ class Effect(ABC):
     analytic: ClassVar[bool] = True  # the flow gives its slope
     in_state: ClassVar[bool] = True  # False: no filter can learn it sample by sample
     shown_against: ClassVar[str] = ""  # the quantity of the report's picture that it is a function of
+    acts_as: ClassVar[ActsAs] = "torque"  # what that function is: a torque, or a share of friction or drive
     components: ClassVar[int] = 1  # coefficients of one term
     repeats: ClassVar[bool] = False  # a model may have several terms of it, told apart by the first shape constant
 

@@ -103,6 +103,7 @@ class FrictionMemoryEffect(Effect):
     linear = False
     flow_kind = True
     shown_against = "low speed"
+    acts_as = "drag"
     holds: ClassVar[bool] = False  # at rest the wheel is held and its friction is what holds it
 
     @staticmethod
@@ -120,6 +121,7 @@ class StribeckEffect(Effect):
     linear = False
     analytic = False
     shown_against = "low speed"
+    acts_as = "drag"
 
     @classmethod
     def admits(cls, found: float) -> bool:

@@ -22,7 +22,7 @@ from tests.live.bench import ROOT, rw_ekf, served_wheel
 pytestmark = pytest.mark.xdist_group("diagnose")  # one diagnosis serves many tests
 
 TORQUE_RAD_S2 = 0.03  # 5 % of Coulomb friction; slows forward motion
-FILES = {"diagnosis.json", "report.html", "speed.png", "residual.png", "evidence.svg"}
+FILES = {"diagnosis.json", "report.html", "cause.png", "speed.png", "residual.png", "evidence.svg"}
 MODEL = "augmented-model.yaml"
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from rw_ekf.diagnosis.report.canvas import (
+from rw_ekf.diagnosis.report.binning import (
     binned_means,
     correlation_samples,
     running_means,
@@ -34,6 +34,7 @@ pytestmark = pytest.mark.xdist_group("report")  # one report serves many tests
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 ALL_FILES = {
     "augmented-model.yaml",
+    "cause.png",
     "diagnosis.json",
     "evidence.svg",
     "report.html",
@@ -135,11 +136,11 @@ def test_the_page_stands_alone(written: Path) -> None:
     assert "@import" not in raw
     assert not {"script", "link", "iframe", "object"} & set(page.tags)
     assert len(page.images) == 3
-    for image, name in zip(page.images, ("speed.png", "residual.png", "evidence.svg"), strict=True):
+    for image, name in zip(page.images, ("cause.png", "speed.png", "residual.png"), strict=True):
         source = image["src"] or ""
         assert image["alt"]
         kind, content = source.split(";base64,")
-        assert kind == ("data:image/svg+xml" if name.endswith("svg") else "data:image/png")
+        assert kind == "data:image/png"
         assert base64.b64decode(content) == (written / name).read_bytes()
 
 

@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 
 from rw_ekf.diagnosis.judge.conclude import in_words
-from rw_ekf.diagnosis.report.markup import commands
-from rw_ekf.diagnosis.report.page import next_steps
 from rw_ekf.diagnosis.report.residual import _marked
+from rw_ekf.diagnosis.report.steps import commands, next_steps
 from rw_ekf.diagnosis.report.words import Units, gain_text, headline_of, percent_text
 from rw_ekf.effects.catalogue import CATALOGUE
 
@@ -21,9 +20,9 @@ PANELS: Any = [SimpleNamespace(title=t) for t in ("time", "speed", "low speed", 
 
 def marked(kind: str, *effects: str) -> list[str]:
     """Titles in bold where the low speed has the largest structure."""
-    diagnosis: Any = SimpleNamespace(document=lambda: {"verdict": {"kind": kind, "effects": list(effects)}})
+    document = {"verdict": {"kind": kind, "effects": list(effects)}}
     means: Any = [[SimpleNamespace(structure=9.0 if p.title == "low speed" else 1.0)] for p in PANELS]
-    return [PANELS[number].title for number in sorted(_marked(diagnosis, PANELS, means))]
+    return [PANELS[number].title for number in sorted(_marked(document, PANELS, means))]
 
 
 def test_the_bold_panel_is_that_of_the_named_cause() -> None:
@@ -37,14 +36,9 @@ def test_the_bold_panel_is_that_of_the_named_cause() -> None:
 
 def test_the_bold_panel_of_what_is_unexplained_is_that_of_the_curve() -> None:
     """The first fitted curve goes before the largest means; a drive that is no wheel's current has a panel too."""
-    diagnosis: Any = SimpleNamespace(
-        document=lambda: {
-            "verdict": {"kind": "unexplained"},
-            "shapes": [{"dependence": "current"}, {"dependence": "time"}],
-        }
-    )
+    document = {"verdict": {"kind": "unexplained"}, "shapes": [{"dependence": "current"}, {"dependence": "time"}]}
     means: Any = [[SimpleNamespace(structure=1.0)] for _ in PANELS]
-    assert [PANELS[number].title for number in _marked(diagnosis, PANELS, means)] == ["current"]
+    assert [PANELS[number].title for number in _marked(document, PANELS, means)] == ["current"]
 
 
 def test_every_effect_of_the_catalogue_has_a_panel() -> None:
@@ -81,8 +75,8 @@ def test_commands_of_the_report_work_from_anywhere(tmp_path: Path, monkeypatch: 
     here.mkdir()
     (here / "log.csv").touch()
     monkeypatch.chdir(here)
-    text = commands(Path("out"), "log.csv", ["--columns", "columns-emps.yaml"]).replace("&#x27;", "'")
-    lines = [shlex.split(part.split("</pre>")[0]) for part in text.split("<pre>")[1:4]]
+    found = commands(Path("out") / "augmented-model.yaml", "log.csv", ["--columns", "columns-emps.yaml"])
+    lines = [shlex.split(command) for _, command in found]
     model = str(here / "out" / "augmented-model.yaml")
     assert lines[0] == ["rw-ekf", "replay", str(here / "log.csv"), "--columns", "columns-emps.yaml", "--model", model]
     assert lines[1][:3] == ["rw-ekf", "diagnose", str(here / "log.csv")]

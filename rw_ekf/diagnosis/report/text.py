@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rw_ekf.console import shown_path
-from rw_ekf.diagnosis.report.words import (
-    Units,
-    figure_pairs,
-    gain_text,
-    p_value_text,
-    parameter_text,
-    percent_text,
-    ranked,
-    statistic_text,
-    untestable_reasons,
-    verdict_of,
-)
-from rw_ekf.diagnosis.standing import standing_of
-from rw_ekf.numbers import number_text
+from rw_ekf.diagnosis.report.rows import CandidateRow, candidate_rows
+from rw_ekf.diagnosis.report.words import Units, figure_pairs, untestable_reasons, verdict_of
 
 _OTHERS = 5
 
@@ -34,14 +22,15 @@ def diagnosis_text(
     behind every torque, in words.
     """
     _, name, statement = verdict_of(document)
+    rows = candidate_rows(document)
     lines = [f"{document.get('log')}: {name.lower()}", f"  {statement}"]
     lines += _ascii(
         [
             *_figures(document, Units(wheel_units, None), inertia),
-            *_effects(document),
+            *_effects(rows),
             *_left(document),
             *_explanations(document),
-            *_candidates(document),
+            *_candidates(document, rows),
         ]
     )
     lines += [f"  warning: {text}" for text in document.get("warnings") or ()]
@@ -58,8 +47,8 @@ def _figures(document: Mapping[str, Any], units: Units, inertia: str) -> list[st
     pairs = figure_pairs(document, units)
     if not pairs:
         return []
-    both = any(pair.after is not None and pair.after != pair.before for pair in pairs)
-    befores, afters = [number_text(p.before) for p in pairs], [number_text(p.after) for p in pairs]
+    both = any(pair.added for pair in pairs)
+    befores, afters = zip(*(pair.texts for pair in pairs), strict=True)
     wide = max(len(pair.label) for pair in pairs)
     wide_before, wide_after = max(map(len, befores)), max(map(len, afters))
     lines = ["", "  on the held-out part" + (", before -> after" if both else "")]
@@ -69,20 +58,19 @@ def _figures(document: Mapping[str, Any], units: Units, inertia: str) -> list[st
             line += f" -> {after:>{wide_after}}"
         line += f" {pair.unit}" if pair.unit else "  (1 is ideal)" if pair.key == "nis_mean" else ""
         if both and pair.change_percent is not None:
-            line += f"  ({percent_text(pair.change_percent)})"
+            line += f"  ({pair.change_text})"
         if pair.unit == "mNm" and inertia:
             line += f"  [{inertia}]"
         lines.append(line)
     return lines
 
 
-def _effects(document: Mapping[str, Any]) -> list[str]:
+def _effects(rows: Sequence[CandidateRow]) -> list[str]:
     lines = []
-    for candidate in document.get("candidates") or ():
-        if standing_of(candidate) == "added":
-            parameters = candidate.get("parameters") or {}
-            texts = [f"{name} {parameter_text(parameter)}" for name, parameter in parameters.items()]
-            lines.append(f"    {candidate['effect']}: {', '.join(texts) or 'no parameters'}")
+    for row in rows:
+        if row.standing == "added":
+            texts = [f"{parameter.name} {parameter.text}" for parameter in row.parameters]
+            lines.append(f"    {row.effect}: {', '.join(texts) or 'no parameters'}")
     return ["", "  added", *lines] if lines else []
 
 
@@ -104,25 +92,21 @@ def _explanations(document: Mapping[str, Any]) -> list[str]:
     return ["", f"  explanations that stand, with their probability: {', '.join(said)}"]
 
 
-def _candidates(document: Mapping[str, Any]) -> list[str]:
+def _candidates(document: Mapping[str, Any], rows: Sequence[CandidateRow]) -> list[str]:
     """The strongest of those that were not added, and in one line what could not be tested."""
-    candidates = list(document.get("candidates") or ())
-    others = [candidate for candidate in ranked(candidates) if standing_of(candidate) != "added"]
+    others = [row for row in rows if row.standing not in {"added", "untestable"}]
     lines = []
     if others:
-        wide = max(len(str(candidate.get("effect"))) for candidate in others[:_OTHERS])
+        wide = max(len(row.effect) for row in others[:_OTHERS])
         lines = [
             "",
             "  other candidates" + (f", the first {_OTHERS} of {len(others)}" if len(others) > _OTHERS else ""),
         ]
-        for candidate in others[:_OTHERS]:
-            gain = gain_text(candidate)
-            lines.append(
-                f"    {candidate.get('effect'):<{wide}}  {statistic_text(candidate.get('statistic')):>6}"
-                f"  p {p_value_text(candidate.get('p_value')):<7}  error {gain:>7}"
-                f"  {candidate.get('decision')}"
-            )
-    reasons = untestable_reasons(candidates)
+        lines += [
+            f"    {row.effect:<{wide}}  {row.statistic:>6}  p {row.p_value:<7}  error {row.gain:>7}  {row.decision}"
+            for row in others[:_OTHERS]
+        ]
+    reasons = untestable_reasons(document.get("candidates") or ())
     if reasons:
         texts = [f"{', '.join(effects)} ({reason})" for reason, effects in reasons.items()]
         lines.append(f"  not testable: {'; '.join(texts)}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rw_ekf.diagnosis.standing import UNTESTABLE, standing_of
-from rw_ekf.numbers import MISSING, chance_text, number_of, number_text, plus_minus
+from rw_ekf.numbers import MISSING, chance_text, number_of, number_text
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm
 
 _STILL = 0.005  # a smaller share of a figure is no change
@@ -20,44 +20,19 @@ VERDICTS = {
 }
 
 
-@dataclass(frozen=True)
 class Units:
-    """Units of a report: a wheel's rpm and mNm, or plain SI for a plant that is no wheel."""
+    """Units of a report, each with its size in SI: a wheel's rpm and mA, or SI for a plant that may move along a line.
 
-    wheel: bool
-    inertia_kg_m2: float | None
+    Residuals are torques where the inertia is known, else accelerations.
+    """
 
-    @property
-    def speed(self) -> str:
-        """Unit of speeds; a plant that is no wheel may as well move along a line."""
-        return "rpm" if self.wheel else "rad/s (or m/s)"
-
-    @property
-    def speed_scale(self) -> float:
-        """Rad/s (or SI) of one such unit."""
-        return RAD_S_PER_RPM if self.wheel else 1.0
-
-    @property
-    def current(self) -> str:
-        """Unit of the drive."""
-        return "mA" if self.wheel else "A (or N)"
-
-    @property
-    def current_scale(self) -> float:
-        """Ampere (or SI) of one such unit."""
-        return 1.0e-3 if self.wheel else 1.0
-
-    @property
-    def residual(self) -> str:
-        """Unit of the residual: a torque where the inertia is known."""
-        if self.inertia_kg_m2 is not None:
-            return "mNm"
-        return "rad/s²" if self.wheel else "rad/s² (or m/s²)"
-
-    @property
-    def residual_scale(self) -> float:
-        """Rad/s^2 of one such unit."""
-        return 1.0 if self.inertia_kg_m2 is None else 1.0e-3 / self.inertia_kg_m2
+    def __init__(self, wheel: bool, inertia_kg_m2: float | None) -> None:
+        self.wheel, self.inertia_kg_m2 = wheel, inertia_kg_m2
+        self.speed, self.speed_scale = ("rpm", RAD_S_PER_RPM) if wheel else ("rad/s (or m/s)", 1.0)
+        self.drive, self.current, self.current_scale = ("current", "mA", 1e-3) if wheel else ("drive", "A (or N)", 1.0)
+        self.residual, self.residual_scale = "rad/s²" if wheel else "rad/s² (or m/s²)", 1.0
+        if inertia_kg_m2 is not None:
+            self.residual, self.residual_scale = "mNm", 1.0e-3 / inertia_kg_m2
 
 
 @dataclass(frozen=True)
@@ -77,6 +52,29 @@ class FigurePair:
         if self.before is None or self.after is None:
             return False
         return abs(self.after - self.before) > _STILL * abs(self.before)
+
+    @property
+    def added(self) -> bool:
+        """Whether there is anything to compare with."""
+        return self.after is not None and self.after != self.before
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Before and after, three digits each."""
+        return number_text(self.before), number_text(self.after)
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Lengths of the two bars, of the longer one; zeros where a comparison by length says nothing."""
+        if self.change_percent is None or self.before is None or self.after is None:
+            return 0.0, 0.0
+        longest = max(self.before, self.after)
+        return self.before / longest, self.after / longest
+
+    @property
+    def change_text(self) -> str:
+        """The change in percent, signed; a dash where that says nothing."""
+        return percent_text(self.change_percent)
 
     @property
     def change_percent(self) -> float | None:
@@ -226,13 +224,3 @@ def p_value_text(value: object) -> str:
     if number is None:
         return MISSING
     return "< 1e-16" if number < 1.0e-16 else f"{number:.1g}" if number < 0.1 else f"{number:.2f}"
-
-
-def parameter_text(parameter: Mapping[str, Any]) -> str:
-    """`-0.0301 +- 0.0010 1/K`; a name or a fixed constant without a sigma."""
-    value, std, unit = parameter.get("value"), number_of(parameter.get("std")), str(parameter.get("unit") or "")
-    number = number_of(value)
-    if number is None:
-        return str(value) if isinstance(value, str) else MISSING
-    text = number_text(number, 4) if std is None else plus_minus(number, std)
-    return f"{text} {unit}".rstrip()

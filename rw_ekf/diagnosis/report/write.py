@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rw_ekf.diagnosis.report.cause import cause_curves
+from rw_ekf.diagnosis.report.curves import curves_picture, shape_curves
 from rw_ekf.diagnosis.report.drawn import remove, write_pictures
 from rw_ekf.diagnosis.report.evidence import evidence_picture
 from rw_ekf.diagnosis.report.page import page
-from rw_ekf.diagnosis.report.residual import residual_picture
-from rw_ekf.diagnosis.report.shapes import shapes_picture
-from rw_ekf.diagnosis.report.speed import speed_picture
+from rw_ekf.diagnosis.report.residual import residual_picture, residual_view
+from rw_ekf.diagnosis.report.speed import speed_course, speed_picture
+from rw_ekf.diagnosis.report.timeline import timeline
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
@@ -40,28 +42,30 @@ def write_report(
     Raises BadInputError if the place cannot be written, PictureError, after all else is, for pictures that cannot be
     drawn.
     """
-    units = Units(wheel_units, inertia_kg_m2)
+    units, document = Units(wheel_units, inertia_kg_m2), diagnosis.document()
     _make(directory)
     written = [directory / DOCUMENT]
-    write_text(written[0], json_text(diagnosis.document()))
+    write_text(written[0], json_text(document))
     model = directory / MODEL
     if diagnosis.model is not None:
         write_text(model, diagnosis.model.to_text())
         written.append(model)
     else:
         remove(model)
+    shapes, named = document.get("shapes") or (), (document.get("verdict") or {}).get("kind") == "effect"
     pictures, failed = write_pictures(
         directory,
         {
-            "shapes.png": lambda: shapes_picture(diagnosis),
-            "speed.png": lambda: speed_picture(diagnosis, units),
-            "residual.png": lambda: residual_picture(diagnosis, units),
-            "evidence.svg": lambda: evidence_picture(diagnosis.document()),
+            "shapes.png": lambda: curves_picture(shape_curves(shapes, timeline(diagnosis.log.time_s)), left_over=named),
+            "cause.png": lambda: curves_picture(cause_curves(diagnosis, units)),
+            "speed.png": lambda: speed_picture(speed_course(diagnosis, units)),
+            "residual.png": lambda: residual_picture(residual_view(diagnosis, units)),
+            "evidence.svg": lambda: evidence_picture(document),
             _EARLIER: lambda: None,
         },
     )
     # The page comes last: where it stands, what it speaks of stands too.
-    write_text(directory / PAGE, page(diagnosis, pictures, directory, units, options))
+    write_text(directory / PAGE, page(diagnosis, pictures, model, units, options))
     if failed is not None:
         raise failed
     return [*written, *(directory / name for name in pictures), directory / PAGE]
