@@ -13,6 +13,7 @@ from rw_ekf.diagnosis.judge.conclude import in_words
 from rw_ekf.diagnosis.report.residual import _marked
 from rw_ekf.diagnosis.report.steps import commands, next_steps
 from rw_ekf.diagnosis.report.words import Units, gain_text, headline_of, percent_text
+from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.effects.catalogue import CATALOGUE
 
 PANELS: Any = [SimpleNamespace(title=t) for t in ("time", "speed", "low speed", "current", "angle", "temperature")]
@@ -51,15 +52,15 @@ def test_every_effect_of_the_catalogue_has_a_panel() -> None:
 def test_nothing_is_explained_by_what_was_rejected() -> None:
     """Only what stands in the model explains another candidate; of a rejected one it is said that it was rejected."""
     entries: list[dict[str, Any]] = [
-        {"effect": "a", "decision": "added"},
-        {"effect": "b", "decision": "not confirmed on the held-out part"},
-        {"effect": "c", "decision": ("a", "b")},
-        {"effect": "d", "decision": ("b",)},
-        {"effect": "e", "decision": "not significant"},
+        {"effect": "a", "decision": Decision(Reason.ADDED)},
+        {"effect": "b", "decision": Decision(Reason.NOT_CONFIRMED, "on the held-out part")},
+        {"effect": "c", "decision": explained_by("a", "b")},
+        {"effect": "d", "decision": explained_by("b")},
+        {"effect": "e", "decision": Decision(Reason.NOT_SIGNIFICANT)},
     ]
     in_words(entries)
     assert [entry["decision"] for entry in entries[2:]] == [
-        "explained by a", "looks like b: not confirmed on the held-out part", "not significant",
+        "explained by a", "looks like b: not confirmed: on the held-out part", "not significant",
     ]  # fmt: skip
 
 

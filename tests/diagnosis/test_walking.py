@@ -14,7 +14,7 @@ from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.selection import Selection, Trial
 from rw_ekf.diagnosis.search.wander import wandering
-from rw_ekf.diagnosis.standing import NOT_CONFIRMED, NOT_SIGNIFICANT
+from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
 from tests.diagnosis.simulated import log_of, simulated
 
@@ -36,7 +36,7 @@ def walk(prepared: Prepared) -> Found:
     return mapped(prepared, Selection(prepared.base, tried.fit))
 
 
-def refused(prepared: Prepared, decisions: dict[str, str]) -> Found:
+def refused(prepared: Prepared, decisions: dict[str, Decision]) -> Found:
     """Nothing found, and these effects tried, each at its best place, with what became of them."""
     effects = [CATALOGUE[name] for name in decisions]
     scores: dict[str, Score] = Scorer(prepared.base).best_of_each(prepared.facts, effects)
@@ -46,15 +46,19 @@ def refused(prepared: Prepared, decisions: dict[str, str]) -> Found:
 
 def test_a_likelier_effect_that_held_out_errors_refused_leaves_a_walk_unnamed(prepared: Prepared, walk: Found) -> None:
     """The torque that is there makes the record likelier than a walk, and was refused: neither is named."""
-    found = refused(prepared, {OFFSET.id: f"{NOT_CONFIRMED}: on the held-out part NIS goes from 1.1 to 1.6"})
+    found = refused(
+        prepared, {OFFSET.id: Decision(Reason.NOT_CONFIRMED, "on the held-out part NIS goes from 1.1 to 1.6")}
+    )
     assert _refused_is_likelier(found, walk)
 
 
 def test_an_effect_that_explains_less_than_a_walk_does_not(prepared: Prepared, walk: Found) -> None:
     """A refused drag that the record does not show is no reason to leave a walk unnamed."""
-    assert not _refused_is_likelier(refused(prepared, {DRAG.id: f"{NOT_CONFIRMED}: it is not there"}), walk)
+    assert not _refused_is_likelier(
+        refused(prepared, {DRAG.id: Decision(Reason.NOT_CONFIRMED, "it is not there")}), walk
+    )
 
 
 def test_what_was_never_significant_does_not(prepared: Prepared, walk: Found) -> None:
     """Only what held-out errors refused counts: the rest was weighed in the search."""
-    assert not _refused_is_likelier(refused(prepared, {OFFSET.id: NOT_SIGNIFICANT}), walk)
+    assert not _refused_is_likelier(refused(prepared, {OFFSET.id: Decision(Reason.NOT_SIGNIFICANT)}), walk)

@@ -45,8 +45,8 @@ def test_a_bristle_leaves_a_wrong_valley_for_the_deepest() -> None:
     prepared = prepared_with_bristle()
     astray = fit_from(prepared, 0.2 * DEFLECTION_RAD, 0.2 * DAMPING, turns=1)
     trial = Trial(BRISTLE, 0.0, 1.0, 0.0, 0.0, 0.0)
-    selection = Selection(prepared.base, astray, trials={BRISTLE.id: trial})
-    in_deepest_valleys(selection, prepared.facts)
+    begun = Selection(prepared.base, astray, trials={BRISTLE.id: trial})
+    selection = in_deepest_valleys(begun, prepared.facts)
     found = selection.final.terms_of(BRISTLE.id)[0]
     assert selection.final.likelihood.value > astray.likelihood.value + 10.0
     assert abs(found.term.values[0] - DEFLECTION_RAD) < 4.0 * float(found.covariance[0, 0]) ** 0.5

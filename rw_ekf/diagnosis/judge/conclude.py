@@ -25,19 +25,7 @@ from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, threshold
 from rw_ekf.diagnosis.search.laws import LAW, has_laws
 from rw_ekf.diagnosis.search.selection import Trial
-from rw_ekf.diagnosis.standing import (
-    ADDED,
-    ALIKE,
-    EXPLAINED,
-    GIVEN,
-    HARMLESS_GRID,
-    NO_GRID,
-    NOT_CONFIRMED,
-    NOT_SIGNIFICANT,
-    PARTIAL,
-    TOO_SMALL,
-    UNTESTABLE,
-)
+from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.documents import inertia_document
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.filter.evenness import unevenness
@@ -81,8 +69,8 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
     if noisy is not None and verdict.kind == "adequate":
         verdict = replace(verdict, statement=f"{verdict.statement[:-1]}; but {noisy}.")
     for name in names:
-        trial = selection.trials[name]
-        trial.decision = ADDED if not unexplained else PARTIAL
+        selection = selection.decided(name, Decision(Reason.PARTIAL if unexplained else Reason.ADDED))
+    found = replace(found, selection=selection)
     advance("writing the model")
     model = augmented_model(found, lattice) if chosen else None
     refusal = None if model is None else refusal_of(model)
@@ -174,19 +162,20 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
         trial = selection.trials.get(name)
         entry: dict[str, Any] = {
             "effect": name, "parameters": {}, "statistic": None, "p_value": None,
-            "posterior": verdict.posterior.get(name), "heldout_gain_percent": None, "decision": NOT_SIGNIFICANT,
+            "posterior": verdict.posterior.get(name), "heldout_gain_percent": None,
+            "decision": Decision(Reason.NOT_SIGNIFICANT),
         }  # fmt: skip
         if name in selection.base.model.effects.ids:
-            entry["decision"] = GIVEN
+            entry["decision"] = Decision(Reason.GIVEN)
             entry["parameters"] = _described(found.told, name)
         elif name == GRID.id:
-            entry |= {"decision": NO_GRID} if found.lattice is None else _lattice_entry(found.lattice)
+            entry |= {"decision": Decision(Reason.NO_GRID)} if found.lattice is None else _lattice_entry(found.lattice)
             if name in verdict.effects:
-                entry["decision"] = ADDED
+                entry["decision"] = Decision(Reason.ADDED)
                 less = performance(found.prepared, selection.final)
                 entry["heldout_gain_percent"] = percent_better(less.figures, after.figures)
         elif (why := effect.untestable(facts)) is not None:
-            entry["decision"] = f"{UNTESTABLE}: {why}"
+            entry["decision"] = Decision(Reason.UNTESTABLE, why)
         elif trial is not None:
             entry |= {"statistic": trial.statistic, "p_value": trial.p_value, "decision": trial.decision}
             entry["threshold"] = threshold(effect, facts)
@@ -200,32 +189,34 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)
-                if trial.decision == NOT_SIGNIFICANT and trial.p_value < SIGNIFICANT_P:
-                    entry["decision"] = tuple(found.new_ids) or TOO_SMALL
+                if trial.decision.reason is Reason.NOT_SIGNIFICANT and trial.p_value < SIGNIFICANT_P:
+                    behind = found.new_ids
+                    entry["decision"] = explained_by(*behind) if behind else Decision(Reason.TOO_SMALL)
             for group in verdict.indistinguishable:
                 if name in group[1:]:
-                    entry["decision"] = ALIKE + group[0]
+                    entry["decision"] = Decision(Reason.ALIKE, group[0])
         entries.append(entry)
     in_words(entries)
     return sorted(entries, key=lambda e: -(e["statistic"] if e["statistic"] is not None else -1.0e300))
 
 
 def in_words(entries: list[dict[str, Any]]) -> None:
-    """Replace decisions that are names of what explains an effect by words.
+    """Replace decisions by their words.
 
     Only what is in the model explains anything; what looked like a cause that was rejected is said to.
     """
-    stand = {entry["effect"] for entry in entries if entry["decision"] in {ADDED, GIVEN}}
-    explained = [entry for entry in entries if isinstance(entry["decision"], tuple)]
-    said = {entry["effect"]: entry["decision"] for entry in entries}
-    for entry in explained:
-        names = entry["decision"]
-        standing = [name for name in names if name in stand]
+    decisions: dict[str, Decision] = {entry["effect"]: entry["decision"] for entry in entries}
+    stand = {name for name, decision in decisions.items() if decision.reason in {Reason.ADDED, Reason.GIVEN}}
+    for entry in entries:
+        decision = decisions[entry["effect"]]
+        standing = [name for name in decision.instead if name in stand]
         if standing:
-            entry["decision"] = EXPLAINED + ", ".join(standing)
-        else:
-            why = said.get(names[0], NOT_CONFIRMED)
-            entry["decision"] = f"looks like {names[0]}: {why if isinstance(why, str) else EXPLAINED + ', '.join(why)}"
+            decision = explained_by(*standing)
+        elif decision.instead:
+            first = decision.instead[0]
+            why = f": {decisions[first].words}" if first in decisions else ""
+            decision = Decision(Reason.LOOKS_LIKE, f"{first}{why}")
+        entry["decision"] = decision.words
 
 
 def _gain(found: Found, name: str, before: Performance, after: Performance) -> float | None:
@@ -266,7 +257,7 @@ def _lattice_entry(lattice: Lattice) -> dict[str, Any]:
         "parameters": {coefficient.name: {"value": lattice.grid_rad_s, "std": None, "unit": coefficient.unit}},
         "statistic": lattice.statistic,
         "p_value": None,
-        "decision": HARMLESS_GRID,
+        "decision": Decision(Reason.HARMLESS_GRID),
     }
 
 

@@ -112,7 +112,7 @@ def _of_what_stands(selection: Selection, rival: Rival) -> Fit:
 
 
 def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
-    """A model with each further effect that its data do not exclude, those of most evidence."""
+    """A model with each further effect that its data do not exclude, the strongest."""
     record, facts = whole.linearised.record, found.prepared.facts
     if not record.work.has(work.FITS):
         record.work.leave_out("some explanations beside the one named")
@@ -120,9 +120,9 @@ def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:
     others = [effect for effect in _open(whole, facts) if effect.id != chosen]
     scores = found.selection.scores_beside(whole, others, facts)
     even = math.log(max(len(testable(facts)), 1))
-    worth = [score for score in scores.values() if score.evidence > even + math.log(_worth_a_fit(score.effect))]
+    worth = [score for score in scores.values() if score.screening_gain > even + math.log(_worth_a_fit(score.effect))]
     fits = []
-    for score in sorted(worth, key=lambda score: -score.evidence)[:_MOST_WEIGHED]:
+    for score in sorted(worth, key=lambda score: -score.screening_gain)[:_MOST_WEIGHED]:
         starts = [whole.model.with_terms(term) for term in score.starts]
         tried = [whole.refitted(model) for model in whole.worth_a_fit(starts)]
         fit = max(tried, key=lambda item: item.likelihood.value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rw_ekf.diagnosis.judge.confirmation import confirm, veto
+from rw_ekf.diagnosis.judge.confirmation import confirmed, not_vetoed
 from rw_ekf.diagnosis.judge.found import Found, mapped
 from rw_ekf.diagnosis.judge.open_law import with_open_law
 from rw_ekf.diagnosis.judge.walking import weighed_against_a_walk, with_wandering_friction
@@ -24,7 +24,7 @@ from rw_ekf.diagnosis.search.rivals import weigh_rivals
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.search.stepwise import Search
 from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
-from rw_ekf.diagnosis.standing import IMPOSSIBLE, TOO_SMALL
+from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work
 
@@ -67,7 +67,7 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
     """
     search = Search(prepared.record, prepared.facts, advance)
     found = _searched(prepared, search, advance)
-    again = found.left and search.set_aside and prepared.record.work.has(work.RIVALS)
+    again = found.left and found.selection.set_aside and prepared.record.work.has(work.RIVALS)
     if again and not one_and_the_same(found.fit, "time", "speed"):
         impatient = Search(prepared.record, prepared.facts, advance, stationary_first=False)
         other = _searched(prepared, impatient, advance)
@@ -100,7 +100,7 @@ def _with_what_is_small(found: Found, search: Search, advance: Advance) -> tuple
 
 def _left_out_for_its_size(selection: Selection) -> str | None:
     """The effect beyond doubt, if any, that explained most and was left out as too small to matter."""
-    small = {name: trial for name, trial in selection.trials.items() if trial.decision == TOO_SMALL}
+    small = {name: trial for name, trial in selection.trials.items() if trial.decision.reason is Reason.TOO_SMALL}
     name = max(small, key=lambda name: small[name].statistic, default=None)
     return name if name is not None and small[name].p_value < _BEYOND_DOUBT_P else None
 
@@ -108,28 +108,28 @@ def _left_out_for_its_size(selection: Selection) -> str | None:
 def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:
     selection = search.run(prepared.base)
     if selection.new_ids:
-        in_deepest_valleys(selection, prepared.facts)
+        selection = in_deepest_valleys(selection, prepared.facts)
         chosen = selection.new_ids
-        weigh_rivals(search, selection)
+        selection = weigh_rivals(search, selection)
         if selection.new_ids != chosen:
-            in_deepest_valleys(selection, prepared.facts)
-        selection.final = search.with_open_speed(selection.final)
-        confirm(prepared, selection, selection.new_ids)
-    _drop_trifles(prepared, selection)
+            selection = in_deepest_valleys(selection, prepared.facts)
+        selection = replace(selection, final=search.with_open_speed(selection.final))
+        selection = confirmed(prepared, selection)
+    selection = _without_trifles(prepared, selection)
     stood = selection.new_ids
-    veto(prepared, selection, stood)
+    selection = not_vetoed(prepared, selection)
     if selection.new_ids != stood:  # what stood beside it may have been there for its sake
-        selection.final = search.pruned(selection.final, selection, least=0)
+        final, selection = search.pruned(selection.final, selection, least=0)
+        selection = replace(selection, final=final)
     advance("mapping the residual")
     return mapped(prepared, selection)
 
 
-def _drop_trifles(prepared: Prepared, selection: Selection) -> None:
-    """Drop what the record has next to nothing of, or impossibly much, once all else is in the model."""
+def _without_trifles(prepared: Prepared, selection: Selection) -> Selection:
+    """Without what the record has next to nothing of, or impossibly much, once all else is in the model."""
     for name in selection.new_ids:
         if not selection.final.may_matter(name, prepared.facts):
-            selection.trials[name].decision = TOO_SMALL
-            selection.final = selection.final.without(name)
+            selection = selection.decided(name, Decision(Reason.TOO_SMALL), selection.final.without(name))
         elif not selection.final.model.possible(name, prepared.facts):
-            selection.trials[name].decision = IMPOSSIBLE
-            selection.final = selection.final.without(name)
+            selection = selection.decided(name, Decision(Reason.IMPOSSIBLE), selection.final.without(name))
+    return selection

@@ -19,7 +19,7 @@ from rw_ekf.diagnosis.judge.residual_map import covers_of, residual_map
 from rw_ekf.diagnosis.search.group import evidence_of_random
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.wander import followed_finely
-from rw_ekf.diagnosis.standing import PARTIAL
+from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts
 
@@ -84,13 +84,14 @@ def _unexplained(found: Found) -> Found:
     left = [item for item in dependences if item.p_value < MAP_P]
     if not left:
         return found
+    selection = replace(found.selection, final=base, rivals={})
     for name in found.new_ids:
-        found.selection.trials[name].decision = PARTIAL
+        selection = selection.decided(name, Decision(Reason.PARTIAL))
     explained = 2.0 * (found.fit.likelihood.value - base.likelihood.value)
     there = max(item.statistic for item in left)
     return replace(
         found,
-        selection=replace(found.selection, final=base, rivals={}),
+        selection=selection,
         fit=base,
         told=base,
         dependences=dependences,

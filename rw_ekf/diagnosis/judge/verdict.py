@@ -20,6 +20,7 @@ from rw_ekf.diagnosis.judge.sentences import (
 )
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.search.selection import Selection
+from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.numbers import chance_text
 
@@ -163,7 +164,8 @@ def _doubts(selection: Selection, posterior: dict[str, float]) -> str:
     effects = [first, *(name for name in others if posterior[name] >= _DOUBTFUL)]
     chances = ", ".join(f"{name} {chance_text(posterior[name])}" for name in effects[:_GROUP])
     trial = selection.trials.get(effects[0])
-    why = f"; {effects[0]} is {trial.decision}" if trial is not None and isinstance(trial.decision, str) else ""
+    explained = trial is None or trial.decision.reason is Reason.EXPLAINED
+    why = "" if trial is None or explained else f"; {effects[0]} is {trial.decision.words}"
     return f"the probability that nothing is missing is {chance_text(posterior[NONE])} ({chances}{why})"
 
 
@@ -181,11 +183,11 @@ def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float
     """Each effect with those that the data cannot tell from it, the most probable of them."""
     groups: list[list[str]] = []
     for name in chosen:
-        constructed = selection.constructed.get(name, set())
+        constructed = selection.constructed.get(name, frozenset())
         told = {other for group in groups for other in group} & constructed
         rivals = [
             rival.name
-            for rival in selection.rivals.get(name, [])
+            for rival in selection.rivals.get(name, ())
             if posterior.get(rival.name, 0.0) >= _LEAST_TOLD or rival.name in constructed
             if rival.name not in chosen and rival.name not in told
         ]

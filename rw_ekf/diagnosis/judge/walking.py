@@ -12,7 +12,7 @@ from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE
 from rw_ekf.diagnosis.search.selection import Rival, Trial
 from rw_ekf.diagnosis.search.stepwise import LOCAL_P, Search
 from rw_ekf.diagnosis.search.wander import pieces, wandering
-from rw_ekf.diagnosis.standing import ADDED, NOT_BESIDE_MOTION, NOT_CONFIRMED
+from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 
@@ -38,12 +38,11 @@ def with_wandering_friction(found: Found, search: Search) -> Found:
     if not tried.fit.model.possible(WANDERING.id, prepared.facts):
         return found
     trials = {**selection.trials, WANDERING.id: tried.trial}
-    changed = replace(selection, final=tried.fit, trials={name: replace(trial) for name, trial in trials.items()})
-    changed.final = search.pruned(changed.final, changed)
-    if WANDERING.id not in changed.final.model.effects.ids:
+    final, changed = search.pruned(tried.fit, replace(selection, trials=trials))
+    if WANDERING.id not in final.model.effects.ids:
         return found
-    changed.rivals = {name: fits for name, fits in changed.rivals.items() if name in changed.final.model.effects.ids}
-    other = mapped(prepared, changed)
+    rivals = {name: fits for name, fits in changed.rivals.items() if name in final.model.effects.ids}
+    other = mapped(prepared, replace(changed, final=final, rivals=rivals))
     worst = max((item.statistic for item in found.left), default=0.0)
     better = all(item.name in _GOES_WITH_TIME and item.statistic < 0.5 * worst for item in other.left)
     if not better or (not found.left and _refused_is_likelier(found, other)):
@@ -59,7 +58,7 @@ def _refused_is_likelier(found: Found, walk: Found) -> bool:
     refused = [
         trial
         for trial in found.selection.trials.values()
-        if isinstance(trial.decision, str) and trial.decision.startswith(NOT_CONFIRMED) and trial.terms
+        if trial.decision.reason is Reason.NOT_CONFIRMED and trial.terms
     ]
     return any(True for _ in _as_likely(found, walk, refused))
 
@@ -83,13 +82,13 @@ def _with_a_clock(found: Found, walk: Found) -> Found | None:
     walk; once something has to be named, the likeliest is.
     """
     facts = found.prepared.facts
-    waiting = [t for t in found.selection.trials.values() if t.decision == NOT_BESIDE_MOTION and t.terms]
-    for trial, fit in _as_likely(found, walk, sorted(waiting, key=lambda item: -item.evidence)):
+    tried = found.selection.trials.values()
+    waiting = [trial for trial in tried if trial.decision.reason is Reason.NOT_BESIDE_MOTION and trial.terms]
+    for trial, fit in _as_likely(found, walk, sorted(waiting, key=lambda item: -item.screening_gain)):
         name = trial.effect.id
         if not (fit.may_matter(name, facts) and fit.model.possible(name, facts)):
             continue
-        trials = {**found.selection.trials, name: replace(trial, decision=ADDED)}
-        clocked = mapped(found.prepared, replace(found.selection, final=fit, trials=trials))
+        clocked = mapped(found.prepared, found.selection.decided(name, Decision(Reason.ADDED), fit))
         if not clocked.left:
             return clocked
     return None
@@ -120,9 +119,8 @@ def _or_a_walk(found: Found, law: str) -> Found:
         return found
     others = {name: fits for name, fits in selection.rivals.items() if name != law}
     if ahead < INDISTINGUISHABLE:
-        rivals = [*selection.rivals.get(law, ()), Rival(WANDERING.id, tried.fit, ahead)]
+        rivals = (*selection.rivals.get(law, ()), Rival(WANDERING.id, tried.fit, ahead))
         return replace(found, selection=replace(selection, rivals={**others, law: rivals}))
-    trials = {**selection.trials, WANDERING.id: tried.trial}
-    trials[law] = replace(trials[law], decision=(WANDERING.id,))
-    walk = mapped(prepared, replace(selection, final=tried.fit, trials=trials, rivals=others))
+    walking = selection.tried(tried.trial).decided(law, explained_by(WANDERING.id), tried.fit)
+    walk = mapped(prepared, replace(walking, rivals=others))
     return found if walk.left else walk

@@ -16,7 +16,7 @@ from rw_ekf.diagnosis.report.words import (
     statistic_text,
     untestable_reasons,
 )
-from rw_ekf.diagnosis.standing import UNTESTABLE, Standing, standing_of
+from rw_ekf.diagnosis.standing import Reason, Standing, standing_of
 from rw_ekf.numbers import MISSING, Rounded, number_of, number_text, rounded
 
 _STUB = 1.04  # evidence that is less is drawn as that: the scale is logarithmic, from one
@@ -134,7 +134,7 @@ def _candidate_row(
         probability_text(candidate.get("posterior")),
         p_value_text(candidate.get("p_value")),
         gain_text(candidate),
-        f"{UNTESTABLE}: {reasons[effect]}" if untested else str(candidate.get("decision") or ""),
+        Reason.UNTESTABLE.value.format(reasons[effect]) if untested else str(candidate.get("decision") or ""),
         tuple(parameter_row(effect, name, parameter, start_s) for name, parameter in parameters),
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rw_ekf.diagnosis.standing import UNTESTABLE, standing_of
+from rw_ekf.diagnosis.standing import standing_of, untestable_because
 from rw_ekf.numbers import MISSING, chance_text, number_of, number_text
 from rw_ekf.units import RAD_S_PER_RPM, rad_s_from_rpm
 
@@ -178,7 +178,7 @@ def untestable_reasons(candidates: Sequence[Mapping[str, Any]]) -> dict[str, lis
     reasons: dict[str, list[str]] = {}
     for candidate in candidates:
         if standing_of(candidate) == "untestable":
-            reason = str(candidate["decision"]).removeprefix(UNTESTABLE).lstrip(": ") or "no reason given"
+            reason = untestable_because(candidate) or "no reason given"
             reasons.setdefault(reason, []).append(str(candidate["effect"]))
     return reasons
 

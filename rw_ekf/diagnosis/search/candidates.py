@@ -75,7 +75,7 @@ class Score:
     candidate: Candidate
     statistic: float
     p_value: float
-    evidence: float  # log-likelihood gained, averaged over all its places and over the sizes that it may have
+    screening_gain: float  # log-likelihood, averaged over all its places and sizes: ranks what is to be fitted
     size: float  # the coefficient in its unit; the amplitude of sine and cosine
     std: float
     starts: tuple[Term, ...]  # where fits of the effect begin
@@ -90,13 +90,13 @@ class Hypothesis:
     regressors: Float64Array
     unit: float
 
-    def evidence(self, statistic: float, std: Float64Array, facts: RecordFacts) -> float:
+    def screening_gain(self, statistic: float, std: Float64Array, facts: RecordFacts) -> float:
         """Log of the likelihood gained here, averaged over the sizes that the effect may have; std (1 or 2,)."""
         width = _USUAL_SIZE * self.effect.smallest(facts) / self.unit
         return 0.5 * statistic / INFLATION - 0.5 * float(np.sum(np.log1p((width / std) ** 2)))
 
     def scored(
-        self, statistic: float, evidence: float, coefficients: Float64Array, std: Float64Array, facts: RecordFacts
+        self, statistic: float, screening_gain: float, coefficients: Float64Array, std: Float64Array, facts: RecordFacts
     ) -> Score:
         """What a regression on the regressors gave: coefficients and standard deviations (1 or 2,)."""
         found = tuple(float(value) * self.unit for value in coefficients)
@@ -109,7 +109,7 @@ class Hypothesis:
             candidate=self.candidate,
             statistic=statistic,
             p_value=p_value(self.effect, statistic, facts),
-            evidence=evidence,
+            screening_gain=screening_gain,
             size=float(np.linalg.norm(coefficients)) * self.unit,
             std=float(np.linalg.norm(std)) * self.unit,
             starts=tuple(starts),

@@ -69,13 +69,13 @@ def scored_on_lost_angle(fit: Fit, places: list[Hypothesis], facts: RecordFacts)
     if not found:
         return None
     best = found[0]
-    evidence = float(np.logaddexp.reduce([item.gain / INFLATION for item in found])) - math.log(len(places))
+    overall = float(np.logaddexp.reduce([item.gain / INFLATION for item in found])) - math.log(len(places))
     return Score(
         effect=best.hypothesis.effect,
         candidate=best.hypothesis.candidate,
         statistic=2.0 * best.gain,
         p_value=p_value(best.hypothesis.effect, 2.0 * best.gain, facts),
-        evidence=evidence,
+        screening_gain=overall,
         size=best.size,
         std=best.size / math.sqrt(max(2.0 * best.gain, 1.0)),
         starts=tuple(item.term for item in _worth_a_fit(found)),

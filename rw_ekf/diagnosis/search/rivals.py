@@ -10,6 +10,7 @@ from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_
 from rw_ekf.diagnosis.search.event import settled_event
 from rw_ekf.diagnosis.search.selection import Rival, Selection
 from rw_ekf.diagnosis.search.stepwise import ALIAS_SHARE, MOST_TRIED, Search
+from rw_ekf.diagnosis.standing import explained_by
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
@@ -25,16 +26,15 @@ _TWIN_RATIOS = (0.5, 1.0, 2.0)  # of what was chosen: a mean over a window is ha
 _TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
-def weigh_rivals(search: Search, selection: Selection) -> None:
+def weigh_rivals(search: Search, selection: Selection) -> Selection:
     """Find explanations that fit as well as those chosen, or nearly; the likelier ones stand, and one before two."""
-    _find_rivals(search, selection)
-    if _one_for_two(selection):
-        _find_rivals(search, selection)
-    _settle_rivals(search, selection)
+    selection = _with_rivals(search, selection)
+    alone = _one_for_two(selection)
+    return _settled(selection if alone is None else _with_rivals(search, alone))
 
 
-def _one_for_two(selection: Selection) -> bool:
-    """Let a rival stand that does alone what takes two of the effects chosen; whether there is one.
+def _one_for_two(selection: Selection) -> Selection | None:
+    """The same with a rival that does alone what takes two of the effects chosen; None where there is none.
 
     What holds at any time goes before what this record's clock tells only while both are one law; and where the record
     has them as one by construction, the one alone must do it nearly as well.
@@ -57,17 +57,14 @@ def _one_for_two(selection: Selection) -> bool:
                 if gain > -(_AS_WELL if constructed else INDISTINGUISHABLE):
                     found.append((gain, alone, rival.name, {name, other}))
     if not found:
-        return False
+        return None
     _, alone, stands, two = max(found, key=lambda item: item[0])
-    selection.final = alone
     for name in two - {stands}:
-        selection.trials[name].decision = (stands,)
-    selection.rivals.clear()
-    selection.constructed.clear()
-    return True
+        selection = selection.decided(name, explained_by(stands))
+    return replace(selection, final=alone, rivals={}, constructed={})
 
 
-def _find_rivals(search: Search, selection: Selection) -> None:
+def _with_rivals(search: Search, selection: Selection) -> Selection:
     """For each effect chosen, those that fit nearly as well in its place; all fitted in full."""
     final = selection.final
     for name in final.model.effects.ids:
@@ -85,39 +82,58 @@ def _find_rivals(search: Search, selection: Selection) -> None:
             search.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
             continue
         search.advance(f"comparing rivals of {name}")
-        scores = selection.scores_beside(less, [CATALOGUE[name], *near], search.facts)
-        mine = _evidence(scores.get(name), less, final)
-        value = final.model.of(name)[0].values[0]
-        gained = final.likelihood.value - less.likelihood.value
-        law = quantity_of(CATALOGUE[name])
-        timed = law != "time" and may_confound(less, law, "time")  # evidence does not decide between the two
-        for effect in _worth_a_fit(near, scores, mine, gained, timed=timed):
-            if not _has_work(search, name, effect):
-                search.work.leave_out(f"rivals of {name} ({effect.id})")
-                continue
-            score = scores.get(effect.id)
-            if effect.local_in_time:
-                fits = [] if score is None else [settled_event(less, score, search.facts)]
-            else:
-                starts = [] if score is None else list(score.starts)
-                if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
-                    starts.append(Term.at(effect, Candidate(value)))
-                models = [less.model.with_terms(term) for term in starts]
-                if search.work.has(work.RIVALS):
-                    fits = [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
-                else:
-                    near_it = [Term.at(effect, Candidate(ratio * value)) for ratio in _TWIN_RATIOS]
-                    fits = [less.sketched(less.model.with_terms(term)) for term in near_it]
-            fits = [fit for fit in fits if fit.model.possible(effect.id, search.facts)]
-            if not fits:
-                continue
-            rival = search.with_open_speed(max(fits, key=lambda item: item.likelihood.value))
-            constructed = _same_by_construction(search, less, final, rival, name, effect)
-            if constructed:
-                selection.constructed.setdefault(name, set()).add(effect.id)
-            evidence = _evidence(score if score is not None else scores.get(name), less, rival)
-            if constructed or mine - evidence < INDISTINGUISHABLE:
-                selection.rivals.setdefault(name, []).append(Rival(effect.id, rival, evidence - mine))
+        rivals, constructed = _rivals_of(search, selection, name, less, near)
+        if rivals:
+            selection = replace(selection, rivals={**selection.rivals, name: rivals})
+        if constructed:
+            selection = replace(selection, constructed={**selection.constructed, name: constructed})
+    return selection
+
+
+def _rivals_of(
+    search: Search, selection: Selection, name: str, less: Fit, near: list[type[Effect]]
+) -> tuple[tuple[Rival, ...], frozenset[str]]:
+    """Rivals of an effect, and the ids of those that the record has as one with it; `less` is the model without it."""
+    final, rivals, same = selection.final, [], set()
+    scores = selection.scores_beside(less, [CATALOGUE[name], *near], search.facts)
+    mine = _weight(scores.get(name), less, final)
+    gained = final.likelihood.value - less.likelihood.value
+    law = quantity_of(CATALOGUE[name])
+    timed = law != "time" and may_confound(less, law, "time")  # no likelihood decides between the two
+    for effect in _worth_a_fit(near, scores, mine, gained, timed=timed):
+        if not _has_work(search, name, effect):
+            search.work.leave_out(f"rivals of {name} ({effect.id})")
+            continue
+        score = scores.get(effect.id)
+        fits = _fits_in_place(search, final, name, less, effect, score)
+        fits = [fit for fit in fits if fit.model.possible(effect.id, search.facts)]
+        if not fits:
+            continue
+        rival = search.with_open_speed(max(fits, key=lambda item: item.likelihood.value))
+        constructed = _same_by_construction(search, less, final, rival, name, effect)
+        if constructed:
+            same.add(effect.id)
+        its = _weight(score if score is not None else scores.get(name), less, rival)
+        if constructed or mine - its < INDISTINGUISHABLE:
+            rivals.append(Rival(effect.id, rival, its - mine))
+    return tuple(rivals), frozenset(same)
+
+
+def _fits_in_place(
+    search: Search, final: Fit, name: str, less: Fit, effect: type[Effect], score: Score | None
+) -> list[Fit]:
+    """An effect fitted in the place of one that was chosen, from each start that is worth it."""
+    if effect.local_in_time:
+        return [] if score is None else [settled_event(less, score, search.facts)]
+    value, gained = final.model.of(name)[0].values[0], final.likelihood.value - less.likelihood.value
+    starts = [] if score is None else list(score.starts)
+    if not effect.linear and effect.coefficient.unit == CATALOGUE[name].coefficient.unit:
+        starts.append(Term.at(effect, Candidate(value)))
+    if search.work.has(work.RIVALS):
+        models = [less.model.with_terms(term) for term in starts]
+        return [less.refitted(model) for model in less.worth_a_fit(models, _HOPELESS * gained)]
+    near_it = [Term.at(effect, Candidate(ratio * value)) for ratio in _TWIN_RATIOS]
+    return [less.sketched(less.model.with_terms(term)) for term in near_it]
 
 
 def _has_work(search: Search, name: str, rival: type[Effect]) -> bool:
@@ -133,7 +149,7 @@ def _is_twin(name: str, rival: type[Effect]) -> bool:
 def _worth_a_fit(
     near: list[type[Effect]], scores: dict[str, Score], mine: float, gained: float, *, timed: bool
 ) -> list[type[Effect]]:
-    """Those whose score may reach what was chosen, the most evident first; what is not linear scores by a secant.
+    """Those whose score may reach what was chosen, the strongest first; what is not linear scores by a secant.
 
     timed: effects of time are worth one whatever they score: the record has what was chosen and time as one.
     """
@@ -141,19 +157,19 @@ def _worth_a_fit(
     linear = [
         e
         for e in near
-        if e.linear and e.id in scores and (scores[e.id].evidence > least or (timed and quantity_of(e) == "time"))
+        if e.linear and e.id in scores and (scores[e.id].screening_gain > least or (timed and quantity_of(e) == "time"))
     ]
-    linear.sort(key=lambda effect: -scores[effect.id].evidence)
+    linear.sort(key=lambda effect: -scores[effect.id].screening_gain)
     enough = _SECANT_SHARE * 2.0 * gained
     bent = [e for e in near if not e.linear and (e.id not in scores or scores[e.id].statistic > enough)]
-    bent.sort(key=lambda effect: -scores[effect.id].evidence if effect.id in scores else math.inf)
+    bent.sort(key=lambda effect: -scores[effect.id].screening_gain if effect.id in scores else math.inf)
     return [*linear[:MOST_TRIED], *bent]
 
 
-def _evidence(score: Score | None, less: Fit, fit: Fit) -> float:
-    """Evidence of an effect that was fitted in full beside `less`: that of its score, its likelihood the fit's."""
+def _weight(score: Score | None, less: Fit, fit: Fit) -> float:
+    """What an effect that was fitted in full beside `less` gains: as it was screened, its likelihood the fit's."""
     gain = fit.likelihood.value - less.likelihood.value
-    return gain / INFLATION if score is None else score.evidence + (gain - 0.5 * score.statistic) / INFLATION
+    return gain / INFLATION if score is None else score.screening_gain + (gain - 0.5 * score.statistic) / INFLATION
 
 
 def _same_by_construction(search: Search, less: Fit, final: Fit, rival: Fit, name: str, other: type[Effect]) -> bool:
@@ -170,7 +186,7 @@ def _same_by_construction(search: Search, less: Fit, final: Fit, rival: Fit, nam
 def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]:
     """Effects worth comparing with one that was chosen: known aliases, and those that scored half as much."""
     least = ALIAS_SHARE * selection.trials[name].statistic
-    strong = sorted(selection.trials.values(), key=lambda trial: -trial.evidence)
+    strong = sorted(selection.trials.values(), key=lambda trial: -trial.screening_gain)
     names = [trial.effect.id for trial in strong if trial.statistic > least and trial.effect.linear]
     names += [trial.effect.id for trial in strong if trial.statistic > least and not trial.effect.linear][:MOST_TRIED]
     names += [other for other in CATALOGUE[name].confounded if not CATALOGUE[other].linear]
@@ -181,57 +197,63 @@ def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]
         for effect in search.effects
         if effect.id in names
         and effect.id not in present
+        and effect.id not in selection.excluded
         and not effect.local_in_time
         and not (effect.flow_kind and memory)
     ]
 
 
 def _events_near(search: Search, selection: Selection, name: str) -> list[type[Effect]]:
-    """Events that scored nearly as much evidence as a law that was chosen."""
+    """Events that scored nearly as much as a law that was chosen."""
     if CATALOGUE[name].local_in_time:
         return []
-    least = selection.trials[name].evidence - INDISTINGUISHABLE - _ROOM
+    least = selection.trials[name].screening_gain - INDISTINGUISHABLE - _ROOM
     present = set(selection.final.model.effects.ids)
-    tried = [selection.trials.get(effect.id) for effect in search.effects if effect.local_in_time]
-    return [t.effect for t in tried if t is not None and t.evidence > least and t.effect.id not in present]
+    events = [effect.id for effect in search.effects if effect.local_in_time and effect.id not in selection.excluded]
+    tried = [selection.trials.get(name) for name in events]
+    return [t.effect for t in tried if t is not None and t.screening_gain > least and t.effect.id not in present]
 
 
-def _settle_rivals(search: Search, selection: Selection) -> None:
+def _settled(selection: Selection) -> Selection:
     """Between explanations that fit nearly alike what holds at any time goes before what this record's clock tells.
 
-    Among several of those the one of most evidence stands. Where time goes with temperature that decides, too: a law of
+    Among several of those the likeliest stands. Where time goes with temperature that decides, too: a law of
     temperature that is true is not behind a curve of time by more than chance. Where it goes with speed it does not: a
     curve of time takes the place of whatever law of speed is missing.
     """
+    for name, rivals in selection.rivals.items():
+        selection = _with_the_likeliest(selection, name, rivals)
+    return selection
+
+
+def _with_the_likeliest(selection: Selection, name: str, rivals: tuple[Rival, ...]) -> Selection:
     order = [*CATALOGUE]
-    for name, fits in list(selection.rivals.items()):
-        tried = [Rival(name, selection.final, 0.0), *fits]
-        top = max(item.evidence for item in tried)
-        same = selection.constructed.get(name, set())
-        near = [
-            item
-            for item in tried
-            if top - item.evidence < INDISTINGUISHABLE or item.name in same or (same and item.name == name)
-        ]
-        ahead = INDISTINGUISHABLE if quantity_of(CATALOGUE[name]) == "temperature" else math.inf
-        waits = {item.name for item in tried if item.name in same and item.evidence < ahead}
-        decided = bool(same - waits)
-        best = max(
-            near,
-            key=lambda item: (item.name not in waits, decided or not CATALOGUE[item.name].of_one_record, item.evidence),
-        )
-        twins = [
-            item
-            for item in near
-            if abs(item.fit.likelihood.value - best.fit.likelihood.value) < _TIE
-            and CATALOGUE[item.name].of_one_record == CATALOGUE[best.name].of_one_record
-            and (item.name in same) == (best.name in same)
-        ]
-        best = min(twins, key=lambda item: order.index(item.name))
-        selection.rivals.pop(name)
-        if best.name != name:
-            selection.trials[name].decision = (best.name,)
-            selection.final = best.fit
-        others = [replace(item, evidence=item.evidence - best.evidence) for item in near if item.name != best.name]
-        if others:
-            selection.rivals[best.name] = sorted(others, key=lambda item: -item.evidence)
+    tried = [Rival(name, selection.final, 0.0), *rivals]
+    top = max(item.ahead for item in tried)
+    same = selection.constructed.get(name, frozenset())
+    near = [
+        item
+        for item in tried
+        if top - item.ahead < INDISTINGUISHABLE or item.name in same or (same and item.name == name)
+    ]
+    enough = INDISTINGUISHABLE if quantity_of(CATALOGUE[name]) == "temperature" else math.inf
+    waits = {item.name for item in tried if item.name in same and item.ahead < enough}
+    decided = bool(same - waits)
+    best = max(
+        near,
+        key=lambda item: (item.name not in waits, decided or not CATALOGUE[item.name].of_one_record, item.ahead),
+    )
+    twins = [
+        item
+        for item in near
+        if abs(item.fit.likelihood.value - best.fit.likelihood.value) < _TIE
+        and CATALOGUE[item.name].of_one_record == CATALOGUE[best.name].of_one_record
+        and (item.name in same) == (best.name in same)
+    ]
+    best = min(twins, key=lambda item: order.index(item.name))
+    others = [replace(item, ahead=item.ahead - best.ahead) for item in near if item.name != best.name]
+    left = {other: fits for other, fits in selection.rivals.items() if other != name}
+    if others:
+        left[best.name] = tuple(sorted(others, key=lambda item: -item.ahead))
+    selection = replace(selection, rivals=left)
+    return selection if best.name == name else selection.decided(name, explained_by(best.name), best.fit)

@@ -78,7 +78,7 @@ class Scorer(Profiled):
         ]
 
     def best_of_each(self, facts: RecordFacts, effects: list[type[Effect]]) -> dict[str, Score]:
-        """The best place of each effect, by id; its evidence is averaged over all of them."""
+        """The best place of each effect, by id; its screening gain is averaged over all of them."""
         places, among = [], {}
         for effect in effects:
             found = effect.candidates(self.linearised.model.seen_by(effect, facts)) if effect.in_state else []
@@ -97,7 +97,7 @@ class Scorer(Profiled):
         return [
             gain.hypothesis.scored(
                 gain.statistic,
-                gain.hypothesis.evidence(gain.statistic, gain.std, facts),
+                gain.hypothesis.screening_gain(gain.statistic, gain.std, facts),
                 gain.coefficients,
                 gain.std,
                 facts,
@@ -115,13 +115,13 @@ class Scorer(Profiled):
                 found.setdefault(gain.hypothesis.effect.id, []).append(gain)
         scores = {}
         for name, gains in found.items():
-            evidences = np.array([gain.hypothesis.evidence(gain.statistic, gain.std, facts) for gain in gains])
-            evidence = float(np.logaddexp.reduce(evidences)) - math.log(among.get(name, len(gains)))
+            screened = np.array([gain.hypothesis.screening_gain(gain.statistic, gain.std, facts) for gain in gains])
+            overall = float(np.logaddexp.reduce(screened)) - math.log(among.get(name, len(gains)))
             best = max(gains, key=lambda gain: gain.statistic)
-            scores[name] = best.hypothesis.scored(best.statistic, evidence, best.coefficients, best.std, facts)
+            scores[name] = best.hypothesis.scored(best.statistic, overall, best.coefficients, best.std, facts)
             if best.hypothesis.effect.angular:
                 lost = scored_on_lost_angle(self.fit, [gain.hypothesis for gain in gains], facts)
-                if lost is not None and lost.evidence > evidence:
+                if lost is not None and lost.screening_gain > overall:
                     scores[name] = lost
         return scores
 

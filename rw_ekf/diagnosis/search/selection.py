@@ -2,34 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
-from rw_ekf.diagnosis.search.candidates import Score
+from rw_ekf.diagnosis.search.candidates import INFLATION, Score, p_value
 from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.standing import NOT_SIGNIFICANT
+from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
+UNDECIDED = Decision(Reason.NOT_SIGNIFICANT)
 
-@dataclass
+
+@dataclass(frozen=True)
 class Trial:
     """What became of one effect's best candidate."""
 
     effect: type[Effect]
     statistic: float  # in the turn that decided about it
     p_value: float
-    evidence: float  # see Score
+    screening_gain: float  # see Score
     size: float  # coefficient, or amplitude of sine and cosine
     std: float
     terms: tuple[Term, ...] = ()
-    decision: str | tuple[str, ...] = NOT_SIGNIFICANT  # in words; or the effects that have all of its gain
+    decision: Decision = UNDECIDED
 
     @classmethod
     def of(cls, score: Score) -> Trial:
         """A candidate that was only scored."""
         return cls(
-            score.effect, score.statistic, score.p_value, score.evidence, score.size, score.std, score.starts[:1]
+            score.effect, score.statistic, score.p_value, score.screening_gain, score.size, score.std, score.starts[:1]
         )
+
+    def found_by(self, statistic: float, facts: RecordFacts) -> Trial:
+        """The same, fitted in full."""
+        gained = 0.5 * (statistic - self.statistic) / INFLATION
+        p = p_value(self.effect, statistic, facts)
+        return replace(self, statistic=statistic, p_value=p, screening_gain=self.screening_gain + gained)
 
 
 @dataclass(frozen=True)
@@ -38,20 +47,31 @@ class Rival:
 
     name: str
     fit: Fit
-    evidence: float  # beyond that of the one chosen
+    ahead: float  # log of how much likelier than the one chosen
 
 
-@dataclass
+@dataclass(frozen=True)
 class Selection:
-    """The outcome of the search."""
+    """What a search has found so far; each step of it makes another."""
 
     base: Fit
     final: Fit
-    trials: dict[str, Trial] = field(default_factory=dict)
-    rivals: dict[str, list[Rival]] = field(default_factory=dict)  # by the id that was chosen
-    constructed: dict[str, set[str]] = field(default_factory=dict)  # chosen id -> rivals no likelihood decides about
-    unjudged: list[str] = field(default_factory=list)  # chosen ids of which no held-out figure says anything
-    searched: list[tuple[Fit, dict[str, Score]]] = field(default_factory=list)  # beside each model of the search
+    trials: Mapping[str, Trial] = field(default_factory=dict)
+    rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)  # by the id that was chosen
+    constructed: Mapping[str, frozenset[str]] = field(default_factory=dict)  # id -> rivals no likelihood decides about
+    unjudged: tuple[str, ...] = ()  # chosen ids of which no held-out figure says anything
+    searched: tuple[tuple[Fit, Mapping[str, Score]], ...] = ()  # scores beside each model of the search
+    excluded: frozenset[str] = frozenset()  # what is of no possible size where it is likeliest: something else is there
+    set_aside: bool = False  # something that goes with time had to wait
+
+    def tried(self, trial: Trial) -> Selection:
+        """With what became of one candidate."""
+        return replace(self, trials={**self.trials, trial.effect.id: trial})
+
+    def decided(self, name: str, decision: Decision, final: Fit | None = None) -> Selection:
+        """With a decision about a candidate, and the model that it leads to, if that is another."""
+        trials = {**self.trials, name: replace(self.trials[name], decision=decision)}
+        return replace(self, trials=trials, final=self.final if final is None else final)
 
     def without(self, name: str) -> Fit:
         """The final model without an effect; the search may have fitted that already."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score, p_value, threshold
+from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, Score, p_value, threshold
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
 from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
@@ -18,7 +18,7 @@ from rw_ekf.diagnosis.search.laws import by_likeliest_law
 from rw_ekf.diagnosis.search.other_places import lower_valley, possible_fit
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.selection import Selection, Trial
-from rw_ekf.diagnosis.standing import IMPOSSIBLE, NOT_BESIDE_MOTION, NOT_SIGNIFICANT, TOO_SMALL
+from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
@@ -52,7 +52,6 @@ class Search:
         self.facts = facts
         self.advance = advance
         self.stationary_first = stationary_first
-        self.set_aside = False  # something had to wait
         self.effects = [effect for effect in CATALOGUE.values() if effect.untestable(facts) is None and effect.in_state]
 
     def run(self, base: Fit) -> Selection:
@@ -65,30 +64,29 @@ class Search:
                 self.work.leave_out(f"the search for more than {said}")
                 break
             self.advance("searching the catalogue")
-            contenders = self._contenders(current, selection)
-            added = self._best_fit(current, contenders, selection) if contenders else None
-            if added is None:
+            contenders, selection = self._contenders(current, selection)
+            fit, name, selection = self._best_fit(current, contenders, selection)
+            if fit is None or name is None:
                 break
-            fit, trial = added
-            lower = lower_valley(current, fit, trial)
+            lower = lower_valley(current, fit, selection.trials[name])
             if lower is not None:
-                trial.decision = NOT_SIGNIFICANT
+                selection = selection.decided(name, Decision(Reason.NOT_SIGNIFICANT), lower)
                 if selection.base is current:
-                    selection.base = lower
-                selection.final = current = lower
+                    selection = replace(selection, base=lower)
+                current = lower
                 continue
-            fit = by_likeliest_law(current, fit, trial.effect.id, self.facts)
+            fit = by_likeliest_law(current, fit, name, self.facts)
             fit = self.with_open_speed(likelier_along_filter(fit, current, fit.model))
-            if not fit.model.possible(trial.effect.id, self.facts):  # where it is likeliest: something else is there
-                trial.decision = IMPOSSIBLE
-                self.effects = [effect for effect in self.effects if effect is not trial.effect]
+            if not fit.model.possible(name, self.facts):  # where it is likeliest: something else is there
+                selection = selection.decided(name, Decision(Reason.IMPOSSIBLE))
+                selection = replace(selection, excluded=selection.excluded | {name})
                 continue
-            if trial.effect.local_in_time:
-                fit = with_other_laws(fit, trial.effect.id, self.facts)
-            current = self.pruned(fit, selection)
+            if CATALOGUE[name].local_in_time:
+                fit = with_other_laws(fit, name, self.facts)
+            current, selection = self.pruned(fit, selection)
             nothing_new = _inventory(current.model) == _inventory(selection.final.model)
             if not nothing_new or current.likelihood.value > selection.final.likelihood.value:
-                selection.final = current
+                selection = replace(selection, final=current)
             if nothing_new:
                 break
         return selection
@@ -102,20 +100,21 @@ class Search:
             return fit
         return likeliest_stribeck_speed(fit, self.facts.top_speed_rad_s)
 
-    def _open(self, model: Model) -> list[type[Effect]]:
+    def _open(self, model: Model, excluded: frozenset[str]) -> list[type[Effect]]:
         """Effects that may still enter: a periodic one at another order or frequency, any other once."""
         present = set(model.effects.ids)
         full, memory = len(present) >= _MOST_EFFECTS, any(term.effect.flow_kind for term in model.terms)
         return [
             effect
             for effect in self.effects
-            if ((effect.id not in present and not full) or (effect.repeats and effect.id in present))
+            if effect.id not in excluded
+            and ((effect.id not in present and not full) or (effect.repeats and effect.id in present))
             and not (effect.flow_kind and memory)
         ]
 
-    def _contenders(self, current: Fit, selection: Selection) -> list[Score]:
-        """Scores that are significant and large enough, the most evident first; others are noted as not significant."""
-        effects = self._open(current.model)
+    def _contenders(self, current: Fit, selection: Selection) -> tuple[list[Score], Selection]:
+        """Scores that are significant and large enough, the strongest first; others are noted as not significant."""
+        effects = self._open(current.model, selection.excluded)
         anywhere = [effect for effect in effects if not effect.local_in_time]
         scores = Scorer(current).best_of_each(self.facts, anywhere)
         everything = dict(scores)
@@ -126,28 +125,27 @@ class Search:
             here = event_scores(current, local, self.facts)
             everything |= here
             if any(self._significant(score) for score in here.values()):
-                # Whatever else is likelier than an event goes first: by evidence, since an event has many places to be.
-                best = max((s.evidence for s in scores.values()), default=0.0)
-                here = {name: s for name, s in here.items() if s.evidence > best}
+                # Whatever else is likelier than an event goes first: by its gain, since an event has many places to be.
+                best = max((s.screening_gain for s in scores.values()), default=0.0)
+                here = {name: s for name, s in here.items() if s.screening_gain > best}
                 if here:
                     scores = {name: s for name, s in scores.items() if not self._significant(s)}
             scores |= here
-        selection.searched.append((current, everything))
+        trials = dict(selection.trials)
         for name, score in everything.items():
-            if name not in selection.trials or selection.trials[name].statistic < score.statistic:
-                selection.trials[name] = Trial.of(score)
+            if name not in trials or trials[name].statistic < score.statistic:
+                trials[name] = Trial.of(score)
+        selection = replace(selection, trials=trials, searched=(*selection.searched, (current, everything)))
         strong = [score for score in scores.values() if self._significant(score)]
-        for name, other in (
-            deferred(current, strong, self.facts, SIGNIFICANT_P).items() if self.stationary_first else ()
-        ):
-            selection.trials[name].decision = f"nothing beside a smooth effect of the {other}"
-            self.set_aside = True
-            strong = [score for score in strong if score.effect.id != name]
+        waiting = deferred(current, strong, self.facts, SIGNIFICANT_P) if self.stationary_first else {}
+        for name, other in waiting.items():
+            selection = replace(selection.decided(name, Decision(Reason.WAITS, other)), set_aside=True)
+        strong = [score for score in strong if score.effect.id not in waiting]
         for score in [score for score in strong if score.effect.clocked]:
             if beside_motion(current, self.facts, score) >= SIGNIFICANT_P:
-                selection.trials[score.effect.id].decision = NOT_BESIDE_MOTION
+                selection = selection.decided(score.effect.id, Decision(Reason.NOT_BESIDE_MOTION))
                 strong.remove(score)
-        return sorted(strong, key=lambda score: -score.evidence)
+        return sorted(strong, key=lambda score: -score.screening_gain), selection
 
     def _enough_for(self, effect: type[Effect]) -> float:
         """The p-value at which an effect may enter."""
@@ -160,10 +158,12 @@ class Search:
         large = self.facts.any_size or score.size + ROOM_SIGMAS * score.std >= effect.smallest(self.facts)
         return score.p_value < enough and (large or not effect.linear)
 
-    def _best_fit(self, current: Fit, contenders: list[Score], selection: Selection) -> tuple[Fit, Trial] | None:
-        """Fit the strongest few in full, each from its own start; the best that stands enters."""
-        best: tuple[Fit, Trial] | None = None
-        local = contenders[0].effect.local_in_time
+    def _best_fit(
+        self, current: Fit, contenders: list[Score], selection: Selection
+    ) -> tuple[Fit | None, str | None, Selection]:
+        """Fit the strongest few in full, each from its own start; the best that stands enters, by its id."""
+        best: Fit | None = None
+        chosen: str | None = None
         for score in contenders[:MOST_TRIED]:
             effect, name = score.effect, score.effect.id
             if best is not None and not self.work.has(work.SEARCH):
@@ -172,34 +172,38 @@ class Search:
             if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
                 continue
             self.advance(f"fitting {name}")
-            if local:
-                fit = settled_event(current, score, self.facts)
-            else:
-                needed = 0.5 * threshold(effect, self.facts, self._enough_for(effect))
-                fit = fitted_at(current, score, needed - _ANOTHER_WAY)
-                if not fit.model.possible(name, self.facts):
-                    fit = possible_fit(current, fit, score, self.facts)
-            gain = 2.0 * (fit.likelihood.value - current.likelihood.value)
-            statistic = score.statistic if local else max(gain, 0.0)  # without it is a model with it
-            p = p_value(effect, statistic, self.facts)
-            evidence = score.evidence + 0.5 * (statistic - score.statistic) / INFLATION
-            trial = replace(Trial.of(score), statistic=statistic, p_value=p, evidence=evidence)
-            if selection.trials[name].statistic <= score.statistic:  # else it was worth more in an earlier turn
-                selection.trials[name] = trial
-            if not local and trial.p_value >= self._enough_for(effect):
+            fit, statistic = self._fitted(current, score, local=contenders[0].effect.local_in_time)
+            trial = Trial.of(score).found_by(statistic, self.facts)
+            enters = contenders[0].effect.local_in_time or trial.p_value < self._enough_for(effect)
+            if enters or selection.trials[name].statistic <= score.statistic:  # else it was worth more earlier
+                selection = selection.tried(trial)
+            if not enters:
                 continue
-            selection.trials[name] = trial
             if not fit.may_matter(name, self.facts):
                 fit = self.with_open_speed(fit)  # its scale may be that of a curve bent for want of it
-            if not (fit.may_matter(name, self.facts) and knows_size(fit, name, LEAST_SIGMAS)):
-                trial.decision = TOO_SMALL
-                continue
-            if not fit.model.possible(name, self.facts):
-                trial.decision = IMPOSSIBLE
-                continue
-            if best is None or evidence > best[1].evidence:
-                best = fit, trial
-        return best
+            refused = self._refusal(fit, name)
+            if refused is not None:
+                selection = selection.decided(name, Decision(refused))
+            elif best is None or chosen is None or trial.screening_gain > selection.trials[chosen].screening_gain:
+                best, chosen = fit, name
+        return best, chosen, selection
+
+    def _fitted(self, current: Fit, score: Score, *, local: bool) -> tuple[Fit, float]:
+        """A candidate fitted in full beside a model, and twice what the likelihood gains."""
+        effect = score.effect
+        if local:  # without it is a model with it
+            return settled_event(current, score, self.facts), score.statistic
+        needed = 0.5 * threshold(effect, self.facts, self._enough_for(effect))
+        fit = fitted_at(current, score, needed - _ANOTHER_WAY)
+        if not fit.model.possible(effect.id, self.facts):
+            fit = possible_fit(current, fit, score, self.facts)
+        return fit, max(2.0 * (fit.likelihood.value - current.likelihood.value), 0.0)
+
+    def _refusal(self, fit: Fit, name: str) -> Reason | None:
+        """Why a significant effect does not stand for all that."""
+        if not (fit.may_matter(name, self.facts) and knows_size(fit, name, LEAST_SIGMAS)):
+            return Reason.TOO_SMALL
+        return None if fit.model.possible(name, self.facts) else Reason.IMPOSSIBLE
 
     def told(self, fit: Fit, name: str) -> Fit:
         """The record fitted with an effect that is known to be there; unchanged where the log cannot show it."""
@@ -209,7 +213,7 @@ class Search:
             return fit
         return fitted_event(fit, score, self.facts) if effect.local_in_time else fitted_at(fit, score)
 
-    def pruned(self, fit: Fit, selection: Selection, least: int = 1) -> Fit:
+    def pruned(self, fit: Fit, selection: Selection, least: int = 1) -> tuple[Fit, Selection]:
         """Leave out, one by one, what is no longer missed or no longer matters, down to `least` effects."""
         while len(fit.model.effects.ids) > least:
             losses = []
@@ -226,9 +230,10 @@ class Search:
             if missed and fit.may_matter(name, self.facts):
                 break
             if name in selection.trials:  # else the model given had it
-                selection.trials[name].decision = less.model.effects.ids or NOT_SIGNIFICANT
+                left = less.model.effects.ids
+                selection = selection.decided(name, explained_by(*left) if left else Decision(Reason.NOT_SIGNIFICANT))
             fit = less
-        return fit
+        return fit, selection
 
     def _without(self, fit: Fit, name: str) -> Fit:
         """The same without an effect; where nobody gave a Stribeck speed, the likeliest one by the base model's law."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rw_ekf.diagnosis.search.candidates import INFLATION, p_value
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
@@ -18,29 +17,27 @@ from rw_ekf.model.effect import RecordFacts, Term
 _DEEPER = 0.5  # log-likelihood by which another valley must be deeper
 
 
-def in_deepest_valleys(selection: Selection, facts: RecordFacts) -> None:
-    """Fit what was chosen and has several valleys again from all of them; what lies deeper stands in its place."""
+def in_deepest_valleys(selection: Selection, facts: RecordFacts) -> Selection:
+    """What was chosen and has several valleys fitted again from all of them; what lies deeper stands in its place."""
     for name in selection.new_ids:
-        starts = CATALOGUE[name].valleys(selection.final.model.seen_by(CATALOGUE[name], facts))
-        record = selection.final.linearised.record
-        if not starts:
-            continue
-        if not record.work.has(work.FITS):
-            record.work.leave_out(f"other valleys of {name}")
-            continue
-        less = selection.without(name)
-        model = selection.final.model.without(name)
-        sketches = [less.sketched(model.with_terms(Term.at(CATALOGUE[name], start))) for start in starts]
-        best = max(sketches, key=lambda fit: fit.likelihood.value)
-        if best.likelihood.value < selection.final.likelihood.value + _DEEPER:
-            continue
-        selection.final = best.refitted(best.model)
-        _update(selection, name, 2.0 * (selection.final.likelihood.value - less.likelihood.value), facts)
+        selection = _in_deepest_valley(selection, name, facts)
+    return selection
 
 
-def _update(selection: Selection, name: str, statistic: float, facts: RecordFacts) -> None:
-    trial = selection.trials[name]
-    evidence = trial.evidence + 0.5 * (statistic - trial.statistic) / INFLATION
-    selection.trials[name] = replace(
-        trial, statistic=statistic, evidence=evidence, p_value=p_value(trial.effect, statistic, facts)
-    )
+def _in_deepest_valley(selection: Selection, name: str, facts: RecordFacts) -> Selection:
+    effect, final = CATALOGUE[name], selection.final
+    starts = effect.valleys(final.model.seen_by(effect, facts))
+    record = final.linearised.record
+    if not starts:
+        return selection
+    if not record.work.has(work.FITS):
+        record.work.leave_out(f"other valleys of {name}")
+        return selection
+    less, model = selection.without(name), final.model.without(name)
+    sketches = [less.sketched(model.with_terms(Term.at(effect, start))) for start in starts]
+    best = max(sketches, key=lambda fit: fit.likelihood.value)
+    if best.likelihood.value < final.likelihood.value + _DEEPER:
+        return selection
+    deepest = best.refitted(best.model)
+    trial = selection.trials[name].found_by(2.0 * (deepest.likelihood.value - less.likelihood.value), facts)
+    return replace(selection.tried(trial), final=deepest)
