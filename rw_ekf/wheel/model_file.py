@@ -106,7 +106,7 @@ def _effect_documents(term: Term) -> list[dict[str, Any]]:
 
 def read_model(path: Path) -> WheelModel:
     """Read and check a model file. Raises ConfigError naming file, line and column of everything that is wrong."""
-    from rw_ekf.settings.yaml_loader import load_yaml
+    from rw_ekf.checking.yaml_loader import load_yaml
 
     document = load_yaml(path)
     model, remark = model_from_data(document.data, document.where), changed(path)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
-from typing import Any, get_args
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from rw_ekf.settings.schema import Section
-from rw_ekf.settings.wording import shown, suggestion
-from rw_ekf.settings.yaml_loader import PathTuple, YamlDocument
+from rw_ekf.checking.section import SAID, Section
+from rw_ekf.checking.wording import shown, suggestion
+from rw_ekf.checking.yaml_loader import PathTuple, YamlDocument
+from rw_ekf.errors import ConfigError
+
+Where = Callable[[PathTuple], str]  # ("registers", 3, "id") -> "file:line:column"
+Checked = TypeVar("Checked", bound=BaseModel)
 
 _BOUNDS = {
     "greater_than": ("gt", "above"),
@@ -24,18 +28,28 @@ _KINDS = {
     "int_type": "a whole number",
     "int_from_float": "a whole number",
     "string_type": "text",
+    "bool_type": "true or false",
     "tuple_type": "a list",
     "list_type": "a list",
     "model_type": "a table of keys",
+    "dict_type": "a table of keys",
     "finite_number": "a finite number",
 }
+_KEY = "[key]"  # what pydantic adds to the path where the key of an entry is at fault, not its value
 
 
-def validation_findings(
-    document: YamlDocument, prefix: PathTuple, model: type[BaseModel], error: ValidationError
-) -> list[str]:
-    """One line per mistake that pydantic found in the part of `document` at `prefix`, checked against `model`."""
-    return [_finding(document, prefix, model, detail) for detail in error.errors(include_url=False)]
+def checked(model: type[Checked], data: object, what: str, where: Where, where_key: Where | None = None) -> Checked:
+    """Hold plain data against a model; `what` names the whole in words, `where_key` places keys where `where` does not.
+
+    Raises ConfigError with one finding for each mistake.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        if not isinstance(data, Mapping):
+            known = ", ".join(model.model_fields)
+            raise ConfigError(f"{where(())}: {what} must be a table of {known}; found {shown(data)}") from None
+        raise ConfigError(validation_findings(model, error, where, where_key or where)) from None
 
 
 def validated_sections(
@@ -55,26 +69,39 @@ def validated_sections(
         try:
             sections[name] = model.model_validate({} if data.get(name) is None else data[name])
         except ValidationError as error:
-            findings += validation_findings(document, (name,), model, error)
+            findings += validation_findings(model, error, document.where, document.where_key, (name,))
     return sections, findings
 
 
-def _finding(document: YamlDocument, prefix: PathTuple, model: type[BaseModel], detail: ErrorDetails) -> str:
-    path = (*prefix, *detail["loc"])
+def validation_findings(
+    model: type[BaseModel], error: ValidationError, where: Where, where_key: Where, prefix: PathTuple = ()
+) -> list[str]:
+    """One line for each mistake that pydantic found in what stands at `prefix`, held against `model`."""
+    return [_finding(model, detail, where, where_key, prefix) for detail in error.errors(include_url=False)]
+
+
+def _finding(model: type[BaseModel], detail: ErrorDetails, where: Where, where_key: Where, prefix: PathTuple) -> str:
+    kind, loc, found = detail["type"], detail["loc"], detail["input"]
+    unknown = kind in {"extra_forbidden", "invalid_key"}
+    if loc and loc[-1] == _KEY and not unknown:
+        loc, where = loc[:-1], where_key
+    path = (*prefix, *loc)
     key = ".".join(str(part) for part in path)
-    parent, description = _described(model, detail["loc"])
-    kind, found = detail["type"], detail["input"]
-    meaning = f" ({description})" if description else ""
+    if unknown:
+        holder, _ = _described(model, loc[:-1])
+        return f"{where_key(path)}: unknown key {key}; {suggestion(path[-1], holder.model_fields if holder else ())}"
+    _, description = _described(model, loc)
     if kind == "missing":
-        return f"{document.where_key(path)}: {key} is required: {description}; there is no default"
-    if kind == "extra_forbidden":
-        known = list(parent.model_fields) if parent is not None else []
-        return f"{document.where_key(path)}: unknown key {key}; {suggestion(path[-1], known)}"
-    return f"{document.where(path)}: {key} {_fault(kind, found, detail)}{meaning}"
+        meaning = f": {description}" if description else ""
+        return f"{where_key(path)}: {key} is required{meaning}; there is no default"
+    meaning = f" ({description})" if description and kind != SAID else ""
+    return f"{where(path)}: {key}{' ' if key else ''}{_fault(kind, found, detail)}{meaning}"
 
 
 def _fault(kind: str, found: object, detail: ErrorDetails) -> str:
     context: dict[str, Any] = detail.get("ctx", {})
+    if kind == SAID:
+        return detail["msg"]
     if kind in _BOUNDS:
         name, words = _BOUNDS[kind]
         return f"must be {words} {context[name]:g}, found {shown(found)}"
@@ -95,18 +122,17 @@ def _fault(kind: str, found: object, detail: ErrorDetails) -> str:
     return f"is not accepted ({detail['msg']}), found {shown(found)}"
 
 
-def _described(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, str]:
-    """Model that holds the last key of `loc`, and the description of that key (or of the list it is in)."""
+def _described(model: type[BaseModel], loc: PathTuple) -> tuple[type[BaseModel] | None, str]:
+    """Model that stands at `loc`, if one does, and the description of its last key (or of the list it is in)."""
     current: type[BaseModel] | None = model
-    parent, description = current, ""
+    description = ""
     for part in loc:
         if isinstance(part, int):
             continue
-        parent = current
         info = current.model_fields.get(part) if current is not None else None
         description = (info.description or "") if info is not None else ""
         current = _model_of(info.annotation) if info is not None else None
-    return parent, description
+    return current, description
 
 
 def _model_of(annotation: Any) -> type[BaseModel] | None:
