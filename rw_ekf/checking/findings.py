@@ -136,8 +136,7 @@ def _described(model: type[BaseModel], loc: PathTuple) -> tuple[type[BaseModel] 
 
 
 def _model_of(annotation: Any) -> type[BaseModel] | None:
-    """Give the model in an annotation such as `PriorSection | None`; None where there is none."""
-    for candidate in (annotation, *get_args(annotation)):
-        if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-            return candidate
-    return None
+    """Give the model in an annotation such as `list[PriorSection] | None`; None where there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((model for part in get_args(annotation) if (model := _model_of(part)) is not None), None)

@@ -12,22 +12,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.checking.findings import checked
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
-from rw_ekf.model import bounds as model_bounds
 from rw_ekf.model.effect import Term
-from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
-from rw_ekf.wheel.model_check import ModelChecker
+from rw_ekf.wheel.model_check import ASSUMED, ModelFile
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
-from rw_ekf.wheel.wheel_tag import WheelTag, tag_of_data
+from rw_ekf.wheel.wheel_tag import WheelTag
 
 SCHEMA_FAMILY = "rw_ekf.model/"
 SCHEMA = SCHEMA_FAMILY + "1"
-_KEYS = ("schema", "source", "wheel", "stribeck", "parameters", "covariance", "noise", "effects")
-_INERTIA = ("inertia_kg_m2", "inertia_from")
-ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 
 
 @dataclass(frozen=True)
@@ -120,43 +116,20 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
     schema = data.get("schema")
     if schema != SCHEMA:
         raise ConfigError(_schema_finding(schema, where))
-    checker = ModelChecker(data, where)
-    parameters = [checker.number(("parameters", name, "value")) for name in PARAMETER_NAMES]
-    effects = checker.effects()
-    covariance = checker.covariance(len(PARAMETER_NAMES) + effects.size)
-    checker.plausible(parameters, effects, covariance)
-    law = checker.get(("stribeck", "law"))
-    if law not in LAW_CODES:
-        checker.find(("stribeck", "law"), f"is {law!r}; it must be one of {', '.join(LAW_CODES)}")
-    model = {
-        "stribeck_speed_rad_s": checker.number(("stribeck", "speed_rad_s"), model_bounds.STRIBECK_SPEED_RAD_S),
-        "speed_noise_rad_s": checker.optional(("noise", "speed_rad_s"), model_bounds.SPEED_NOISE_RAD_S),
-        "acceleration_noise": checker.optional(
-            ("noise", "acceleration_rad_s_per_sqrt_s"), model_bounds.ACCELERATION_NOISE
-        ),
-        "inertia_kg_m2": checker.optional(("inertia_kg_m2",), model_bounds.INERTIA_KG_M2),
-    }
-    if data.get("inertia_from", ASSUMED) != ASSUMED:
-        found = repr(data["inertia_from"])
-        checker.find(("inertia_from",), f"is {found}; it is {ASSUMED}, or left out where somebody gave the inertia")
-    wheel = tag_of_data(checker)
-    source = data.get("source")
-    if not isinstance(source, Mapping | None):
-        checker.find(("source",), "must be a mapping: method, log and so on")
-    for key in data:
-        if key not in _KEYS + _INERTIA:
-            checker.find((key,), "is not a key of a model file")
-    if checker.findings:
-        raise ConfigError(checker.findings)
+    content = {key: value for key, value in data.items() if key != "schema"}
+    found = checked(ModelFile, content, "a model file", where)
     return WheelModel(
-        FrictionParameters(*parameters),
-        covariance,
-        stribeck_law=str(law),
-        source=source or {},
-        effects=effects,
-        wheel=wheel,
-        inertia_is_assumed="inertia_from" in data,
-        **model,  # type: ignore[arg-type]
+        FrictionParameters(*found.values),
+        found.covariance,
+        stribeck_speed_rad_s=found.stribeck.speed_rad_s,
+        stribeck_law=found.stribeck.law,
+        speed_noise_rad_s=found.noise.speed_rad_s,
+        acceleration_noise=found.noise.acceleration_rad_s_per_sqrt_s,
+        inertia_kg_m2=found.inertia_kg_m2,
+        source=found.source or {},
+        effects=found.effect_set,
+        wheel=None if found.wheel is None else WheelTag(**found.wheel.model_dump()),
+        inertia_is_assumed=found.inertia_from == ASSUMED,
     )
 
 
