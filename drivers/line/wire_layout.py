@@ -203,9 +203,9 @@ class LineSettings(Section):
     """The serial line as the wheel expects it."""
 
     baud: int = Key(38400, ge=50, le=4_000_000, description="line speed [baud]")
-    data_bits: Literal[8] = 8
+    data_bits: int = Key(8, ge=8, le=8, description="per byte")
     parity: Literal["none", "even", "odd"] = "none"
-    stop_bits: int = Key(1, ge=1, le=2, description="per byte")
+    stop_bits: int = Key(1, ge=1, le=2, description="after a byte")
     reply_timeout_ms: float = Key(40.0, ge=1, le=60_000, description="how long a reply is waited for [ms]")
 
     @property

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any
 
 from pydantic import Field as Key
-from pydantic import field_validator, model_validator
+from pydantic import ValidationInfo, field_validator
 
 from drivers.line.wire_layout import Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 from rw_ekf.checking.findings import Where, checked
@@ -32,33 +32,23 @@ class WireMap(Section):
             refuse([((), "must name 0 ok: it is what a wheel answers when it accepted a write")])
         return statuses
 
-    @model_validator(mode="after")
-    def _holds(self) -> Self:
+    @field_validator("registers")
+    @classmethod
+    def _together(cls, registers: tuple[Register, ...], info: ValidationInfo) -> tuple[Register, ...]:
+        ids: IdRanges | None = info.data.get("ids")
         mistakes: list[Mistake] = []
-        for index, register in enumerate(self.registers):
-            access, low_high = register.access, getattr(self.ids, register.access)
-            if not low_high[0] <= register.id <= low_high[1]:
+        for index, register in enumerate(registers):
+            access = register.access
+            first, last = getattr(ids, access) if ids is not None else (register.id, register.id)
+            if not first <= register.id <= last:
                 found = f"is {register.id}, but register {register.name} has access {access}"
-                reach = f"{low_high[0]} to {low_high[1]} (see ids)"
-                mistakes.append((("registers", index, "id"), f"{found}; ids that {access} are {reach}"))
+                mistakes.append(((index, "id"), f"{found}; ids that {access} are {first} to {last} (see ids)"))
             for key in ("id", "name"):
                 value = getattr(register, key)
-                if any(getattr(other, key) == value for other in self.registers[:index]):
-                    mistakes.append((("registers", index, key), f"{value} is already used by a register above"))
-        refuse([*mistakes, *((("registers",), words) for words in self._lacks())])
-        return self
-
-    def _lacks(self) -> list[str]:
-        """What no map may lack: a speed to read and a current to write."""
-        found = []
-        if not any(register.field("speed") for register in self.readable()):
-            found.append("need one with access read and a field named speed; the speed is what is estimated from")
-        command = [r for r in self.registers if r.name == "current_command"]
-        if not any(register.access == "write" for register in command):
-            found.append("need one named current_command with access write; without it no wheel can be driven")
-        elif [field.name for field in command[0].fields] != ["current_command"]:
-            found.append("current_command must have exactly one field, named current_command")
-        return found
+                if any(getattr(other, key) == value for other in registers[:index]):
+                    mistakes.append(((index, key), f"{value} is already used by a register above"))
+        refuse([*mistakes, *(((), words) for words in _lacks(registers))])
+        return registers
 
     def model_post_init(self, context: Any) -> None:
         """Tell the registers in which order their bytes stand."""
@@ -123,6 +113,19 @@ class WireMap(Section):
     def status_name(self, status: int) -> str:
         """The map's word for a status byte."""
         return self.statuses.get(status, f"status_{status}")
+
+
+def _lacks(registers: tuple[Register, ...]) -> list[str]:
+    """What no map may lack: a speed to read and a current to write."""
+    found = []
+    if not any(register.access == "read" and register.field("speed") for register in registers):
+        found.append("need one with access read and a field named speed; the speed is what is estimated from")
+    command = [register for register in registers if register.name == "current_command"]
+    if not any(register.access == "write" for register in command):
+        found.append("need one named current_command with access write; without it no wheel can be driven")
+    elif [field.name for field in command[0].fields] != ["current_command"]:
+        found.append("current_command must have exactly one field, named current_command")
+    return found
 
 
 def wire_map_from_mapping(data: object, where: Where) -> WireMap:

@@ -83,10 +83,11 @@ def validation_findings(
 def _finding(model: type[BaseModel], detail: ErrorDetails, where: Where, where_key: Where, prefix: PathTuple) -> str:
     kind, loc, found = detail["type"], detail["loc"], detail["input"]
     unknown = kind in {"extra_forbidden", "invalid_key"}
-    if loc and loc[-1] == _KEY and not unknown:
+    of_key = bool(loc) and loc[-1] == _KEY and not unknown
+    if of_key:
         loc, where = loc[:-1], where_key
     path = (*prefix, *loc)
-    key = ".".join(str(part) for part in path)
+    key = ("the key of " if of_key else "") + ".".join(str(part) for part in path)
     if unknown:
         holder, _ = _described(model, loc[:-1])
         return f"{where_key(path)}: unknown key {key}; {suggestion(path[-1], holder.model_fields if holder else ())}"

@@ -27,7 +27,7 @@ from pydantic import Field as Key
 from rw_ekf.checking.findings import checked
 from rw_ekf.checking.section import NOT_NULL, Mistake, Section, refuse
 from rw_ekf.checking.wording import shown
-from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.checking.yaml_loader import YamlDocument, load_yaml
 from rw_ekf.logs.csv_table import CsvLayout
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
@@ -79,7 +79,11 @@ class ColumnMap:
 
 def load_column_map(path: str | Path) -> ColumnMap:
     """Read and check a mapping file. Raises ConfigError with one finding per mistake."""
-    document = load_yaml(path)
+    return column_map_from(load_yaml(path))
+
+
+def column_map_from(document: YamlDocument) -> ColumnMap:
+    """Check a parsed mapping file. Raises ConfigError with one finding per mistake."""
     found: Any = checked(_MapFile, document.data, "a column map", document.where, document.where_key)
     names = [name for name in document.data if name in READABLE_COLUMNS]
     return ColumnMap(
@@ -183,11 +187,12 @@ class _Options(Section):
 
     @model_validator(mode="after")
     def _together(self) -> Self:
-        given = self.model_fields_set
+        given, mistakes = self.model_fields_set, []
         if self.rate_hz is not None and "time_s" in given:
-            refuse([(("rate_hz",), "stands in for a time column, but time_s is mapped too: drop one of them")])
+            mistakes.append((("rate_hz",), "stands in for a time column, but time_s is mapped too: drop one of them"))
         if {"speed_rpm", "speed_rad_s"} <= given:
-            refuse([(("speed_rpm",), "is mapped, and speed_rad_s too: drop one of them")])
+            mistakes.append((("speed_rpm",), "is mapped, and speed_rad_s too: drop one of them"))
+        refuse(mistakes)
         return self
 
 
