@@ -19,9 +19,9 @@ from rw_ekf.model.effect import Coefficient, Shape, Term
 from rw_ekf.model.effect_kinds import StaticEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES
+from rw_ekf.wheel.model_file import ASSUMED
 from rw_ekf.wheel.table import EffectSet
 
-ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 Matrix = tuple[tuple[float, ...], ...]
 
 _LEAST_EIGENVALUE = 1.0e-12  # of the correlations; below it the matrix has no inverse in double precision

@@ -12,18 +12,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.checking.findings import checked
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
-from rw_ekf.wheel.model_check import ASSUMED, ModelFile
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.wheel_tag import WheelTag
 
 SCHEMA_FAMILY = "rw_ekf.model/"
 SCHEMA = SCHEMA_FAMILY + "1"
+ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 
 
 @dataclass(frozen=True)
@@ -111,6 +110,9 @@ def read_model(path: Path) -> WheelModel:
 
 def model_from_data(data: Any, where: Any) -> WheelModel:
     """Check plain data; `where` turns a path of keys into "file:line:column"."""
+    from rw_ekf.checking.findings import checked
+    from rw_ekf.wheel.model_check import ModelFile
+
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where(())}: a model file is a mapping that begins with `schema: {SCHEMA}`.")
     schema = data.get("schema")

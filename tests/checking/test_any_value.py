@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from drivers.line.wire_map import wire_map_from_mapping
 from rw_ekf.checking.yaml_loader import YamlDocument, parse_yaml
 from rw_ekf.errors import ConfigError
-from rw_ekf.logs.column_map import column_map_from
+from rw_ekf.logs.column_map_file import column_map_from
 from rw_ekf.settings.load import configuration_from
 from rw_ekf.settings.resources import config_resource
 from rw_ekf.wheel.model_file import model_from_data

@@ -90,8 +90,7 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
     from rw_ekf import __version__
     from rw_ekf.logs.record_print import print_of
     from rw_ekf.model.friction import LAW_NAMES
-    from rw_ekf.wheel.model_check import ASSUMED
-    from rw_ekf.wheel.model_file import WheelModel
+    from rw_ekf.wheel.model_file import ASSUMED, WheelModel
 
     known = fit.model.known
     covariance = fit.likelihood.covariance[:known, :known]
