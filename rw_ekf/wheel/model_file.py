@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.checking.wording import shown
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
@@ -155,4 +156,4 @@ def _schema_finding(schema: object, where: Any) -> str:
             f"{where(('schema',))}: schema is {schema!r}, this version of rw_ekf reads {SCHEMA!r}. "
             "Write the model again with this version (`rw-ekf fit LOG --out model.yaml`)."
         )
-    return f"{where(('schema',))}: not a model file: schema is {schema!r}, expected {SCHEMA!r}."
+    return f"{where(('schema',))}: not a model file: schema is {shown(schema)}, expected {SCHEMA!r}."

@@ -12,7 +12,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers.line.wire_map import wire_map_from_mapping
+from drivers.protocols import protocol_of
 from rw_ekf.checking.yaml_loader import YamlDocument, parse_yaml
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.column_map_file import column_map_from
@@ -42,8 +42,8 @@ _MODEL = model_with(pair("torque_ripple", 0.1, 0.2)).document() | {
 }
 CHECKS: dict[str, tuple[Any, Callable[[YamlDocument], object]]] = {
     "wire map": (
-        yaml.safe_load(config_resource("sunspace-wheel").read_text(encoding="utf-8")),
-        lambda document: wire_map_from_mapping(document.data, document.where),
+        yaml.safe_load(config_resource("sunspace-wheel").read_text(encoding="utf-8")) | {"family": "registers"},
+        lambda document: protocol_of(document.data, document.where),
     ),
     "column map": (yaml.safe_load(_COLUMNS), column_map_from),
     "model": (_MODEL, lambda document: model_from_data(document.data, document.where)),
