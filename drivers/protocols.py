@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping
 
+from rw_ekf.checking.wording import shown
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import ConfigError
 
@@ -23,7 +24,8 @@ def protocol_of(data: object, where: Where) -> WheelProtocol:
     where: turns a path like ("registers", 3, "id") into "file:line:column".
     """
     family = data.get("family", USUAL_FAMILY) if isinstance(data, Mapping) else USUAL_FAMILY
-    if family not in FAMILIES:
-        raise ConfigError([f"{where(('family',))}: family is {family!r}; there are {', '.join(sorted(FAMILIES))}"])
+    if not isinstance(family, str) or family not in FAMILIES:
+        known = ", ".join(sorted(FAMILIES))
+        raise ConfigError(f"{where(('family',))}: family must be one of {known}; found {shown(family)}")
     made: WheelProtocol = importlib.import_module(FAMILIES[family]).protocol_of(data, where)
     return made

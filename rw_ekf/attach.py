@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 def load_protocol(name: str) -> WheelProtocol:
     """Wire protocol by a name from config/ or a path. Raises ConfigError with every finding."""
     from drivers.protocols import protocol_of
+    from rw_ekf.checking.yaml_loader import load_yaml
     from rw_ekf.settings.resources import protocol_path
-    from rw_ekf.settings.yaml_loader import load_yaml
 
     document = load_yaml(protocol_path(name))
     return protocol_of(document.data, document.where)

@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.cli import build_parser
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import BadInputError, ConfigError, DriverError, FilterError, LogError, RwEkfError
@@ -16,7 +17,6 @@ from rw_ekf.logs.writer import estimate_columns
 from rw_ekf.model.state import STATE_NAMES, STATE_UNITS
 from rw_ekf.settings.resources import config_resource
 from rw_ekf.settings.schema import SECTIONS
-from rw_ekf.settings.yaml_loader import load_yaml
 from tests.contract import check_document, examples, quoted, rows, section
 
 

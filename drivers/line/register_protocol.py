@@ -10,7 +10,8 @@ from typing import Any
 from drivers.line.serial_link import OpenPort
 from drivers.line.serial_port import open_serial_port
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
+from drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.checking.findings import Where
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits
 

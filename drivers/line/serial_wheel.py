@@ -277,8 +277,8 @@ def open_serial_wheel(
     if previous is not None:
         previous.close()
     counters = previous.link if previous is not None else None
-    timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.line.reply_timeout_s
-    settings = PortSettings(port, baud if baud is not None else wire_map.line.baud, wire_map.line, exclusive, control)
+    timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.link.reply_timeout_s
+    settings = PortSettings(port, baud if baud is not None else wire_map.link.baud, wire_map.link, exclusive, control)
     line = SerialLink(settings, wire_map.framing, timeout_s, clock, counters, open_port)
     wheel = SerialWheel(line, wire_map, clock, previous.clock if previous is not None else None)
     if previous is not None:

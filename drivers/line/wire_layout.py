@@ -1,11 +1,16 @@
-"""What a wire map consists of: fields, registers, framing bytes and line settings. Values only; see wire_map.py."""
+"""What a wire map consists of: fields, registers, framing bytes and line settings, each checked alone."""
 
 from __future__ import annotations
 
 import math
+import re
 import struct
-from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
+from pydantic import AfterValidator, PrivateAttr, model_validator
+from pydantic import Field as Key
+
+from rw_ekf.checking.section import NOT_NULL, Mistake, Section, one_of, refuse
 from rw_ekf.units import A_PER_MA, RAD_S_PER_RPM
 
 # unit in the map -> (quantity, factor to SI). Temperatures stay in degC throughout the project.
@@ -70,17 +75,45 @@ BEYOND_ANY_MACHINE: dict[str, float] = {
     "number": 2.0**53,  # beyond it a double has no whole numbers
 }
 
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
-@dataclass(frozen=True, slots=True)
-class Field:
+
+def _word(text: str) -> str:
+    if not _NAME.fullmatch(text):
+        raise ValueError("write a name in small letters, digits and _")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_word)]
+Byte = Annotated[int, Key(ge=0, le=255)]
+IdRange = tuple[Byte, Byte]
+Crc = Literal["crc16-mcrf4xx", "crc16-x25", "crc16-kermit", "crc16-modbus"]  # see framing.CRCS
+
+
+class Field(Section):
     """One number in a register: value in `unit` = number on the wire * scale + offset."""
 
-    name: str
-    type: str
-    unit: str = "none"
-    scale: float = 1.0
-    offset: float = 0.0
-    constant: float | None = None  # a key that is always sent as it stands (and must be, to be accepted)
+    name: Name = Key(description="what it is")
+    type: Annotated[str, one_of(TYPES)] = Key(description="how the number is carried")
+    unit: Annotated[str, one_of(UNITS)] = "none"
+    scale: float = Key(1.0, description="unit per count")
+    offset: float = Key(0.0, description="value at count 0, in the unit")
+    constant: Annotated[float | None, NOT_NULL] = None  # always sent as it stands (and must be, to be accepted)
+
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        mistakes: list[Mistake] = []
+        wanted = QUANTITIES.get(self.name, self.quantity)
+        if self.scale == 0.0:
+            mistakes.append((("scale",), "must not be 0: the value could not be written"))
+        if self.quantity != wanted:
+            units = ", ".join(unit for unit, (quantity, _) in UNITS.items() if quantity == wanted)
+            at = "unit" if "unit" in self.model_fields_set else "name"
+            mistakes.append(((at,), f"does not fit, {self.name} in {self.unit}; its unit must be one of {units}"))
+        if self.constant is not None and not TYPES[self.type][1] <= self.constant <= TYPES[self.type][2]:
+            mistakes.append((("constant",), f"must fit into {self.type}, found {self.constant:g}"))
+        refuse(mistakes)
+        return self
 
     @property
     def quantity(self) -> str:
@@ -114,21 +147,31 @@ class Field:
         return (value_si / UNITS[self.unit][1] - self.offset) / self.scale
 
 
-@dataclass(frozen=True, slots=True)
-class Register:
+class Register(Section):
     """One register: an id, a direction and its fields in the order of their bytes."""
 
-    id: int
-    name: str
-    access: str  # "read" or "write"
-    fields: tuple[Field, ...]
-    byte_order: str = "little"
+    id: Byte = Key(description="what requests call it")
+    name: Name = Key(description="what it is")
+    access: Literal["read", "write"] = Key(description="what a request of that id does")
+    fields: tuple[Field, ...] = Key(strict=False, description="in the order of their bytes")
+    _order: str = PrivateAttr("<")  # of the bytes, as `struct` has it; a map sets it from its framing
+
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        names = [field.name for field in self.fields]
+        if not names:
+            refuse([(("fields",), "must be a list with at least one field")])
+        refuse(
+            (("fields", index, "name"), f"is taken: field {name} stands twice in this register")
+            for index, name in enumerate(names)
+            if name in names[:index]
+        )
+        return self
 
     @property
     def packing(self) -> struct.Struct:
         """The bytes of the register's data."""
-        order = "<" if self.byte_order == "little" else ">"
-        return struct.Struct(order + "".join(TYPES[field.type][0] for field in self.fields))
+        return struct.Struct(self._order + "".join(TYPES[field.type][0] for field in self.fields))
 
     @property
     def size(self) -> int:
@@ -140,27 +183,58 @@ class Register:
         return next((field for field in self.fields if field.name == name), None)
 
 
-@dataclass(frozen=True, slots=True)
-class Framing:
+class Framing(Section):
     """How a body becomes a frame: escape start body escape end, the body's escapes doubled, a CRC at its end."""
 
-    escape: int = 0x1F
-    start: int = 0x7F
-    end: int = 0xFF
-    crc: str = "crc16-mcrf4xx"
+    escape: Byte = 0x1F
+    start: Byte = 0x7F
+    end: Byte = 0xFF
+    crc: Crc = "crc16-mcrf4xx"
+    byte_order: Literal["little", "big"] = Key("little", description="of the values in the data")
+
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        if len({self.escape, self.start, self.end}) < 3:
+            refuse([((), "needs three different bytes for escape, start and end")])
+        return self
 
 
-@dataclass(frozen=True, slots=True)
-class LineSettings:
+class LineSettings(Section):
     """The serial line as the wheel expects it."""
 
-    baud: int = 38400
-    data_bits: int = 8
-    parity: str = "none"
-    stop_bits: int = 1
-    reply_timeout_s: float = 0.040
+    baud: int = Key(38400, ge=50, le=4_000_000, description="line speed [baud]")
+    data_bits: int = Key(8, ge=8, le=8, description="per byte")
+    parity: Literal["none", "even", "odd"] = "none"
+    stop_bits: int = Key(1, ge=1, le=2, description="after a byte")
+    reply_timeout_ms: float = Key(40.0, ge=1, le=60_000, description="how long a reply is waited for [ms]")
+
+    @property
+    def reply_timeout_s(self) -> float:
+        """How long a reply is waited for [s]."""
+        return self.reply_timeout_ms / 1000.0
 
     @property
     def bits_per_byte(self) -> int:
         """Bits on the line for one byte: start, data, parity and stop."""
         return 1 + self.data_bits + (self.parity != "none") + self.stop_bits
+
+
+class IdRanges(Section):
+    """Which ids write and which read, both ends included."""
+
+    write: IdRange = Key((0, 127), strict=False, description="[first, last] of the ids that write")
+    read: IdRange = Key((128, 255), strict=False, description="[first, last] of the ids that read")
+
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        ranges = {"write": self.write, "read": self.read}
+        mistakes: list[Mistake] = [
+            ((name,), f"goes from {first} to {last}: the first id must not be above the last")
+            for name, (first, last) in ranges.items()
+            if first > last
+        ]
+        if max(self.write[0], self.read[0]) <= min(self.write[1], self.read[1]):
+            found = f"write {list(self.write)} and read {list(self.read)}"
+            mistakes.append(((), f"overlap, {found}: an id either writes or reads"))
+        refuse(mistakes)
+        return self

@@ -2,26 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from typing import Any
 
-from drivers.line.wire_layout import Field, Framing, LineSettings, Register
-from rw_ekf.errors import ConfigError
+from pydantic import Field as Key
+from pydantic import ValidationInfo, field_validator
+
+from drivers.line.wire_layout import Byte, Field, Framing, IdRanges, LineSettings, Name, Register
+from rw_ekf.checking.findings import Where, checked
+from rw_ekf.checking.section import Mistake, Section, refuse
 
 STATUS_OK = 0
+_STATUSES = {STATUS_OK: "ok", 1: "unknown_id", 2: "wrong_length", 3: "out_of_range", 4: "refused_in_this_mode"}
 
 
-@dataclass(frozen=True, slots=True)
-class WireMap:
+class WireMap(Section):
     """Everything a driver must know to talk to one kind of wheel. Values are SI at every method."""
 
-    name: str
-    registers: tuple[Register, ...]
-    framing: Framing = field(default_factory=Framing)
-    line: LineSettings = field(default_factory=LineSettings)
-    statuses: Mapping[int, str] = field(default_factory=dict)  # of a reply to a write
-    write_ids: tuple[int, int] = (0, 127)
-    read_ids: tuple[int, int] = (128, 255)
+    name: str = Key("wheel", min_length=1, description="what the protocol is called")
+    framing: Framing = Framing()
+    link: LineSettings = LineSettings()
+    ids: IdRanges = IdRanges()
+    statuses: dict[Byte, Name] = Key(_STATUSES, description="number: name, of the byte that answers a write")
+    registers: tuple[Register, ...] = Key(strict=False, description="what can be read and written")
+
+    @field_validator("statuses")
+    @classmethod
+    def _ok(cls, statuses: dict[int, str]) -> dict[int, str]:
+        if statuses.get(STATUS_OK) != "ok":
+            refuse([((), "must name 0 ok: it is what a wheel answers when it accepted a write")])
+        return statuses
+
+    @field_validator("registers")
+    @classmethod
+    def _together(cls, registers: tuple[Register, ...], info: ValidationInfo) -> tuple[Register, ...]:
+        ids: IdRanges | None = info.data.get("ids")
+        mistakes: list[Mistake] = []
+        for index, register in enumerate(registers):
+            access = register.access
+            first, last = getattr(ids, access) if ids is not None else (register.id, register.id)
+            if not first <= register.id <= last:
+                found = f"is {register.id}, but register {register.name} has access {access}"
+                mistakes.append(((index, "id"), f"{found}; ids that {access} are {first} to {last} (see ids)"))
+            for key in ("id", "name"):
+                value = getattr(register, key)
+                if any(getattr(other, key) == value for other in registers[:index]):
+                    mistakes.append(((index, key), f"{value} is already used by a register above"))
+        refuse([*mistakes, *(((), words) for words in _lacks(registers))])
+        return registers
+
+    def model_post_init(self, context: Any) -> None:
+        """Tell the registers in which order their bytes stand."""
+        for register in self.registers:
+            register._order = "<" if self.framing.byte_order == "little" else ">"
 
     def register(self, name: str) -> Register | None:
         """The register of that name, or None where the wheel has none."""
@@ -37,7 +69,7 @@ class WireMap:
 
     def is_write_id(self, register_id: int) -> bool:
         """Whether a frame with that id writes (known or not)."""
-        return self.write_ids[0] <= register_id <= self.write_ids[1]
+        return self.ids.write[0] <= register_id <= self.ids.write[1]
 
     @property
     def current_command(self) -> Register:
@@ -83,19 +115,23 @@ class WireMap:
         return self.statuses.get(status, f"status_{status}")
 
 
-Where = Callable[[tuple[str | int, ...]], str]
+def _lacks(registers: tuple[Register, ...]) -> list[str]:
+    """What no map may lack: a speed to read and a current to write."""
+    found = []
+    if not any(register.access == "read" and register.field("speed") for register in registers):
+        found.append("need one with access read and a field named speed; the speed is what is estimated from")
+    command = [register for register in registers if register.name == "current_command"]
+    if not any(register.access == "write" for register in command):
+        found.append("need one named current_command with access write; without it no wheel can be driven")
+    elif [field.name for field in command[0].fields] != ["current_command"]:
+        found.append("current_command must have exactly one field, named current_command")
+    return found
 
 
-def wire_map_from_mapping(data: Mapping[str, object], where: Where) -> WireMap:
+def wire_map_from_mapping(data: object, where: Where) -> WireMap:
     """Check plain data (as YAML gives it) and make a wire map of it.
 
     data: the map file's content. where: turns a path like ("registers", 3, "id") into "file:line:column".
     Raises ConfigError with every finding, each "where: what was found, what to do".
     """
-    from drivers.line.wire_map_check import MapReader
-
-    reader = MapReader(where)
-    wire_map = reader.wire_map(data)
-    if reader.findings or wire_map is None:
-        raise ConfigError(reader.findings)
-    return wire_map
+    return checked(WireMap, data, "a wire map", where)

@@ -25,7 +25,7 @@ class WheelLine:
         self.server = server
         self._faults = server.faults
         self._stage = LineStage(self._faults)
-        self._byte_s = server.wire_map.line.bits_per_byte / server.wire_map.line.baud
+        self._byte_s = server.wire_map.link.bits_per_byte / server.wire_map.link.baud
         self._events: list[tuple[float, int, int, bytes]] = []  # (time, order, kind, bytes)
         self._order = 0
         self._receiving_until_s = self._sending_until_s = server.plant.time_s

@@ -6,13 +6,12 @@ import math
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from rw_ekf.errors import ConfigError
-from rw_ekf.settings.findings import validation_findings
-from rw_ekf.settings.schema import Effect, Section, TrueWheelSection
-from rw_ekf.settings.wording import shown
-from rw_ekf.settings.yaml_loader import load_yaml
+from rw_ekf.checking.findings import checked
+from rw_ekf.checking.section import Section
+from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.settings.schema import Effect, TrueWheelSection
 from rw_ekf.units import rad_s_from_rpm
 
 
@@ -137,13 +136,7 @@ class Scenario(Section):
 def load_scenario(path: str | Path) -> Scenario:
     """Read and check a scenario. Raises ConfigError with one finding per mistake, each with file:line:column."""
     document = load_yaml(path)
-    if not isinstance(document.data, dict):
-        raise ConfigError(
-            f"{document.where()}: a scenario must be a table of sections, found {shown(document.data)}; known here: "
-            f"{', '.join(Scenario.model_fields)}"
-        )
-    data = {name: {} if section is None else section for name, section in document.data.items()}
-    try:
-        return Scenario.model_validate(data)
-    except ValidationError as error:
-        raise ConfigError(validation_findings(document, (), Scenario, error)) from None
+    data = document.data
+    if isinstance(data, dict):
+        data = {name: {} if section is None else section for name, section in data.items()}
+    return checked(Scenario, data, "a scenario", document.where, document.where_key)

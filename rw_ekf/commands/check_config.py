@@ -18,10 +18,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises ConfigError with every finding."""
     from rw_ekf.attach import beyond_wire, load_protocol, plant_of
+    from rw_ekf.checking.yaml_loader import load_yaml
     from rw_ekf.errors import BadInputError, ConfigError
     from rw_ekf.json_output import print_json
     from rw_ekf.settings.load import configuration_from, resolved_lines
-    from rw_ekf.settings.yaml_loader import load_yaml
 
     document = load_yaml(args.config)
     configuration = configuration_from(document)

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from rw_ekf.checking.findings import validated_sections
+from rw_ekf.checking.section import Section
+from rw_ekf.checking.wording import shown
+from rw_ekf.checking.yaml_loader import PathTuple, YamlDocument, load_yaml
 from rw_ekf.errors import ConfigError
 from rw_ekf.flyby.geometry import Flyby, Wheels
-from rw_ekf.settings.findings import validated_sections
 from rw_ekf.settings.resources import config_resource
-from rw_ekf.settings.schema import Section
-from rw_ekf.settings.wording import shown
-from rw_ekf.settings.yaml_loader import PathTuple, YamlDocument, load_yaml
 
 DEFAULT = "flyby-titan"
 _UNIT = 1.0e-3  # a unit vector written with three digits is one

@@ -15,10 +15,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.metadata import moment_of, utc_text
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
-from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
 from rw_ekf.wheel.wheel_tag import WheelTag

@@ -7,12 +7,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.parts import beside
 from rw_ekf.logs.sums import note_file
 from rw_ekf.records import WheelIdentity
-from rw_ekf.settings.yaml_loader import load_yaml
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from rw_ekf.checking.yaml_loader import YamlDocument, load_what_can_be_read
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings.load import configuration_from
 from rw_ekf.settings.resources import is_path
 from rw_ekf.settings.schema import Configuration
-from rw_ekf.settings.yaml_loader import YamlDocument, load_what_can_be_read
 
 _KEYS = (("wheel", "protocol"), ("wheel", "baud"), ("wheel", "dtr"), ("wheel", "rts"), ("loop", "reply_timeout_ms"))
 _ANY_LIMIT_A = 1.0  # a Configuration has one; nothing but zero is written with this one

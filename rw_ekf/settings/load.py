@@ -15,9 +15,12 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from rw_ekf.checking.findings import validated_sections
+from rw_ekf.checking.section import Section
+from rw_ekf.checking.wording import shown
+from rw_ekf.checking.yaml_loader import YamlDocument, load_yaml
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.bounds import VALUES, std_fault, value_fault
-from rw_ekf.settings.findings import validated_sections
 from rw_ekf.settings.resources import is_path, protocol_path
 from rw_ekf.settings.schema import (
     SECTIONS,
@@ -27,11 +30,8 @@ from rw_ekf.settings.schema import (
     FilterSection,
     LimitsSection,
     LoopSection,
-    Section,
     WheelSection,
 )
-from rw_ekf.settings.wording import shown
-from rw_ekf.settings.yaml_loader import YamlDocument, load_yaml
 
 SHAPED_PROFILES = frozenset({"sine", "steps", "random-sines"})  # those that use amplitude_A and bias_A
 _PLACE = re.compile(r":(\d+):(\d+): ")

@@ -9,7 +9,9 @@ from __future__ import annotations
 import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
+
+from rw_ekf.checking.section import Section
 
 CommandProfile = Literal[
     "sine", "zero", "steps", "random-sines", "identification", "log", "none", "P1", "P2", "S1", "S2", "S3", "S4", "S5"
@@ -32,12 +34,6 @@ def _effect_syntax(text: str) -> str:
 
 
 Effect = Annotated[str, AfterValidator(_effect_syntax)]
-
-
-class Section(BaseModel):
-    """What all sections share: unknown keys refused, strict types, finite numbers, no change after loading."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, protected_namespaces=())
 
 
 class WheelSection(Section):

@@ -1,171 +1,239 @@
-"""Every number of a model file looked up and held against what machines can be; all that is wrong is collected."""
+"""What may stand in a model file: every number of it held against what machines can be."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any, Self
 
 import numpy as np
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, ValidationInfo, field_validator, model_validator
+from pydantic import Field as Key
 
+from rw_ekf.checking.section import Mistake, Section, one_of, refuse
+from rw_ekf.checking.wording import suggestion
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model import bounds as model_bounds
 from rw_ekf.model.effect import Coefficient, Shape, Term
 from rw_ekf.model.effect_kinds import StaticEffect
+from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.model_file import ASSUMED
+from rw_ekf.wheel.table import EffectSet
 
-_ANY = (-math.inf, math.inf)
+Matrix = tuple[tuple[float, ...], ...]
+
 _LEAST_EIGENVALUE = 1.0e-12  # of the correlations; below it the matrix has no inverse in double precision
 
 
-class ModelChecker:
-    """Looks values up and collects everything that is wrong."""
+def _possible(bounds: tuple[float, float]) -> AfterValidator:
+    """A number within bounds that every machine keeps."""
+    low, high = bounds
 
-    def __init__(self, data: Mapping[str, Any], where: Any) -> None:
-        self.data = data
-        self.where = where
-        self.findings: list[str] = []
-
-    def find(self, path: tuple[str | int, ...], what: str) -> None:
-        """Note what is wrong at a path of keys."""
-        self.findings.append(f"{self.where(path)}: {'.'.join(str(p) for p in path)} {what}")
-
-    def get(self, path: tuple[str | int, ...]) -> Any:
-        """The value at a path of keys; None where there is none."""
-        value: Any = self.data
-        for key in path:
-            if isinstance(value, Mapping):
-                value = value.get(key)
-            else:
-                value = value[key] if isinstance(key, int) and isinstance(value, list) else None
+    def check(value: float) -> float:
+        if not low <= value <= high:
+            refuse([((), f"is {value:g}; no machine is like that: it must lie between {low:g} and {high:g}")])
         return value
 
-    def number(self, path: tuple[str | int, ...], bounds: tuple[float, float] = _ANY) -> float:
-        """A finite number within bounds, or a finding and 1."""
-        value = self.get(path)
-        if not _is_finite(value):
-            self.find(path, f"is {value!r}; a finite number is needed" if value is not None else "is missing")
-            return 1.0
-        if not bounds[0] <= value <= bounds[1]:
-            self.find(
-                path, f"is {value:g}; no machine is like that: it must lie between {bounds[0]:g} and {bounds[1]:g}"
-            )
-        return float(value)
+    return AfterValidator(check)
 
-    def optional(self, path: tuple[str, ...], bounds: tuple[float, float] = _ANY) -> float | None:
-        """The same, or None where nothing is given."""
-        return None if self.get(path) is None else self.number(path, bounds)
 
-    def plausible(self, parameters: list[float], effects: EffectSet, covariance: tuple[tuple[float, ...], ...]) -> None:
-        """Values and sigmas of the parameters and coefficients against what machines can be (model_bounds)."""
-        stds = [math.sqrt(row[i]) for i, row in enumerate(covariance)]
-        known: list[float | None] = [*stds, *([None] * len(parameters))][: len(parameters)] if stds else [None] * 4
-        for name, value, std in zip(PARAMETER_NAMES, parameters, known, strict=True):
-            fault = model_bounds.value_fault(name, value, std)
-            if fault is not None:
-                self.find(("parameters", name, "value"), fault)
-        least = [model_bounds.LEAST_STD] * len(parameters) + [model_bounds.LEAST_EFFECT_STD] * len(stds)
-        values = [*parameters, *effects.values]
-        for i, (value, std) in enumerate(zip(values, stds, strict=False)):
-            if i < len(parameters) and model_bounds.value_fault(PARAMETER_NAMES[i], value, std) is not None:
-                continue  # one finding a parameter: the sigma is judged by the size of the value
-            fault = model_bounds.std_fault(value, std, least=least[i])
-            if fault is not None:
-                self.find(("covariance", i), fault)
+def _table_or_nothing(value: Any) -> Any:
+    return value if isinstance(value, Mapping) else {}
 
-    def effects(self) -> EffectSet:
-        """The effects, each known to the catalogue, with all its constants, or findings."""
-        entries = self.data.get("effects")
-        if entries is None:
-            return NO_EFFECTS
-        if not isinstance(entries, list):
-            self.find(("effects",), "must be a list of effects")
-            return NO_EFFECTS
-        terms: list[Term] = []
-        for i in range(len(entries)):
-            term = self._effect(("effects", i))
-            if term is None:
-                continue
-            for other in terms:
-                same_kind = term.effect is other.effect and not issubclass(term.effect, StaticEffect)
-                if same_kind or (term.effect.flow_kind and other.effect.flow_kind):
-                    self.find(("effects", i), f"is {term.id} beside {other.id}; a model holds one of the kind")
-            terms.append(term)
-        return _joined(terms)
 
-    def _effect(self, path: tuple[str | int, ...]) -> Term | None:
-        name = self.get((*path, "effect"))
-        if not isinstance(name, str) or name not in CATALOGUE:
-            self.find(path, f"names the effect {name!r}; the catalogue has: {', '.join(CATALOGUE)}")
-            return None
-        effect = CATALOGUE[name]
-        value = self.number((*path, "coefficient", "value"))
-        std = self.number((*path, "coefficient", "std"))
-        unit = self.get((*path, "coefficient", "unit"))
-        if unit != effect.coefficient.unit:
-            self.find(
-                (*path, "coefficient"), f"has the unit {unit!r}; the one of {name} is {effect.coefficient.unit!r}"
-            )
-        if not effect.coefficient.lower <= value <= effect.coefficient.upper:
-            low, high = effect.coefficient.lower, effect.coefficient.upper
-            self.find((*path, "coefficient", "value"), f"is {value:g}; {name} allows {low:g} to {high:g}")
-        if std < 0.0:
-            self.find((*path, "coefficient", "std"), f"is {std:g}; a standard deviation is not below zero")
-        for key in self.get(path):
-            if key not in {"effect", "coefficient", "constants"}:
-                self.find((*path, key), "is not a key of an effect")
-        known = {constant.name for constant in effect.constants}
-        for key in self.get((*path, "constants")) or ():
+class _Loose(Section):
+    """A table that may hold more for people: standard deviations, units, remarks."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class _Parameter(_Loose):
+    """One of the four; its sigma is the covariance's."""
+
+    value: float = Key(description="a finite number in the parameter's unit")
+
+
+class _Parameters(_Loose):
+    """The four parameters in state order."""
+
+    motor_gain: _Parameter = Key(description="acceleration per ampere [rad/s^2/A]")
+    viscous: _Parameter = Key(description="viscous friction per inertia [1/s]")
+    coulomb: _Parameter = Key(description="Coulomb friction per inertia [rad/s^2]")
+    static: _Parameter = Key(description="break-away friction per inertia [rad/s^2]")
+
+
+class _Stribeck(_Loose):
+    """The Stribeck bump."""
+
+    speed_rad_s: Annotated[float, _possible(model_bounds.STRIBECK_SPEED_RAD_S)] = Key(description="its speed [rad/s]")
+    law: Annotated[str, one_of(LAW_CODES)] = Key(description="its shape")
+
+
+class _Noise(_Loose):
+    """What the source knew of the noises."""
+
+    speed_rad_s: Annotated[float, _possible(model_bounds.SPEED_NOISE_RAD_S)] | None = None
+    acceleration_rad_s_per_sqrt_s: Annotated[float, _possible(model_bounds.ACCELERATION_NOISE)] | None = None
+
+
+class _Coefficient(_Loose):
+    """The coefficient of an effect."""
+
+    value: float = Key(description="in the unit of the catalogue")
+    std: float = Key(ge=0, description="standard deviation")
+    unit: str = Key(description="as the catalogue has it")
+
+
+class _Entry(Section):
+    """One coefficient of an effect, with the shape constants that it enters with."""
+
+    effect: Annotated[str, one_of(CATALOGUE)] = Key(description="its id in the catalogue")
+    coefficient: _Coefficient = Key(description="value, std and unit")
+    constants: Annotated[dict[str, float], BeforeValidator(lambda value: value or {})] = Key({}, description="by name")
+
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        effect, found = CATALOGUE[self.effect], self.coefficient
+        low, high, unit = effect.coefficient.lower, effect.coefficient.upper, effect.coefficient.unit
+        mistakes: list[Mistake] = []
+        if found.unit != unit:
+            mistakes.append((("coefficient", "unit"), f"is {found.unit!r}; the one of {self.effect} is {unit!r}"))
+        if not low <= found.value <= high:
+            words = f"is {found.value:g}; {self.effect} allows {low:g} to {high:g}"
+            mistakes.append((("coefficient", "value"), words))
+        known = [constant.name for constant in effect.constants]
+        for key in self.constants:
             if key not in known:
-                self.find((*path, "constants", key), f"is not a constant of {name}")
-        numbers = [self._constant((*path, "constants", constant.name), constant) for constant in effect.constants]
-        shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
-        return Term(effect, (value,), (std,), shape)
+                words = f"is not a constant of {self.effect}; {suggestion(key, known)}"
+                mistakes.append((("constants", key), words))
+        faults = ((constant.name, self._fault(constant)) for constant in effect.constants)
+        refuse([*mistakes, *((("constants", name), fault) for name, fault in faults if fault is not None)])
+        return self
 
-    def _constant(self, path: tuple[str | int, ...], constant: Coefficient) -> float:
-        """A shape constant within its bounds, or a finding."""
-        value = self.number(path)
+    def _fault(self, constant: Coefficient) -> str | None:
+        value = self.constants.get(constant.name)
+        if value is None:
+            return "is missing"
         if not constant.lower <= value <= constant.upper:
-            self.find(path, f"is {value:g}; {constant.name} allows {constant.lower:g} to {constant.upper:g}")
+            return f"is {value:g}; {constant.name} allows {constant.lower:g} to {constant.upper:g}"
         if constant.whole and value != round(value):
-            self.find(path, f"is {value:g}; {constant.name} is the {constant.meaning}")
-        return value
+            return f"is {value:g}; {constant.name} is the {constant.meaning}"
+        return None
 
-    def covariance(self, size: int) -> tuple[tuple[float, ...], ...]:
-        """A symmetric matrix (size, size) with non-negative eigenvalues, or a finding."""
-        rows: Any = self.data.get("covariance")
-        try:
-            matrix = np.array([[v if _is_finite(v) else math.nan for v in row] for row in rows], dtype=np.float64)
-        except (TypeError, ValueError):
-            matrix = np.zeros(0)
-        if matrix.shape != (size, size) or not np.isfinite(matrix).all():
-            self.find(
-                ("covariance",), f"must be {size} rows of {size} finite numbers: four parameters, then the effects"
-            )
-            return ()
-        if not (np.diag(matrix) > 0.0).all():
-            self.find(("covariance",), "has a variance that is not above zero: nothing is known for certain")
-            return ()
-        scale = np.sqrt(np.diag(matrix))
-        normal = matrix / scale[:, None] / scale[None, :]
-        if not (np.abs(normal) <= 1.0 + 1.0e-6).all() or not np.allclose(normal, normal.T, atol=1e-6):
-            self.find(("covariance",), "is not symmetric with correlations from -1 to 1: no covariance is like that")
-            return ()
-        least = np.linalg.eigvalsh(normal).min()
-        if least < -1.0e-6:
-            self.find(("covariance",), "has a negative eigenvalue: no covariance is like that")
-            return ()
-        if least < _LEAST_EIGENVALUE:  # rounding of a combination that is known for certain: an inverse is needed
-            matrix = matrix + np.diag((_LEAST_EIGENVALUE - least) * np.diag(matrix))
-        return tuple(tuple(float(v) for v in row) for row in matrix)
+    @property
+    def term(self) -> Term:
+        """The same as a filter has it."""
+        effect = CATALOGUE[self.effect]
+        numbers = [self.constants[constant.name] for constant in effect.constants]
+        shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
+        return Term(effect, (self.coefficient.value,), (self.coefficient.std,), shape)
 
 
-def _joined(terms: list[Term]) -> EffectSet:
-    """Entries that follow each other and are coefficients of one term, as one."""
+def _one_of_a_kind(entries: list[_Entry]) -> list[_Entry]:
+    """A model holds one effect of some kinds."""
+    terms = [entry.term for entry in entries]
+    refuse(
+        ((i,), f"is {term.id} beside {other.id}; a model holds one of the kind")
+        for i, term in enumerate(terms)
+        for other in terms[:i]
+        if (term.effect is other.effect and not issubclass(term.effect, StaticEffect))
+        or (term.effect.flow_kind and other.effect.flow_kind)
+    )
+    return entries
+
+
+_Whole = Annotated[int, Key(gt=-(2**63), lt=2**63)]
+
+
+class _Wheel(Section):
+    """Whose model it is: the fields of a WheelTag."""
+
+    serial_number: _Whole | None = None
+    kind: _Whole | None = None
+    version: _Whole | None = None
+    protocol: str | None = None
+    wire_map: str | None = None
+    port: str | None = None
+    sign_confirmed: bool = False
+
+
+class ModelFile(Section):
+    """A model file but for its schema. Effects come first: the covariance's size is theirs."""
+
+    effects: Annotated[list[_Entry], AfterValidator(_one_of_a_kind)] | None = None
+    parameters: _Parameters = Key(description="motor_gain, viscous, coulomb and static, each with a value")
+    covariance: Any = Key(description="rows of the four parameters, then the effects")
+    stribeck: _Stribeck = Key(description="speed_rad_s and law")
+    noise: Annotated[_Noise, BeforeValidator(_table_or_nothing)] = _Noise()
+    inertia_kg_m2: Annotated[float, _possible(model_bounds.INERTIA_KG_M2)] | None = None
+    inertia_from: Annotated[str, one_of([ASSUMED])] = Key("", description="left out where somebody gave the inertia")
+    wheel: _Wheel | None = Key(None, description="serial_number, kind, version, wire_map and so on")
+    source: dict[Any, Any] | None = Key(None, description="method, log and so on: for people")
+
+    @property
+    def effect_set(self) -> EffectSet:
+        """The effects in order of use."""
+        return _effect_set(self.effects)
+
+    @property
+    def values(self) -> list[float]:
+        """The four parameters in state order."""
+        return [getattr(self.parameters, name).value for name in PARAMETER_NAMES]
+
+    @field_validator("covariance")
+    @classmethod
+    def _covers(cls, rows: Any, info: ValidationInfo) -> Matrix:
+        if "effects" not in info.data:
+            return ()  # nobody knows how large it should be
+        return _covariance(rows, len(PARAMETER_NAMES) + _effect_set(info.data["effects"]).size)
+
+    @model_validator(mode="after")
+    def _plausible(self) -> Self:
+        """Values and sigmas of the parameters and coefficients against what machines can be (model_bounds)."""
+        stds = [math.sqrt(row[i]) for i, row in enumerate(self.covariance)]
+        mistakes: list[Mistake] = []
+        for i, (value, std) in enumerate(zip([*self.values, *self.effect_set.values], stds, strict=True)):
+            name = PARAMETER_NAMES[i] if i < len(PARAMETER_NAMES) else None
+            fault = None if name is None else model_bounds.value_fault(name, value, std)
+            if fault is not None:  # one finding a parameter: the sigma is judged by the size of the value
+                mistakes.append((("parameters", str(name), "value"), fault))
+                continue
+            least = model_bounds.LEAST_EFFECT_STD if name is None else model_bounds.LEAST_STD
+            fault = model_bounds.std_fault(value, std, least=least)
+            if fault is not None:
+                mistakes.append((("covariance", i), fault))
+        refuse(mistakes)
+        return self
+
+
+def _covariance(rows: Any, size: int) -> Matrix:
+    """A symmetric matrix (size, size) with non-negative eigenvalues; refused otherwise."""
+    try:
+        matrix = np.array([[v if _is_finite(v) else math.nan for v in row] for row in rows], dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+        refuse([((), f"must be {size} rows of {size} finite numbers: four parameters, then the effects")])
+    if not (np.diag(matrix) > 0.0).all():
+        refuse([((), "has a variance that is not above zero: nothing is known for certain")])
+    scale = np.sqrt(np.diag(matrix))
+    normal = matrix / scale[:, None] / scale[None, :]
+    if not (np.abs(normal) <= 1.0 + 1.0e-6).all() or not np.allclose(normal, normal.T, atol=1e-6):
+        refuse([((), "is not symmetric with correlations from -1 to 1: no covariance is like that")])
+    least = np.linalg.eigvalsh(normal).min()
+    if least < -1.0e-6:
+        refuse([((), "has a negative eigenvalue: no covariance is like that")])
+    if least < _LEAST_EIGENVALUE:  # rounding of a combination that is known for certain: an inverse is needed
+        matrix = matrix + np.diag((_LEAST_EIGENVALUE - least) * np.diag(matrix))
+    return tuple(tuple(float(v) for v in row) for row in matrix)
+
+
+def _effect_set(entries: list[_Entry] | None) -> EffectSet:
+    """The effects; entries that follow each other and are coefficients of one term, as one."""
     found: list[Term] = []
-    for term in terms:
+    for term in (entry.term for entry in entries or ()):
         last = found[-1] if found else term
         count = len(last.values)
         follows = found and term.effect is last.effect and count < last.effect.components
@@ -179,10 +247,6 @@ def _joined(terms: list[Term]) -> EffectSet:
 def _is_finite(value: object) -> bool:
     """Whether it is a number that a double holds."""
     try:
-        return _is_number(value) and math.isfinite(value)  # type: ignore[arg-type]
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # an integer of three hundred digits and more
         return False
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

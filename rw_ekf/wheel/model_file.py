@@ -12,21 +12,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.checking.wording import shown
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
-from rw_ekf.model import bounds as model_bounds
 from rw_ekf.model.effect import Term
-from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
-from rw_ekf.wheel.model_check import ModelChecker
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
-from rw_ekf.wheel.wheel_tag import WheelTag, tag_of_data
+from rw_ekf.wheel.wheel_tag import WheelTag
 
 SCHEMA_FAMILY = "rw_ekf.model/"
 SCHEMA = SCHEMA_FAMILY + "1"
-_KEYS = ("schema", "source", "wheel", "stribeck", "parameters", "covariance", "noise", "effects")
-_INERTIA = ("inertia_kg_m2", "inertia_from")
 ASSUMED = "assumed"  # `inertia_from` of a model whose inertia is the default: nobody gave it
 
 
@@ -106,7 +102,7 @@ def _effect_documents(term: Term) -> list[dict[str, Any]]:
 
 def read_model(path: Path) -> WheelModel:
     """Read and check a model file. Raises ConfigError naming file, line and column of everything that is wrong."""
-    from rw_ekf.settings.yaml_loader import load_yaml
+    from rw_ekf.checking.yaml_loader import load_yaml
 
     document = load_yaml(path)
     model, remark = model_from_data(document.data, document.where), changed(path)
@@ -115,48 +111,28 @@ def read_model(path: Path) -> WheelModel:
 
 def model_from_data(data: Any, where: Any) -> WheelModel:
     """Check plain data; `where` turns a path of keys into "file:line:column"."""
+    from rw_ekf.checking.findings import checked
+    from rw_ekf.wheel.model_check import ModelFile
+
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where(())}: a model file is a mapping that begins with `schema: {SCHEMA}`.")
     schema = data.get("schema")
     if schema != SCHEMA:
         raise ConfigError(_schema_finding(schema, where))
-    checker = ModelChecker(data, where)
-    parameters = [checker.number(("parameters", name, "value")) for name in PARAMETER_NAMES]
-    effects = checker.effects()
-    covariance = checker.covariance(len(PARAMETER_NAMES) + effects.size)
-    checker.plausible(parameters, effects, covariance)
-    law = checker.get(("stribeck", "law"))
-    if law not in LAW_CODES:
-        checker.find(("stribeck", "law"), f"is {law!r}; it must be one of {', '.join(LAW_CODES)}")
-    model = {
-        "stribeck_speed_rad_s": checker.number(("stribeck", "speed_rad_s"), model_bounds.STRIBECK_SPEED_RAD_S),
-        "speed_noise_rad_s": checker.optional(("noise", "speed_rad_s"), model_bounds.SPEED_NOISE_RAD_S),
-        "acceleration_noise": checker.optional(
-            ("noise", "acceleration_rad_s_per_sqrt_s"), model_bounds.ACCELERATION_NOISE
-        ),
-        "inertia_kg_m2": checker.optional(("inertia_kg_m2",), model_bounds.INERTIA_KG_M2),
-    }
-    if data.get("inertia_from", ASSUMED) != ASSUMED:
-        found = repr(data["inertia_from"])
-        checker.find(("inertia_from",), f"is {found}; it is {ASSUMED}, or left out where somebody gave the inertia")
-    wheel = tag_of_data(checker)
-    source = data.get("source")
-    if not isinstance(source, Mapping | None):
-        checker.find(("source",), "must be a mapping: method, log and so on")
-    for key in data:
-        if key not in _KEYS + _INERTIA:
-            checker.find((key,), "is not a key of a model file")
-    if checker.findings:
-        raise ConfigError(checker.findings)
+    content = {key: value for key, value in data.items() if key != "schema"}
+    found = checked(ModelFile, content, "a model file", where)
     return WheelModel(
-        FrictionParameters(*parameters),
-        covariance,
-        stribeck_law=str(law),
-        source=source or {},
-        effects=effects,
-        wheel=wheel,
-        inertia_is_assumed="inertia_from" in data,
-        **model,  # type: ignore[arg-type]
+        FrictionParameters(*found.values),
+        found.covariance,
+        stribeck_speed_rad_s=found.stribeck.speed_rad_s,
+        stribeck_law=found.stribeck.law,
+        speed_noise_rad_s=found.noise.speed_rad_s,
+        acceleration_noise=found.noise.acceleration_rad_s_per_sqrt_s,
+        inertia_kg_m2=found.inertia_kg_m2,
+        source=found.source or {},
+        effects=found.effect_set,
+        wheel=None if found.wheel is None else WheelTag(**found.wheel.model_dump()),
+        inertia_is_assumed=found.inertia_from == ASSUMED,
     )
 
 
@@ -180,4 +156,4 @@ def _schema_finding(schema: object, where: Any) -> str:
             f"{where(('schema',))}: schema is {schema!r}, this version of rw_ekf reads {SCHEMA!r}. "
             "Write the model again with this version (`rw-ekf fit LOG --out model.yaml`)."
         )
-    return f"{where(('schema',))}: not a model file: schema is {schema!r}, expected {SCHEMA!r}."
+    return f"{where(('schema',))}: not a model file: schema is {shown(schema)}, expected {SCHEMA!r}."

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rw_ekf.records import WheelIdentity
-    from rw_ekf.wheel.model_check import ModelChecker
 
-_NUMBERS = ("serial_number", "kind", "version")
-_TEXTS = ("protocol", "wire_map", "port")
 _SHOWN_DIGITS = 12  # of a hash, to a person
 
 
@@ -65,30 +61,3 @@ class WheelTag:
                 f"{present.wire_map[:_SHOWN_DIGITS]}...): signs and scales may be others"
             )
         return None
-
-
-def tag_of_data(checker: ModelChecker) -> WheelTag | None:
-    """The mapping `wheel` of a model file, or None where there is none; what is wrong in it goes to the checker."""
-    data = checker.data.get("wheel")
-    if data is None:
-        return None
-    if not isinstance(data, Mapping):
-        checker.find(("wheel",), "must be a mapping: serial_number, kind, version, wire_map and so on")
-        return None
-    found: dict[str, Any] = {}
-    for key, value in data.items():
-        whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
-        if key in _NUMBERS:
-            good, needed = value is None or whole, "a whole number or null"
-        elif key in _TEXTS:
-            good, needed = value is None or isinstance(value, str), "a text or null"
-        elif key == "sign_confirmed":
-            good, needed = isinstance(value, bool), "true or false"
-        else:
-            checker.find(("wheel", key), "is not a key of a model's wheel")
-            continue
-        if good:
-            found[key] = value
-        else:
-            checker.find(("wheel", key), f"is {value!r}; {needed} is needed")
-    return WheelTag(**found)

@@ -51,7 +51,7 @@ def test_the_default_is_the_experiment_of_ck13() -> None:
         ("wheels: {}", ":1:1: unknown key wheels"),
         ("cycle: {speed_noise_rpm: []}", "cycle.speed_noise_rpm"),
         ("wheel: {effects: [offset torque]}", "wheel.effects.0"),
-        ("- 1", "a scenario must be a table of sections"),
+        ("- 1", "a scenario must be a table of body, control"),
     ],
 )
 def test_a_mistake_in_a_scenario_is_named_with_its_place(tmp_path: Path, text: str, said: str) -> None:

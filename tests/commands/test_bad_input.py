@@ -171,7 +171,10 @@ BAD_MODELS: dict[str, tuple[Callable[[str], str], str]] = {
         "covariance",
     ),
     "unknown law": (lambda t: change_model(t, "law: gauss", "law: cubic"), "cubic"),
-    "effects of the future": (lambda t: change_model(t, "effects: []", "effects: [{id: quadratic_drag}]"), "effects"),
+    "effects of the future": (
+        lambda t: change_model(t, "effects: []", "effects: [{effect: warp, coefficient: {value: 1, std: 1, unit: m}}]"),
+        "effects.0.effect must be one of",
+    ),
     "unknown key": (lambda t: t + "colour: red\n", "colour"),
     "broken YAML": (lambda t: t + "a: [1\n", "model.yaml"),
 }

@@ -63,10 +63,11 @@ def test_constants_need_no_value(wire_map: WireMap) -> None:
 def test_every_type_and_byte_order_round_trips() -> None:
     """All seven types, both byte orders, with scale and offset."""
     types = ("u8", "i8", "u16", "i16", "u32", "i32", "f32")
-    fields = tuple(Field(f"v{i}", kind, "mV", 0.5, 3.0) for i, kind in enumerate(types))
+    fields = tuple(Field(name=f"v{i}", type=kind, unit="mV", scale=0.5, offset=3.0) for i, kind in enumerate(types))
     values = {f"v{i}": (40.0 * 0.5 + 3.0) * 1e-3 for i in range(len(types))}
-    for order in ("little", "big"):
-        register = Register(200, "all", "read", fields, order)
+    for order in ("<", ">"):
+        register = Register(id=200, name="all", access="read", fields=fields)
+        register._order = order
         data = encode_register(register, values)
         assert decode_register(register, data) == pytest.approx(values)
     assert data[:4] == bytes((40, 40, 0, 40))

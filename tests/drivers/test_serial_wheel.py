@@ -21,8 +21,9 @@ from drivers.line.framing import Frame, decode, encode
 from drivers.line.serial_link import Exchange
 from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from drivers.line.wire_layout import Register
-from drivers.line.wire_map import Where, WireMap, wire_map_from_mapping
+from drivers.line.wire_map import WireMap, wire_map_from_mapping
 from drivers.sim.register_server import RegisterServer
+from rw_ekf.checking.findings import Where
 from rw_ekf.clock import SystemClock
 from rw_ekf.errors import DriverError
 from rw_ekf.records import FAULT
@@ -365,7 +366,7 @@ def test_what_the_status_flags_mean_stands_in_the_sample(line: tuple[SerialWheel
 
 def test_the_serial_side_loads_nothing_heavy() -> None:
     """`stop` must be quick: the serial driver needs no numpy and no numba."""
-    code = "import sys, drivers.line.serial_wheel, drivers.line.wire_map_check\n"
+    code = "import sys, drivers.line.serial_wheel, drivers.line.wire_map\n"
     code += "print({'numpy', 'numba'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
@@ -388,7 +389,7 @@ def test_rounding_on_the_wire_never_carries_a_current_beyond_what_was_asked() ->
     from drivers.line.current_writer import _toward_zero
     from drivers.line.wire_layout import Field
 
-    field = Field("current_command", "i16", scale=0.1, unit="mA")
+    field = Field(name="current_command", type="i16", scale=0.1, unit="mA")
     assert _toward_zero(field, 0.60006) == pytest.approx(0.6000)
     assert _toward_zero(field, -0.60006) == pytest.approx(-0.6000)
     assert _toward_zero(field, 0.60004) == 0.60004  # rounds down by itself

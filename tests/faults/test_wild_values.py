@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import struct
 from collections.abc import Iterator
@@ -35,9 +34,9 @@ WRONG = (math.inf, -math.inf, math.nan, 3.0e38, -3.0e38)
 @pytest.fixture
 def float_map(wire_map: WireMap) -> WireMap:
     """The project's map with a cycle of floats."""
-    fields = tuple(Field(name, "f32", unit) for name, unit in UNITS.items())
-    registers = tuple(r if r.id != CYCLE else dataclasses.replace(r, fields=fields) for r in wire_map.registers)
-    return dataclasses.replace(wire_map, registers=registers)
+    fields = tuple(Field(name=name, type="f32", unit=unit) for name, unit in UNITS.items())
+    registers = tuple(r if r.id != CYCLE else r.model_copy(update={"fields": fields}) for r in wire_map.registers)
+    return wire_map.model_copy(update={"registers": registers})
 
 
 @pytest.fixture
@@ -114,7 +113,8 @@ def test_a_speed_that_goes_round_the_end_of_its_integer_is_none(bench: Bench, wh
 
 def test_fields_that_nobody_uses_may_hold_anything() -> None:
     """A reserved word of a register is not judged; one that is used is."""
-    register = Register(1, "mixed", "read", (Field("speed", "f32", "rad/s"), Field("reserved", "f32")))
+    fields = (Field(name="speed", type="f32", unit="rad/s"), Field(name="reserved", type="f32"))
+    register = Register(id=1, name="mixed", access="read", fields=fields)
     assert is_plausible(register, decode_register(register, struct.pack("<2f", 1.0, math.nan)))
     assert not is_plausible(register, decode_register(register, struct.pack("<2f", math.nan, 1.0)))
 

@@ -67,7 +67,7 @@ def test_no_change_goes_unseen(tmp_path: Path, data: st.DataObject) -> None:
         ("method: learned", "method: filter", "a model of another origin"),
         ("coulomb: {value: 0.5863", "coulomb: {value: .nan", "not a finite number"),
         ("coulomb: {value: 0.5863", "coulomb: {value: -5.0", "no machine is like that"),
-        ("serial_number: 17", "serial_number: seventeen", "a whole number or null is needed"),
+        ("serial_number: 17", "serial_number: seventeen", "wheel.serial_number must be a whole number"),
         ("schema:", "schema: [", "not valid YAML"),
     ],
 )

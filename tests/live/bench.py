@@ -23,8 +23,8 @@ from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.pty_server import PtyServer
 from drivers.sim.register_server import RegisterServer
+from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.settings.resources import protocol_path
-from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.contract import check_document
 from tests.injecting import put_faults

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from rw_ekf.checking.yaml_loader import load_yaml, parse_yaml
 from rw_ekf.control.profiles import PROFILE_NAMES, make_profile
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings.load import configuration_from, load_configuration, resolved_lines
 from rw_ekf.settings.resources import config_directory
 from rw_ekf.settings.schema import CommandSection, Configuration
-from rw_ekf.settings.yaml_loader import load_yaml, parse_yaml
 
 LEAST = "wheel: {port: /dev/ttyUSB0, protocol: ./map.yaml}\nlimits: {current_A: 0.6}\n"
 

@@ -27,8 +27,8 @@ from drivers.sim.register_server import RegisterServer
 from rw_ekf.bench.attitude import AttitudePid, Gyroscope, PidGains
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.bench.table import Axis
+from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.settings.resources import protocol_path
-from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 from tools.demo.wheel import Lot
 

@@ -16,11 +16,11 @@ from drivers.line.wire_map import WireMap, wire_map_from_mapping
 from drivers.protocols import protocol_of
 from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.register_server import RegisterServer
+from rw_ekf.checking.yaml_loader import parse_yaml
 from rw_ekf.errors import BadInputError, ConfigError, LogError
 from rw_ekf.learning.learned_file import read_learned
 from rw_ekf.logs.reader import read_log
 from rw_ekf.settings.load import configuration_from
-from rw_ekf.settings.yaml_loader import parse_yaml
 from rw_ekf.wheel.model_file import read_model
 from tools.fuzz.deframer import Count, check
 

@@ -33,6 +33,7 @@ from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.register_server import RegisterServer
 from drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.attach import checked_protocol
+from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import VirtualClock
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live import guard
@@ -42,7 +43,6 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import RunState
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settings.resources import protocol_path
-from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.units import RAD_S_PER_RPM
 
 FIELDS = ("speed", "speed", "speed", "current", "current_command", "temperature", "pressure", "bus_voltage", "uptime")

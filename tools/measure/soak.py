@@ -34,6 +34,7 @@ from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from drivers.sim.plant_runner import PlantRunner
 from drivers.sim.pty_server import PtyServer
 from drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import Clock, SystemClock, VirtualClock
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.learning.start import GivenModel
@@ -43,7 +44,6 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Tick
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settings.resources import protocol_path
-from rw_ekf.settings.yaml_loader import load_yaml
 from rw_ekf.sinks import registry
 from rw_ekf.sinks.guard import GuardedSink
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from rw_ekf.checking.yaml_loader import load_what_can_be_read, load_yaml, parse_yaml
 from rw_ekf.errors import BadInputError, ConfigError
-from rw_ekf.settings.yaml_loader import load_what_can_be_read, load_yaml, parse_yaml
 
 
 def test_numbers_that_plain_yaml_takes_for_text_are_numbers() -> None:

@@ -25,6 +25,8 @@ def shown(value: object) -> str:
         return "a table of keys"
     if isinstance(value, list | tuple):
         return "a list"
+    if isinstance(value, int) and abs(value) >= 10**_MOST_SHOWN:
+        return f"a number of more than {_MOST_SHOWN} digits"
     if isinstance(value, str) and len(value) > _MOST_SHOWN:
         return f"a text of {len(value)} characters that begins {value[:_MOST_SHOWN]!r}"
     return f"the text {value!r}" if isinstance(value, str) else f"{value}"
