@@ -219,7 +219,8 @@ def _covariance(rows: Any, size: int) -> Matrix:
     if not (np.diag(matrix) > 0.0).all():
         refuse([((), "has a variance that is not above zero: nothing is known for certain")])
     scale = np.sqrt(np.diag(matrix))
-    normal = matrix / scale[:, None] / scale[None, :]
+    with np.errstate(over="ignore"):  # infinite is above 1, too
+        normal = matrix / scale[:, None] / scale[None, :]
     if not (np.abs(normal) <= 1.0 + 1.0e-6).all() or not np.allclose(normal, normal.T, atol=1e-6):
         refuse([((), "is not symmetric with correlations from -1 to 1: no covariance is like that")])
     least = np.linalg.eigvalsh(normal).min()
