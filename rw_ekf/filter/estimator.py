@@ -123,7 +123,7 @@ class Estimator:
         if math.isinf(speed):
             raise FilterError(f"a speed of {speed} rad/s reached the filter")
         begins = last is None or sample.segment != last.segment
-        dt = sample.time_s - (sample.time_s - 1.0 if last is None else last.time_s)  # a time that is none makes it none
+        dt = sample.time_s - (sample.time_s - 1.0 if last is None else last.time_s)  # NaN where the time is none
         what = decisions.timing(dt, begins)
         if what != decisions.UPDATED:
             return self._estimate(sample, what, None)
