@@ -171,7 +171,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     "a log that is not there": (("nowhere.csv",), "nowhere.csv: no such file"),
     "a directory for a log": ((".",), "is a directory"),
     "a model that is not there": (("log.csv", "--model", "none.yaml"), "none.yaml: no such file"),
-    "a model with an unknown effect": (("log.csv", "--model", "magic.yaml"), "magic.yaml:9:13: effects.0.effect must be one of"),
+    "a model with an unknown effect": (("log.csv", "--model", "magic.yaml"), "magic.yaml:9:13: effects.0.effect must"),
     "a column map that is not there": (("log.csv", "--columns", "none.yaml"), "none.yaml: no such file"),
     "a configuration that is not there": (("log.csv", "--config", "none.yaml"), "none.yaml: no such file"),
     "a file for a directory": (("log.csv", "--out", "log.csv"), "log.csv: cannot be a directory"),
