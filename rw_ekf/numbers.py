@@ -60,10 +60,13 @@ def number_text(value: object, digits: int = 3) -> str:
 
 
 def number_of(value: object) -> float | None:
-    """A finite number, or None."""
+    """A finite number that a double holds, or None."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value) if math.isfinite(value) else None
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:  # an integer of three hundred digits and more
+        return None
 
 
 def chance_text(probability: float) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 import struct
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, PrivateAttr, model_validator
 from pydantic import Field as Key
+from pydantic import PrivateAttr, model_validator
 
-from rw_ekf.checking.section import NOT_NULL, Mistake, Section, one_of, refuse
+from rw_ekf.checking.section import NOT_NULL, Mistake, Section, matching, one_of, refuse
 from rw_ekf.units import A_PER_MA, RAD_S_PER_RPM
 
 # unit in the map -> (quantity, factor to SI). Temperatures stay in degC throughout the project.
@@ -75,16 +74,7 @@ BEYOND_ANY_MACHINE: dict[str, float] = {
     "number": 2.0**53,  # beyond it a double has no whole numbers
 }
 
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
-
-
-def _word(text: str) -> str:
-    if not _NAME.fullmatch(text):
-        raise ValueError("write a name in small letters, digits and _")
-    return text
-
-
-Name = Annotated[str, AfterValidator(_word)]
+Name = Annotated[str, matching(r"[a-z][a-z0-9_]*", "write a name in small letters, digits and _")]
 Byte = Annotated[int, Key(ge=0, le=255)]
 IdRange = tuple[Byte, Byte]
 Crc = Literal["crc16-mcrf4xx", "crc16-x25", "crc16-kermit", "crc16-modbus"]  # see framing.CRCS

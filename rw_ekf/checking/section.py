@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError
 
 from rw_ekf.checking.yaml_loader import PathTuple
@@ -41,6 +42,18 @@ def one_of(names: Iterable[str]) -> BeforeValidator:
         raise PydanticKnownError("literal_error", {"expected": ", ".join(known)})
 
     return BeforeValidator(check)
+
+
+def matching(pattern: str, advice: str) -> AfterValidator:
+    """Give the validator of a text that a pattern must match whole; advice: what to write, where it does not."""
+    known = re.compile(pattern)
+
+    def check(text: str) -> str:
+        if not known.fullmatch(text):
+            raise ValueError(advice)
+        return text
+
+    return AfterValidator(check)
 
 
 def _not_null(value: Any) -> Any:

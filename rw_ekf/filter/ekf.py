@@ -14,7 +14,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.constants import FilterConstants
-from rw_ekf.filter.step import CONTINUOUS, SEEDED, Sample, advance, innovation_of, look_after, memory_of, weigh
+from rw_ekf.filter.step import CONTINUOUS, Sample, advance, innovation_of, look_after, memory_of, weigh
 from rw_ekf.filter.surroundings import Surroundings
 from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel.effect_transition import open_past
@@ -84,11 +84,6 @@ class WheelEkf(ExtendedKalmanFilter):
         if self.table.lag_state_at != ABSENT:
             self.x[self.table.lag_state_at] = current_A
         open_past(self.x, self.P, self.table, current_A)
-
-    @property
-    def is_seeded(self) -> bool:
-        """Whether the speed is known."""
-        return bool(self.memory.now[SEEDED])
 
     @property
     def is_continuous(self) -> bool:

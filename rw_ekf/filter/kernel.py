@@ -23,7 +23,17 @@ from rw_ekf.filter.constants import FilterConstants, filter_constants
 from rw_ekf.filter.decisions import BACKWARD, MISSING, REPEATED, RESEEDED, UPDATED, timing
 from rw_ekf.filter.filter_run import FilterRun, History
 from rw_ekf.filter.health import WELL
-from rw_ekf.filter.step import Memory, Sample, advance, innovation_of, is_continuous, look_after, memory_of, weigh
+from rw_ekf.filter.step import (
+    CONTINUOUS,
+    Memory,
+    Sample,
+    advance,
+    innovation_of,
+    is_continuous,
+    look_after,
+    memory_of,
+    weigh,
+)
 from rw_ekf.model import effect as _effect
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.state import SPEED, STATE_SIZE
@@ -43,6 +53,7 @@ make_jitable(
         _step.is_continuous, _step._grow, _step.innovation_of, _step.interrupt, _step.seed,
     ]
 )  # fmt: skip
+# Called in every sample, with all that a filter remembers: handing that over would take twice as long as the step.
 make_jitable([_step.predict, _step.advance, _step.weigh, _step.look_after], inlined=True)
 
 # Everything that is compiled into the pass: its cache is stale when one of them changes.
@@ -115,16 +126,15 @@ def _filter_each(
                 _record_apart(history, i, x, P, memory, 1.0)
         else:
             before = x[SPEED]
-            continuous = is_continuous(memory, constants, sample)
-            if table is not None and opens and continuous:  # only now: online the first command follows the estimate
-                open_past(x, P, table, current_A[first_piece[last]])
+            if table is not None and opens and is_continuous(memory, constants, sample):
+                open_past(x, P, table, current_A[first_piece[last]])  # only now: online the first command comes later
                 opens = False
             interval = Interval(
                 time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i]
             )
             what = advance(x, P, memory, constants, table, sample, pieces, interval)
             if table is not None:
-                if continuous:
+                if memory.now[CONTINUOUS] == 1.0:
                     angle += 0.5 * (before + x[SPEED]) * sample.dt_s
                 elif not math.isnan(sample.speed_rad_s):
                     opens = piece_start[i] <= first_piece[i] < current_A.size

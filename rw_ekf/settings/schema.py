@@ -6,12 +6,11 @@ unit stands in brackets at their end. Types are strict: a boolean or a text is n
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
-from rw_ekf.checking.section import Section
+from rw_ekf.checking.section import Section, matching
 
 CommandProfile = Literal[
     "sine", "zero", "steps", "random-sines", "identification", "log", "none", "P1", "P2", "S1", "S2", "S3", "S4", "S5"
@@ -24,16 +23,8 @@ CompensationScheme = Literal[
 CompensationRequest = Literal["socket", "profile", "log"]
 StribeckLaw = Literal["gauss", "tustin", "lorentz"]
 
-_EFFECT = re.compile(r"[a-z][a-z0-9_]*(:[A-Za-z]\w*=[^,=\s]+(,[A-Za-z]\w*=[^,=\s]+)*)?")
-
-
-def _effect_syntax(text: str) -> str:
-    if not _EFFECT.fullmatch(text):
-        raise ValueError("write an effect as ID:name=value,name=value")
-    return text
-
-
-Effect = Annotated[str, AfterValidator(_effect_syntax)]
+_EFFECT = r"[a-z][a-z0-9_]*(:[A-Za-z]\w*=[^,=\s]+(,[A-Za-z]\w*=[^,=\s]+)*)?"
+Effect = Annotated[str, matching(_EFFECT, "write an effect as ID:name=value,name=value")]
 
 
 class WheelSection(Section):

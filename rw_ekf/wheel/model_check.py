@@ -19,6 +19,7 @@ from rw_ekf.model.effect import Coefficient, Shape, Term
 from rw_ekf.model.effect_kinds import StaticEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES
+from rw_ekf.numbers import number_of
 from rw_ekf.wheel.model_file import ASSUMED
 from rw_ekf.wheel.table import EffectSet
 
@@ -211,7 +212,7 @@ class ModelFile(Section):
 def _covariance(rows: Any, size: int) -> Matrix:
     """A symmetric matrix (size, size) with non-negative eigenvalues; refused otherwise."""
     try:
-        matrix = np.array([[v if _is_finite(v) else math.nan for v in row] for row in rows], dtype=np.float64)
+        matrix = np.array([[math.nan if number_of(v) is None else v for v in row] for row in rows], dtype=np.float64)
     except (TypeError, ValueError):
         matrix = np.zeros(0)
     if matrix.shape != (size, size) or not np.isfinite(matrix).all():
@@ -243,11 +244,3 @@ def _effect_set(entries: list[_Entry] | None) -> EffectSet:
         else:
             found.append(term)
     return EffectSet(tuple(found))
-
-
-def _is_finite(value: object) -> bool:
-    """Whether it is a number that a double holds."""
-    try:
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    except OverflowError:  # an integer of three hundred digits and more
-        return False
