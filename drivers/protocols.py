@@ -12,7 +12,7 @@ from rw_ekf.checking.wording import shown
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import ConfigError
 
-FAMILIES = {"registers": "drivers.line.register_protocol"}
+FAMILIES = {"registers": "rw_ekf.drivers.line.register_protocol"}
 USUAL_FAMILY = "registers"
 
 Where = Callable[[tuple[str | int, ...]], str]

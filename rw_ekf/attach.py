@@ -12,18 +12,18 @@ from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
-    from drivers.sim.plant_batch import PlantRun
-    from drivers.sim.plant_parameters import PlantParameters
-    from drivers.sim.simulated_wheel import SimulatedWheel
     from rw_ekf.arrays import Float64Array
+    from rw_ekf.drivers.sim.plant_batch import PlantRun
+    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
     from rw_ekf.model.state import FrictionParameters
     from rw_ekf.settings.schema import Configuration
 
 
 def load_protocol(name: str) -> WheelProtocol:
     """Wire protocol by a name from config/ or a path. Raises ConfigError with every finding."""
-    from drivers.protocols import protocol_of
     from rw_ekf.checking.yaml_loader import load_yaml
+    from rw_ekf.drivers.protocols import protocol_of
     from rw_ekf.settings.resources import protocol_path
 
     document = load_yaml(protocol_path(name))
@@ -91,15 +91,15 @@ def opener(
 
 def replay_wheel(rows: Iterable[tuple[WheelSample, IssuedCommand]], name: str) -> WheelDriver:
     """Return a logged run as a wheel."""
-    from drivers.replay_wheel import ReplayWheel
+    from rw_ekf.drivers.replay_wheel import ReplayWheel
 
     return ReplayWheel(rows, name)
 
 
 def plant_of(configuration: Configuration | None, effects: list[str]) -> PlantParameters:
     """Truth of the simulated wheel: the configuration's `simulation` and `wheel`, then effects ("ID:name=value")."""
-    from drivers.sim.plant_effect_text import parse_effects
-    from drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
+    from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+    from rw_ekf.drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
 
     plant = PlantParameters()
     listed: list[str] = []
@@ -120,8 +120,8 @@ def plant_of(configuration: Configuration | None, effects: list[str]) -> PlantPa
 
 def simulated_plant(parameters: FrictionParameters, stribeck_speed_rad_s: float, effects: list[str]) -> PlantParameters:
     """Truth of a simulated wheel: its parameters, then effects ("ID:name=value")."""
-    from drivers.sim.plant_effect_text import parse_effects
-    from drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 
     base = PlantParameters(**parameters._asdict(), stribeck_speed_rad_s=stribeck_speed_rad_s)
     return parse_effects(effects, base)
@@ -137,9 +137,9 @@ def simulated_wheel(
     **options: Any,
 ) -> SimulatedWheel:
     """Return a wheel in this process, on a clock, by the compiled plant; torque_noise: [rad/s per sqrt(s)]."""
-    from drivers.sim.plant_batch import compiled_advance
-    from drivers.sim.plant_parameters import PlantNoise
-    from drivers.sim.simulated_wheel import SimulatedWheel
+    from rw_ekf.drivers.sim.plant_batch import compiled_advance
+    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
+    from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
 
     noise = PlantNoise(speed_noise_rad_s, torque_noise)
     return SimulatedWheel(
@@ -157,7 +157,7 @@ def simulated_record(
     seed: int,
 ) -> PlantRun:
     """Return a run of a simulated wheel under given currents (n,) at sample times (n,), compiled."""
-    from drivers.sim.plant_batch import simulate_run
-    from drivers.sim.plant_parameters import PlantNoise
+    from rw_ekf.drivers.sim.plant_batch import simulate_run
+    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 
     return simulate_run(plant, current_A, times_s, PlantNoise(speed_noise_rad_s, torque_noise), seed=seed)

@@ -68,7 +68,7 @@ class WireLimits(NamedTuple):
 
 
 class WheelProtocol(Protocol):
-    """What is spoken on the line of one family of wheels; drivers.protocols has them all."""
+    """What is spoken on the line of one family of wheels; rw_ekf.drivers.protocols has them all."""
 
     scale_places: Mapping[str, str]  # where in its file the scales of "speed" and "current" stand
     fingerprint: str | None  # sha256 of what is spoken: signs, scales, units; None: of no file

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.sim.fault_text import parse_faults
-from drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.fault_text import parse_faults
+from rw_ekf.drivers.sim.register_server import RegisterServer
 
 
 def put_faults(server: RegisterServer, text: str = "") -> None:

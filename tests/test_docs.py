@@ -80,6 +80,7 @@ def test_every_folder_of_code_is_in_the_index() -> None:
         str(path.parent.relative_to(ROOT))
         for top in ("rw_ekf", "drivers", "tools")
         for path in ROOT.glob(f"{top}/*/__init__.py")
+        if not path.parent.is_symlink()
     }
     assert set(re.findall(r"^\| `([\w/]+)/` \|", index, re.MULTILINE)) == there
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.course.course import Course
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.filter.health import DIVERGED
 from rw_ekf.hindsight import belief_of_fit, belief_of_log, run_of_log, with_stribeck_speeds
 from rw_ekf.model.state import PARAMETERS

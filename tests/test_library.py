@@ -163,3 +163,26 @@ def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: P
     else:
         with pytest.raises(rw_ekf.Error, match="found no model"):
             rw_ekf.replay(log, found)
+
+
+def test_a_folder_called_drivers_is_in_nobodys_way(tmp_path: Path) -> None:
+    """A lab's own package of that name stands first on the path; rw_ekf has its drivers within."""
+    (tmp_path / "drivers").mkdir()
+    (tmp_path / "drivers" / "__init__.py").write_text("raise SystemExit('the lab\'s')\n", encoding="utf-8")
+    code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}]; import rw_ekf; rw_ekf.simulate('P1', duration_s=20.0)"
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        capture_output=True, text=True, cwd=tmp_path, check=False, env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def test_drivers_of_a_checkout_are_those_of_the_package() -> None:
+    """`import drivers` gives the same modules, not second ones whose classes are others."""
+    code = (
+        "import drivers.sim.faults as one, rw_ekf.drivers.sim.faults as two, sys; assert one is two;"
+        "assert sys.modules['drivers'] is sys.modules['rw_ekf.drivers']; print(one.__spec__.name)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.strip() == "rw_ekf.drivers.sim.faults"

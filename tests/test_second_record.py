@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.cli import main
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
-from drivers.line.serial_link import Exchange, SerialLink
-from drivers.line.wheel_registers import registers_beside
-from drivers.line.wire_layout import Field, Register
-from drivers.line.wire_map import STATUS_OK, WireMap
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
+from rw_ekf.drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
+from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
+from rw_ekf.drivers.line.wheel_registers import registers_beside
+from rw_ekf.drivers.line.wire_layout import Field, Register
+from rw_ekf.drivers.line.wire_map import STATUS_OK, WireMap
 from rw_ekf.errors import DriverError
 
 MODE, RESET = "mode", "reset"  # registers that let go of the current

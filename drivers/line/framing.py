@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from drivers.line.wire_layout import Framing
+from rw_ekf.drivers.line.wire_layout import Framing
 
 MAX_DATA_BYTES = 256
 _OVERHEAD_BYTES = 4  # seq, id, crc

@@ -7,13 +7,13 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from drivers.line.serial_link import OpenPort
-from drivers.line.serial_port import open_serial_port
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_map import WireMap, wire_map_from_mapping
 from rw_ekf.checking.findings import Where
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits
+from rw_ekf.drivers.line.serial_link import OpenPort
+from rw_ekf.drivers.line.serial_port import open_serial_port
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
 
 
 class RegisterProtocol:
@@ -74,8 +74,8 @@ class RegisterProtocol:
         )
 
     def serve(self, plant: Any, link_path: str, **options: Any) -> None:
-        """Serve a simulated wheel with these registers, as `drivers.sim.pty_server.serve_simulated_wheel`."""
-        from drivers.sim.pty_server import serve_simulated_wheel
+        """Serve a simulated wheel with these registers, as `rw_ekf.drivers.sim.pty_server.serve_simulated_wheel`."""
+        from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
 
         serve_simulated_wheel(self.wire_map, plant, link_path, **options)
 

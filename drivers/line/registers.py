@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Mapping
 
-from drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, TYPES, Field, Register
+from rw_ekf.drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, TYPES, Field, Register
 
 
 def decode_register(register: Register, data: bytes) -> dict[str, float]:

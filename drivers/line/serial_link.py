@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import serial
 
-from drivers.line.framing import Frame, decode, encode
-from drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
-from drivers.line.serial_port import PortSettings, close_serial_port, open_serial_port
-from drivers.line.wire_layout import Framing
 from rw_ekf.clock import Clock
+from rw_ekf.drivers.line.framing import Frame, decode, encode
+from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
+from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, open_serial_port
+from rw_ekf.drivers.line.wire_layout import Framing
 from rw_ekf.records import LinkCounters
 
 DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import serial
 
-from drivers.line.line_errors import LINE_EXCEPTIONS, open_error
-from drivers.line.wire_layout import LineSettings
 from rw_ekf.driver import USUAL_LINES, ControlLines
+from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, open_error
+from rw_ekf.drivers.line.wire_layout import LineSettings
 
 try:
     import fcntl

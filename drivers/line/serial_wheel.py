@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from drivers.line.current_writer import CurrentWriter, Written
-from drivers.line.line_errors import silent_error
-from drivers.line.registers import decode_register, is_plausible
-from drivers.line.serial_link import Exchange, OpenPort, SerialLink
-from drivers.line.serial_port import PortSettings, open_serial_port
-from drivers.line.wheel_clock import WheelClock
-from drivers.line.wheel_registers import (
+from rw_ekf.clock import Clock
+from rw_ekf.driver import USUAL_LINES, ControlLines
+from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
+from rw_ekf.drivers.line.line_errors import silent_error
+from rw_ekf.drivers.line.registers import decode_register, is_plausible
+from rw_ekf.drivers.line.serial_link import Exchange, OpenPort, SerialLink
+from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
+from rw_ekf.drivers.line.wheel_clock import WheelClock
+from rw_ekf.drivers.line.wheel_registers import (
     FLAG_RESET,
     MODES_OF_CURRENT,
     conditions,
@@ -16,10 +18,8 @@ from drivers.line.wheel_registers import (
     registers_beside,
     uptime_field,
 )
-from drivers.line.wire_layout import Register
-from drivers.line.wire_map import WireMap
-from rw_ekf.clock import Clock
-from rw_ekf.driver import USUAL_LINES, ControlLines
+from rw_ekf.drivers.line.wire_layout import Register
+from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened

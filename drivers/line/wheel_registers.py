@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.line.wire_layout import Field, Register
-from drivers.line.wire_map import WireMap
+from rw_ekf.drivers.line.wire_layout import Field, Register
+from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import CURRENT_LIMITED, FAULT, OVER_TEMPERATURE
 
 FLAGS = {1: FAULT, 2: CURRENT_LIMITED, 4: OVER_TEMPERATURE}

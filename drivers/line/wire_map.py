@@ -7,9 +7,9 @@ from typing import Any
 from pydantic import Field as Key
 from pydantic import ValidationInfo, field_validator
 
-from drivers.line.wire_layout import Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.checking.section import Mistake, Section, refuse
+from rw_ekf.drivers.line.wire_layout import Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
 STATUS_OK = 0
 _STATUSES = {STATUS_OK: "ok", 1: "unknown_id", 2: "wrong_length", 3: "out_of_range", 4: "refused_in_this_mode"}

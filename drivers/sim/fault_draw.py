@@ -6,8 +6,8 @@ import math
 import random
 from collections.abc import Collection
 
-from drivers.sim.fault_text import parse_fault
-from drivers.sim.faults import Fault
+from rw_ekf.drivers.sim.fault_text import parse_fault
+from rw_ekf.drivers.sim.faults import Fault
 
 # How each is written; `{low~high}` is a number drawn between them, evenly in its logarithm. Behind it, how long it may
 # last [s]; 0: it happens and is over.

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from drivers.sim.faults import CABLE, FROM, KINDS, LINE, TO, Fault, FaultKind, Share
+from rw_ekf.drivers.sim.faults import CABLE, FROM, KINDS, LINE, TO, Fault, FaultKind, Share
 from rw_ekf.errors import BadInputError
 
 _TIME = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(ms|s|min|h)?")

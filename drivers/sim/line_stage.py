@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from drivers.sim.faults import BOTH, FaultAtWork, FaultInjector
+from rw_ekf.drivers.sim.faults import BOTH, FaultAtWork, FaultInjector
 
 
 class Piece(NamedTuple):

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 
-from drivers.sim.plant_parameters import PlantParameters, PlantState
-from drivers.sim.plant_terms import (
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_terms import (
     TWO_PI,
     coulomb_shift,
     drag,

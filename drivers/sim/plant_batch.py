@@ -14,10 +14,10 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
-from drivers.sim import plant, plant_parameters, plant_terms
-from drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
 from rw_ekf.arrays import Float64Array
 from rw_ekf.compiled import compile_cached
+from rw_ekf.drivers.sim import plant, plant_parameters, plant_terms
+from rw_ekf.drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
 
 Run = Callable[..., PlantState]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
-from drivers.sim.plant_effects import EFFECTS, PlantEffect, with_effects
-from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.drivers.sim.plant_effects import EFFECTS, PlantEffect, with_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.errors import BadInputError
 
 # Numbers that cannot be negative: sizes, times and orders.

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import ClassVar
 
-from drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
+from rw_ekf.drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
 

@@ -7,8 +7,8 @@ import random
 from collections import deque
 from collections.abc import Callable
 
-from drivers.sim.plant import advance
-from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant import advance
+from rw_ekf.drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
 
 _STRETCHES = 10  # of a reading's window
 

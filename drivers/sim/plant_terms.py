@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from drivers.sim.plant_parameters import REFERENCE_TEMPERATURE_DEGC, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_parameters import REFERENCE_TEMPERATURE_DEGC, PlantParameters, PlantState
 
 TWO_PI = 2.0 * math.pi
 

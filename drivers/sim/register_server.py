@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers.line.framing import Frame, decode, encode
-from drivers.line.registers import decode_register, encode_saturated
-from drivers.line.wire_layout import Register
-from drivers.line.wire_map import WireMap
-from drivers.sim.faults import FaultInjector
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.wheel_faults import WheelFaults
+from rw_ekf.drivers.line.framing import Frame, decode, encode
+from rw_ekf.drivers.line.registers import decode_register, encode_saturated
+from rw_ekf.drivers.line.wire_layout import Register
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.faults import FaultInjector
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.wheel_faults import WheelFaults
 
 IDLE, CURRENT, SPEED = 0, 1, 2  # modes
 OK, UNKNOWN_ID, WRONG_LENGTH, OUT_OF_RANGE, REFUSED = range(5)  # statuses of a reply to a write

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from drivers.sim.plant import advance
-from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import Advance, PlantRunner
 from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelDriver, WireLimits
+from rw_ekf.drivers.sim.plant import advance
+from rw_ekf.drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import Advance, PlantRunner
 from rw_ekf.errors import DriverError
 from rw_ekf.records import IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 

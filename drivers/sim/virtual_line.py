@@ -10,13 +10,13 @@ import math
 
 import serial
 
-from drivers.line.line_errors import open_error
-from drivers.line.register_protocol import RegisterProtocol
-from drivers.line.serial_port import POLL_S, PortSettings
-from drivers.line.wire_map import WireMap
-from drivers.sim.register_server import RegisterServer
-from drivers.sim.wheel_line import WheelLine
 from rw_ekf.clock import Clock
+from rw_ekf.drivers.line.line_errors import open_error
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
+from rw_ekf.drivers.line.serial_port import POLL_S, PortSettings
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.wheel_line import WheelLine
 
 IDLE_ADVANCE_S = 0.5
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.line.framing import Frame
-from drivers.line.wire_layout import Register
-from drivers.sim.faults import FaultInjector
+from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.line.wire_layout import Register
+from rw_ekf.drivers.sim.faults import FaultInjector
 from rw_ekf.units import rad_s_from_rpm
 
 if TYPE_CHECKING:
-    from drivers.sim.register_server import RegisterServer
+    from rw_ekf.drivers.sim.register_server import RegisterServer
 
 
 class Refusal(NamedTuple):

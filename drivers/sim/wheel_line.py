@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import heapq
 
-from drivers.sim.faults import FROM, TO
-from drivers.sim.line_stage import LineStage
-from drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.faults import FROM, TO
+from rw_ekf.drivers.sim.line_stage import LineStage
+from rw_ekf.drivers.sim.register_server import RegisterServer
 
 TURNAROUND_S = 0.0005  # from the last byte of a request to the first of its reply
 FLOOD_EVERY_S = 0.01  # junk is put on the line so often

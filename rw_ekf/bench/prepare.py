@@ -13,7 +13,7 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.wheel.model_file import WheelModel, read_model
 
 if TYPE_CHECKING:
-    from drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 
 
 def schemes_of(wanted: Sequence[str] | None) -> list[str]:

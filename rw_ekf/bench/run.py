@@ -27,8 +27,8 @@ from rw_ekf.records import Tick
 from rw_ekf.units import rad_s_from_rpm
 
 if TYPE_CHECKING:
-    from drivers.sim.plant_parameters import PlantParameters
-    from drivers.sim.simulated_wheel import SimulatedWheel
+    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
 
 _AGES_EVERY_S = 5.0
 _LOOKED_AT_S = 0.01  # how often a slow wheel is looked at, for the time that it stands

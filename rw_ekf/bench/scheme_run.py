@@ -13,7 +13,7 @@ from rw_ekf.control.compensation.registry import SchemeEntry
 from rw_ekf.wheel.model_file import WheelModel
 
 if TYPE_CHECKING:
-    from drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 
 
 def run_scheme(

@@ -36,7 +36,7 @@ from rw_ekf.wheel.model_file import WheelModel
 from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 if TYPE_CHECKING:
-    from drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 
 _SURE = 1.0e-4  # of the learned standard deviations is left to a filter that is to be wrong
 POOR_SHARE = 0.3  # each parameter of a poor prior is off by so much, one way or the other

@@ -19,7 +19,7 @@ from rw_ekf.model.state import CK13_DETERMINISTIC, CK13_STATISTICAL, FrictionPar
 from rw_ekf.units import rad_s_from_rpm
 
 if TYPE_CHECKING:
-    from drivers.sim.plant_parameters import PlantParameters
+    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 
 _LEARNED_ON = "identification"
 _RATE_HZ = 10.0

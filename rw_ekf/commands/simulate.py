@@ -18,7 +18,7 @@ class _ListEffects(argparse.Action):
     """Print the effects and leave, like --help."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
-        from drivers.sim.plant_effect_text import describe_effects
+        from rw_ekf.drivers.sim.plant_effect_text import describe_effects
 
         sys.stdout.write("\n".join(describe_effects()) + "\n")
         parser.exit()
@@ -28,7 +28,7 @@ class _ListFaults(argparse.Action):
     """Print the faults and leave, like --help."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
-        from drivers.sim.fault_text import describe_faults
+        from rw_ekf.drivers.sim.fault_text import describe_faults
 
         sys.stdout.write("\n".join(describe_faults()) + "\n")
         parser.exit()
@@ -62,10 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb until a signal; raises RwEkfError."""
-    from drivers.sim.fault_text import parse_faults
-    from drivers.sim.plant_parameters import PlantNoise
     from rw_ekf.attach import load_protocol, plant_of
     from rw_ekf.commands.inputs import read_configuration
+    from rw_ekf.drivers.sim.fault_text import parse_faults
+    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
     from rw_ekf.units import rad_s_from_rpm

@@ -12,8 +12,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers.protocols import protocol_of
 from rw_ekf.checking.yaml_loader import YamlDocument, parse_yaml
+from rw_ekf.drivers.protocols import protocol_of
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.column_map_file import column_map_from
 from rw_ekf.settings.load import configuration_from

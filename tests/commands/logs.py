@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from tests.truth import fine_trajectory, run_of
 

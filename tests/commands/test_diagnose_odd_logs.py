@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.arrays import Float64Array
 from rw_ekf.cli import main
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from tests.commands.documents import diagnosis_document
 from tests.commands.logs import plant_columns, write_columns
 

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM

@@ -7,13 +7,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.likelihood.fitting import Fit, fit_model

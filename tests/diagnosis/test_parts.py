@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.diagnosis.diagnose import richer_part
 from rw_ekf.diagnosis.judge.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.judge.heldout import by_fit_part
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.search.excitation import information
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis.simulated import log_of

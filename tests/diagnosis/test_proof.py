@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.reader import read_log
 from tools.proof import tables as proof_tables

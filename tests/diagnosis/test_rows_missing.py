@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.arrays import BoolArray
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis.simulated import log_of, simulated

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 import yaml
 
-from drivers.line.wire_map import WireMap, wire_map_from_mapping
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.pty_server import PtyServer
-from drivers.sim.register_server import RegisterServer
 from rw_ekf.checking.findings import Where
+from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.pty_server import PtyServer
+from rw_ekf.drivers.sim.register_server import RegisterServer
 
 MAP_PATH = Path(__file__).parents[2] / "config" / "sunspace-wheel.yaml"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.sim.fault_text import describe_faults, parse_fault, parse_faults, written
-from drivers.sim.faults import BOTH, FROM, KINDS, TO, FaultInjector, Share
+from rw_ekf.drivers.sim.fault_text import describe_faults, parse_fault, parse_faults, written
+from rw_ekf.drivers.sim.faults import BOTH, FROM, KINDS, TO, FaultInjector, Share
 from rw_ekf.errors import BadInputError
 
 

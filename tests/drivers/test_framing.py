@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.line.framing import MAX_DATA_BYTES, Frame, crc16, decode, encode
+from rw_ekf.drivers.line.framing import MAX_DATA_BYTES, Frame, crc16, decode, encode
 
 frames = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=24))
 # noise rich in the bytes that mean something

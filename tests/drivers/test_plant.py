@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drivers.sim.plant import advance
-from drivers.sim.plant_batch import plain_run, simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_effects import EFFECTS
-from drivers.sim.plant_parameters import FINE_STEP_S, QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.plant import advance
+from rw_ekf.drivers.sim.plant_batch import plain_run, simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_effects import EFFECTS
+from rw_ekf.drivers.sim.plant_parameters import FINE_STEP_S, QUICK_STEP_S, PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.units import RAD_S_PER_RPM
 
 WHEEL = PlantParameters()

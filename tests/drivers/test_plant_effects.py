@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from drivers.sim.plant import advance
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_effect_text import describe_effects, parse_effect, parse_effects
-from drivers.sim.plant_effects import CATALOGUE_IDS, EFFECTS
-from drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.plant import advance
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import describe_effects, parse_effect, parse_effects
+from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS, EFFECTS
+from rw_ekf.drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.errors import BadInputError
 
 BASE = PlantParameters()

@@ -16,14 +16,14 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.line.framing import decode, encode
-from drivers.line.serial_wheel import open_serial_wheel
-from drivers.line.wire_map import WireMap
-from drivers.sim.fault_text import parse_faults
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
-from drivers.sim.pty_server import serve_simulated_wheel
-from drivers.sim.register_server import RegisterServer
 from rw_ekf.clock import SystemClock
+from rw_ekf.drivers.line.framing import decode, encode
+from rw_ekf.drivers.line.serial_wheel import open_serial_wheel
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.fault_text import parse_faults
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
+from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.errors import DriverError
 
 CLOCK = SystemClock()
@@ -31,10 +31,10 @@ Served = Callable[..., AbstractContextManager[RegisterServer]]
 ROOT = Path(__file__).parents[2]
 PROGRAM = """
 import sys, yaml
-from drivers.sim.fault_text import parse_faults
-from drivers.sim.plant_parameters import PlantParameters
-from drivers.sim.pty_server import serve_simulated_wheel
-from drivers.line.wire_map import wire_map_from_mapping
+from rw_ekf.drivers.sim.fault_text import parse_faults
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
+from rw_ekf.drivers.line.wire_map import wire_map_from_mapping
 
 wire_map = wire_map_from_mapping(yaml.safe_load(open("config/sunspace-wheel.yaml")), str)
 serve_simulated_wheel(wire_map, PlantParameters(), sys.argv[1], initial_speed_rad_s=50.0,
@@ -221,7 +221,7 @@ def _cpu_s(pid: int) -> float:
 
 def test_the_same_seed_gives_the_same_noise(wire_map: WireMap) -> None:
     """What is random about a served wheel comes from its seed."""
-    from drivers.sim.plant_runner import PlantRunner
+    from rw_ekf.drivers.sim.plant_runner import PlantRunner
 
     readings = []
     for seed in (1, 1, 2):

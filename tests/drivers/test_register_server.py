@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.line.framing import decode, encode
-from drivers.line.registers import decode_register, encode_register
-from drivers.line.wire_map import WireMap
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.register_server import (
+from rw_ekf.drivers.line.framing import decode, encode
+from rw_ekf.drivers.line.registers import decode_register, encode_register
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import (
     CURRENT,
     FLAG_FAULT,
     FLAG_LIMITED,

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers.line.registers import decode_register, encode_register, encode_saturated, rounded_si
-from drivers.line.wire_layout import Field, Register
-from drivers.line.wire_map import WireMap
+from rw_ekf.drivers.line.registers import decode_register, encode_register, encode_saturated, rounded_si
+from rw_ekf.drivers.line.wire_layout import Field, Register
+from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.units import rad_s_from_rpm
 
 

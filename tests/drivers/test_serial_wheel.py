@@ -17,14 +17,14 @@ from typing import Any
 
 import pytest
 
-from drivers.line.framing import Frame, decode, encode
-from drivers.line.serial_link import Exchange
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_layout import Register
-from drivers.line.wire_map import WireMap, wire_map_from_mapping
-from drivers.sim.register_server import RegisterServer
 from rw_ekf.checking.findings import Where
 from rw_ekf.clock import SystemClock
+from rw_ekf.drivers.line.framing import Frame, decode, encode
+from rw_ekf.drivers.line.serial_link import Exchange
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_layout import Register
+from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.errors import DriverError
 from rw_ekf.records import FAULT
 from tests.injecting import put_faults
@@ -366,7 +366,7 @@ def test_what_the_status_flags_mean_stands_in_the_sample(line: tuple[SerialWheel
 
 def test_the_serial_side_loads_nothing_heavy() -> None:
     """`stop` must be quick: the serial driver needs no numpy and no numba."""
-    code = "import sys, drivers.line.serial_wheel, drivers.line.wire_map\n"
+    code = "import sys, rw_ekf.drivers.line.serial_wheel, rw_ekf.drivers.line.wire_map\n"
     code += "print({'numpy', 'numba'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
@@ -374,7 +374,7 @@ def test_the_serial_side_loads_nothing_heavy() -> None:
 
 def test_golden_write_and_its_reply(wire_map: WireMap) -> None:
     """100 mA goes out as these bytes, and status 0 comes back for the same seq and id."""
-    from drivers.sim.plant_runner import PlantRunner
+    from rw_ekf.drivers.sim.plant_runner import PlantRunner
 
     server = RegisterServer(wire_map, PlantRunner(seed=1))
     request = encode(7, 3, bytes.fromhex("e803"))
@@ -386,8 +386,8 @@ def test_golden_write_and_its_reply(wire_map: WireMap) -> None:
 
 def test_rounding_on_the_wire_never_carries_a_current_beyond_what_was_asked() -> None:
     """A current between two counts goes out as the smaller one; one on a count goes out as it is."""
-    from drivers.line.current_writer import _toward_zero
-    from drivers.line.wire_layout import Field
+    from rw_ekf.drivers.line.current_writer import _toward_zero
+    from rw_ekf.drivers.line.wire_layout import Field
 
     field = Field(name="current_command", type="i16", scale=0.1, unit="mA")
     assert _toward_zero(field, 0.60006) == pytest.approx(0.6000)

@@ -7,15 +7,15 @@ import itertools
 
 import pytest
 
-from drivers.line.wire_map import WireMap
-from drivers.sim.fault_draw import LOTS, drawn_faults
-from drivers.sim.fault_text import parse_fault, parse_faults
-from drivers.sim.faults import FaultInjector
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.register_server import RegisterServer
-from drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.clock import VirtualClock
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.fault_draw import LOTS, drawn_faults
+from rw_ekf.drivers.sim.fault_text import parse_fault, parse_faults
+from rw_ekf.drivers.sim.faults import FaultInjector
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.errors import DriverError
 
 

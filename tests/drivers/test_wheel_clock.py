@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from drivers.line.wheel_clock import WheelClock
+from rw_ekf.drivers.line.wheel_clock import WheelClock
 
 
 @pytest.mark.parametrize("factor", [1.0, 10.0])

@@ -6,15 +6,15 @@ import math
 
 import pytest
 
-from drivers.line.framing import Frame, decode, encode
-from drivers.line.registers import decode_register
-from drivers.line.wire_map import WireMap
-from drivers.sim.fault_text import parse_faults
-from drivers.sim.faults import FaultInjector
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.register_server import RegisterServer
-from drivers.sim.wheel_line import WheelLine
+from rw_ekf.drivers.line.framing import Frame, decode, encode
+from rw_ekf.drivers.line.registers import decode_register
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.fault_text import parse_faults
+from rw_ekf.drivers.sim.faults import FaultInjector
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.wheel_line import WheelLine
 
 CURRENT_COMMAND, STATUS, IDENTITY, CYCLE = 3, 130, 128, 137
 
@@ -151,7 +151,7 @@ def test_what_happens_to_the_wheel_happens_once_a_stretch(wire_map: WireMap) -> 
 
 def test_a_fault_of_what_the_map_does_not_have(wire_map: WireMap) -> None:
     """A register or a field that no map names is a mistake of the text, not a fault that never strikes."""
-    from drivers.sim.pty_server import check_faults
+    from rw_ekf.drivers.sim.pty_server import check_faults
     from rw_ekf.errors import BadInputError
 
     check_faults(parse_faults(["value/cycle:speed=1,drop/status,freeze"]), wire_map)

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from drivers.line.wire_map import WireMap, wire_map_from_mapping
 from rw_ekf.checking.findings import Where
+from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
 from rw_ekf.errors import ConfigError
 from rw_ekf.units import rpm_from_rad_s
 

@@ -16,9 +16,9 @@ import pytest
 from numba import njit
 
 import rw_ekf.effects
-from drivers.sim.plant_effects import EFFECTS
-from drivers.sim.plant_parameters import PlantParameters, PlantState
-from drivers.sim.plant_terms import (
+from rw_ekf.drivers.sim.plant_effects import EFFECTS
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_terms import (
     coulomb_shift,
     drag,
     dry_friction,

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
 from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term

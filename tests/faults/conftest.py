@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_map import WireMap
 from rw_ekf.clock import SystemClock
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_map import WireMap
 from tests.live.bench import Bench, served_wheel, wire_map_of
 
 

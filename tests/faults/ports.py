@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from drivers.line.serial_port import PortSettings, open_serial_port
+from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 
 CALLS = ("read", "write", "in_waiting", "reset_input_buffer", "reset_output_buffer", "close")
 

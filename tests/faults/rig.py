@@ -8,14 +8,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from drivers.line.framing import Frame
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.register_server import RegisterServer
-from drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
+from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from drivers.line.serial_wheel import SerialWheel
 from rw_ekf.commands.run import exit_status
 from rw_ekf.control.commanders import ProfileController
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.live.alarm_watch import AlarmWatch
 from rw_ekf.live.guard import CurrentGuard

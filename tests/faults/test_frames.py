@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.line.framing import MAX_DATA_BYTES
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_map import WireMap
 from rw_ekf.clock import SystemClock
+from rw_ekf.drivers.line.framing import MAX_DATA_BYTES
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import WheelSample
 from tests.faults.ports import Babbling, opening
 from tests.live.bench import Bench

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 import yaml
 
-from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.commands.inputs import wheel_of_logs
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.learning.learned_file import read_learned

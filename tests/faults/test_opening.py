@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 import serial
 
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_map import WireMap
 from rw_ekf.clock import SystemClock
 from rw_ekf.driver import ControlLines
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_map import WireMap
 from tests.live.bench import Bench
 
 CLOCK = SystemClock()

@@ -13,10 +13,10 @@ import time
 import numpy as np
 import pytest
 
-from drivers.line import serial_port
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_map import WireMap
 from rw_ekf.clock import SystemClock
+from rw_ekf.drivers.line import serial_port
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
 from tests.live.bench import Bench, wait_for
 

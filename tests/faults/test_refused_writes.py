@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.clock import SystemClock
 from rw_ekf.driver import ZERO_BY_MODE, ZERO_BY_RESET
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 from tests.live.bench import CURRENT_COMMAND, ROOT, Bench, rw_ekf, served_wheel, wire_map_of
 from tests.live.daemon import run

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 
-from drivers.line.serial_wheel import SerialWheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from tests.live.bench import Bench, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.line.framing import Frame
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.register_server import RegisterServer
-from drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import VirtualClock
 from rw_ekf.course.course import Course
+from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator

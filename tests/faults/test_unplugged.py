@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import serial
 
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_map import WireMap
 from rw_ekf.clock import SystemClock
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
 from tests.faults.ports import Failing, opening
 from tests.live.bench import Bench, open_descriptors, wait_for

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from drivers.line.register_protocol import RegisterProtocol
-from drivers.line.registers import decode_register, is_plausible
-from drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
-from drivers.line.wire_map import WireMap
-from drivers.sim.register_server import RegisterServer
 from rw_ekf.clock import SystemClock
 from rw_ekf.course.course import WILD
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
+from rw_ekf.drivers.line.registers import decode_register, is_plausible
+from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
 from tests.injecting import put_faults

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.learning.learned_file import read_learned
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.faults.rig import LineWheel

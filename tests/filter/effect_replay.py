@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.estimator import Estimator

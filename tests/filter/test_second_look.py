@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.filter_run import FilterRun

@@ -17,13 +17,13 @@ from typing import Any
 
 import yaml
 
-from drivers.line.framing import Frame
-from drivers.line.wire_map import WireMap, wire_map_from_mapping
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.pty_server import PtyServer
-from drivers.sim.register_server import RegisterServer
 from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.pty_server import PtyServer
+from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.resources import protocol_path
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.contract import check_document

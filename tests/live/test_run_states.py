@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.run import exit_status
+from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.live.run_states import RunStates, Turn
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import LinkState, RunState

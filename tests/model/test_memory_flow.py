@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.integrate import solve_ivp
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.compiled import make_jitable
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.effects.friction_lag import FrictionLag
 from rw_ekf.effects.presliding_hysteresis import PreslidingHysteresis
 from rw_ekf.model import flow as propagation

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
-from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.clock import VirtualClock
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settle.explanations import Standing, standing_of_document
 from rw_ekf.settle.moves import Bounds, Move, currents

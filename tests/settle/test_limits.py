@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.errors import RwEkfError
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.load import load_configuration

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.cli import main
 from rw_ekf.commands.settle import _from_here
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settle.explanations import standing_of_document
 from tests.contract import check_document

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.commands.run import _warnings
+from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.logs.metadata import read_metadata
 from rw_ekf.spikes.run_events import read_run

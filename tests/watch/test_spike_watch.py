@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from drivers.sim.plant_batch import PlantRun
+from rw_ekf.drivers.sim.plant_batch import PlantRun
 from rw_ekf.watch.alarms import DRAG_SPIKE
 from rw_ekf.watch.spike_course import FADED
 from tools.measure.watch_runs import INERTIA_KG_M2, Heard, commands, drawn_wheel, heard, simulated

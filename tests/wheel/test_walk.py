@@ -9,8 +9,8 @@ import math
 
 import pytest
 
-from drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis.simulated import diagnosed_once, log_of, simulated

@@ -18,16 +18,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.line.wire_map import wire_map_from_mapping
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.pty_server import PtyServer
-from drivers.sim.register_server import RegisterServer
 from rw_ekf.bench.attitude import AttitudePid, Gyroscope, PidGains
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.bench.table import Axis
 from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.drivers.line.wire_map import wire_map_from_mapping
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.pty_server import PtyServer
+from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.resources import protocol_path
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 from tools.demo.wheel import Lot

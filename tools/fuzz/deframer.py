@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers.line.framing import MAX_DATA_BYTES, Frame, decode, encode
+from rw_ekf.drivers.line.framing import MAX_DATA_BYTES, Frame, decode, encode
 
 LONGEST_REST = 2 + 2 * (MAX_DATA_BYTES + 4) + 2
 STRETCH_BYTES = 20_000  # compared whole and in pieces

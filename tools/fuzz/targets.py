@@ -10,13 +10,13 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.line.framing import encode
-from drivers.line.registers import decode_register, encode_saturated
-from drivers.line.wire_map import WireMap, wire_map_from_mapping
-from drivers.protocols import protocol_of
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.register_server import RegisterServer
 from rw_ekf.checking.yaml_loader import parse_yaml
+from rw_ekf.drivers.line.framing import encode
+from rw_ekf.drivers.line.registers import decode_register, encode_saturated
+from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.protocols import protocol_of
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.errors import BadInputError, ConfigError, LogError
 from rw_ekf.learning.learned_file import read_learned
 from rw_ekf.logs.reader import read_log

@@ -22,12 +22,12 @@ from typing import Any, get_args
 
 import numpy as np
 
-from drivers.sim.plant_parameters import PlantNoise
-from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.clock import VirtualClock
 from rw_ekf.console import logger
 from rw_ekf.control.commanders import ProfileController
 from rw_ekf.control.compensation.on_wheel import WheelCompensator
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise
+from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal

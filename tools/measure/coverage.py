@@ -3,7 +3,7 @@
     python -m tools.measure.coverage --runs 40 --save out.json          every cell: an hour on one core
     python -m tools.measure.coverage --profiles P2 S1 --noises 0 --runs 10
 
-Wheels are drawn around [CK13]'s, each uniformly within a share of it; they run on the plant of drivers.sim.plant_batch
+Wheels are drawn around [CK13]'s, each uniformly within a share of it; they run on the plant of drivers/sim
 (0.2 ms) with white torque noise, and are read with 1 rpm at 10 Hz. Each log goes through the verbs themselves, so that
 what is judged is what a user gets. The bound is the a-posteriori one: information of the record at its true noises,
 linearised along its true speeds, and that of the default prior.
@@ -28,12 +28,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.cli import main as rw_ekf
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model

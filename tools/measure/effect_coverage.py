@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from tools.measure.runs import INSIDE
 from tools.proof.cases import TEMPERATURE_IDS, Angle, Case, draw_wheel

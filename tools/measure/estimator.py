@@ -3,7 +3,7 @@
     python -m tools.measure.estimator            all of it, some minutes on one core
     python -m tools.measure.estimator --quick    a fifth of the runs
 
-The wheel is that of drivers.sim.plant_batch, which integrates in fine steps of its own. NEES is the squared error of
+The wheel is that of drivers/sim/plant_batch.py, which integrates in fine steps of its own. NEES is the squared error of
 the four parameters in the metric of the filter's covariance (4 is ideal, less is cautious); errors "in bounds" are RMS
 errors over the Cramer-Rao bound of the same run. Exit status 1 if a mark is missed. Speed: `tools.measure.speed`.
 """
@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.smoother import smooth_log

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from drivers.sim.plant_parameters import PlantNoise
-from drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.clock import VirtualClock
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise
+from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
 from rw_ekf.errors import RwEkfError
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import run_daemon

@@ -24,17 +24,17 @@ from typing import Any
 import yaml
 from tqdm import tqdm
 
-from drivers.line.framing import Frame
-from drivers.line.registers import decode_register
-from drivers.line.wire_layout import Register
-from drivers.line.wire_map import WireMap, wire_map_from_mapping
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.register_server import RegisterServer
-from drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.attach import checked_protocol
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import VirtualClock
+from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.line.registers import decode_register
+from rw_ekf.drivers.line.wire_layout import Register
+from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live import guard
 from rw_ekf.live.daemon import run_daemon

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from tools.measure.runs import INSIDE
 from tools.proof.cases import Case
 from tools.proof.plants import log_of, save_log

@@ -2,7 +2,7 @@
 
     python -m tools.measure.settle [--wheels 20] [--pair lag-delay ...] [--first-seed 1]
 
-Each wheel is drawn within 15 % of [CK13] and simulated by the plant of drivers.sim in steps of 0.2 ms. A first log of
+Each wheel is drawn within 15 % of [CK13] and simulated by the plant of drivers/sim in steps of 0.2 ms. A first log of
 300 s is diagnosed; then the wheel goes on, one minute later and from rest, with a motion designed for what stands, two
 minutes at a time, or with `identification` from its beginning. The time is that of such motion until the explanation
 that is true, and those that no motion tells from it, weighed with those that stood beside it on all logs, have a
@@ -18,9 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.warming import Warming, ended
@@ -30,6 +27,9 @@ from rw_ekf.diagnosis.judge.explanations import LEAST_POSTERIOR, with_posteriors
 from rw_ekf.diagnosis.judge.explanations import Explanation as Weighed
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.settings.schema import Configuration, LimitsSection, WheelSection
 from rw_ekf.settle.explanations import Explanation, Standing, most_probable, standing_of_document

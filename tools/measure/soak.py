@@ -25,18 +25,18 @@ from unittest import mock
 
 from tqdm import tqdm
 
-from drivers.line.register_protocol import RegisterProtocol
-from drivers.line.serial_link import Exchange, SerialLink
-from drivers.line.wire_map import wire_map_from_mapping
-from drivers.sim.fault_draw import drawn_faults
-from drivers.sim.faults import FaultInjector
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from drivers.sim.plant_runner import PlantRunner
-from drivers.sim.pty_server import PtyServer
-from drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import Clock, SystemClock, VirtualClock
 from rw_ekf.driver import WheelProtocol
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
+from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
+from rw_ekf.drivers.line.wire_map import wire_map_from_mapping
+from rw_ekf.drivers.sim.fault_draw import drawn_faults
+from rw_ekf.drivers.sim.faults import FaultInjector
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.pty_server import PtyServer
+from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
 from rw_ekf.learning.start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.outcome import RunOutcome

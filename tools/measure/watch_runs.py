@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_parameters import QUICK_STEP_S, PlantNoise, PlantParameters
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import FilterConstants, filter_constants

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.line.framing import decode
-from drivers.line.serial_link import Exchange
-from drivers.sim.faults import Fault
-from drivers.sim.register_server import RegisterServer, Reply
+from rw_ekf.drivers.line.framing import decode
+from rw_ekf.drivers.line.serial_link import Exchange
+from rw_ekf.drivers.sim.faults import Fault
+from rw_ekf.drivers.sim.register_server import RegisterServer, Reply
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Outcome, RunState, StateNow, Tick
 from rw_ekf.units import rpm_from_rad_s

@@ -11,9 +11,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drivers.sim.plant_effect_text import parse_effects
-from drivers.sim.plant_effects import EFFECTS
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.drivers.sim.plant_effect_text import parse_effects
+from rw_ekf.drivers.sim.plant_effects import EFFECTS
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from tools.proof.sizes import SHARES, draw_size, effect_text, reach_of
 
@@ -33,7 +33,7 @@ class Case:
     mark: str  # the mark it counts for
     expects: Expectation
     expected: tuple[str, ...]  # ids that must be named; empty unless expects is "effects"
-    effects: tuple[str, ...]  # as drivers.sim.plant_effect_text takes them
+    effects: tuple[str, ...]  # as rw_ekf.drivers.sim.plant_effect_text takes them
     wheel: PlantParameters  # without the effects
     profile: str
     profile_seed: int

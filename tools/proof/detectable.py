@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers.sim.plant_parameters import PlantParameters
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from tools.proof.cases import Case
 from tools.proof.plants import SEEN_CHI_SQUARE, excess_chi_square

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.sim.plant_effects import CATALOGUE_IDS
+from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.errors import BadInputError
 from tools.proof.cases import OUTSIDE_IDS, Angle, Case, draw_wheel, draws_of, effect_case, healthy_logging
 from tools.proof.mujoco import foreign_case

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.sim.plant_batch import PlantRun
 from rw_ekf.arrays import Float64Array
+from rw_ekf.drivers.sim.plant_batch import PlantRun
 from rw_ekf.units import RAD_S_PER_RPM
 from tools.proof.cases import Case, Expectation, draw_wheel
 from tools.proof.sizes import SHARES, draw_size, reach_of

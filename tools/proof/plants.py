@@ -1,6 +1,6 @@
 """From a case to the log of its wheel, and how much of its effect the data hold at all.
 
-The wheel is that of drivers.sim.plant_batch, which shares no line with the estimator, or MuJoCo's (mujoco.py). What
+The wheel is that of drivers/sim, which shares no line with the estimator, or MuJoCo's (mujoco.py). What
 can be seen at all is reckoned on the same plant: the excess chi-square that remains when a healthy wheel, its four
 parameters refitted, has imitated the noiseless record as well as it can.
 """
@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from drivers.sim.plant_batch import PlantRun, simulate_run
-from drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
+from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
+from rw_ekf.drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.logs.writer import SampleWriter
 from rw_ekf.records import IssuedCommand, WheelSample

@@ -6,7 +6,7 @@
     python -m tools.proof.prove --tty --cases 8      the whole way: simulate, excite and diagnose over a pty
     python -m tools.proof.prove --save-log id-1rpm-004-viscous_temperature log.csv
 
-The wheels are those of drivers.sim.plant_batch and of MuJoCo, which share no line with the estimator. Every case
+The wheels are those of rw_ekf.drivers.sim.plant_batch and of MuJoCo, which share no line with the estimator. Every case
 depends on its name and --seed alone. Exit status 1 if a mark is missed.
 """
 
@@ -30,7 +30,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from drivers.sim.plant_effects import CATALOGUE_IDS
+from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.wheel_log import WheelLog
 from tools.proof import tables as proof_tables

@@ -13,10 +13,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from drivers.sim.plant_batch import simulate_run
-from drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
+from rw_ekf.drivers.sim.plant_batch import simulate_run
+from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
 SHARES = (0.05, 0.10, 0.03)  # of Coulomb friction: the three sizes, the middle one first

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from scipy.stats import binomtest
 
-from drivers.sim.plant_effects import CATALOGUE_IDS
+from rw_ekf.drivers.sim.plant_effects import CATALOGUE_IDS
 from tools.proof.judge import OUTCOMES, Record, matched
 from tools.proof.marks import MARKS
 from tools.proof.plants import SEEN_CHI_SQUARE

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.sim.plant import advance
-from drivers.sim.plant_parameters import PlantParameters, PlantState
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.bench.start import start_of
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.predictive_crossing import Payback, PredictiveCrossing, inverted
 from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.drivers.sim.plant import advance
+from rw_ekf.drivers.sim.plant_parameters import PlantParameters, PlantState
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import IssuedCommand, Tick, WheelSample
