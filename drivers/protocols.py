@@ -1,18 +1,18 @@
-"""The registry of wire protocols: the `family` of a file in config/ names the module that speaks it.
+"""Wire protocols: the `family` of a file in config/ names what speaks it, an entry point of rw_ekf.protocols.
 
-Such a module has `protocol_of(data, where)`, which checks the file's content and returns what opens such a wheel.
+That is a function `protocol_of(data, where)`, which checks the file's content and returns what opens such a wheel.
 """
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 
 from rw_ekf.checking.wording import shown
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import ConfigError
+from rw_ekf.plugins import loaded, registered
 
-FAMILIES = {"registers": "rw_ekf.drivers.line.register_protocol"}
+FAMILIES = {"registers": "rw_ekf.drivers.line.register_protocol:protocol_of"}
 USUAL_FAMILY = "registers"
 
 Where = Callable[[tuple[str | int, ...]], str]
@@ -24,8 +24,9 @@ def protocol_of(data: object, where: Where) -> WheelProtocol:
     where: turns a path like ("registers", 3, "id") into "file:line:column".
     """
     family = data.get("family", USUAL_FAMILY) if isinstance(data, Mapping) else USUAL_FAMILY
-    if not isinstance(family, str) or family not in FAMILIES:
-        known = ", ".join(sorted(FAMILIES))
+    families = registered("rw_ekf.protocols", FAMILIES)
+    if not isinstance(family, str) or family not in families:
+        known = ", ".join(sorted(families))
         raise ConfigError(f"{where(('family',))}: family must be one of {known}; found {shown(family)}")
-    made: WheelProtocol = importlib.import_module(FAMILIES[family]).protocol_of(data, where)
+    made: WheelProtocol = loaded(families[family])(data, where)
     return made

@@ -168,7 +168,7 @@ def test_a_diagnosis_leaves_what_the_command_leaves(log: rw_ekf.Log, tmp_path: P
 def test_a_folder_called_drivers_is_in_nobodys_way(tmp_path: Path) -> None:
     """A lab's own package of that name stands first on the path; rw_ekf has its drivers within."""
     (tmp_path / "drivers").mkdir()
-    (tmp_path / "drivers" / "__init__.py").write_text("raise SystemExit('the lab\'s')\n", encoding="utf-8")
+    (tmp_path / "drivers" / "__init__.py").write_text("raise SystemExit('the lab's')\n", encoding="utf-8")
     code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}]; import rw_ekf; rw_ekf.simulate('P1', duration_s=20.0)"
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(

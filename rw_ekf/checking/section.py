@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
@@ -32,14 +32,21 @@ def refuse(mistakes: Iterable[Mistake]) -> None:
         raise ValidationError.from_exception_data("", details)
 
 
-def one_of(names: Iterable[str]) -> BeforeValidator:
-    """Give the validator of a text that must be one of `names`, where they are known at run time only."""
-    known = tuple(names)
+def one_of(names: Iterable[str] | Callable[[], Iterable[str]], usual: Iterable[str] = ()) -> BeforeValidator:
+    """Give the validator of a text that must be one of `names`, where they are known at run time only.
+
+    names: or what finds them, which is asked for a text that is none of the `usual` ones.
+    """
+    asked = names if callable(names) else None
+    known = tuple(usual) if callable(names) else tuple(names)
 
     def check(value: Any) -> Any:
         if isinstance(value, str) and value in known:
             return value
-        raise PydanticKnownError("literal_error", {"expected": ", ".join(known)})
+        all_known = known if asked is None else tuple(asked())
+        if isinstance(value, str) and value in all_known:
+            return value
+        raise PydanticKnownError("literal_error", {"expected": ", ".join(all_known)})
 
     return BeforeValidator(check)
 

@@ -1,4 +1,4 @@
-"""The catalogue: every effect in this package, found by walking it, so that adding one is one file."""
+"""The catalogue: every effect in this package, found by walking it, and those that installed packages register."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Iterable
+from types import ModuleType
 from typing import Any
 
 import rw_ekf.effects
+from rw_ekf.errors import ConfigError
 from rw_ekf.model.effect import Effect
 from rw_ekf.model.effect_kinds import ReadingEffect, StribeckEffect, WanderingEffect
+from rw_ekf.plugins import loaded, refused, registered
 
 # Order of the table in docs/contract.md; what is not here comes behind, by alphabet.
 CONTRACT_IDS = (
@@ -23,9 +26,34 @@ CONTRACT_IDS = (
 MACHINERY = frozenset({"catalogue"})
 
 
-def _effects_of(module_name: str) -> list[type[Effect]]:
-    """Concrete effects that a module of the package defines."""
-    module = importlib.import_module(f"{rw_ekf.effects.__name__}.{module_name}")
+_ONE_OF_A_KIND = (ReadingEffect, StribeckEffect, WanderingEffect)
+
+
+def _own_modules() -> list[ModuleType]:
+    names = sorted(module.name for module in pkgutil.iter_modules(rw_ekf.effects.__path__))
+    return [importlib.import_module(f"{rw_ekf.effects.__name__}.{name}") for name in names if name not in MACHINERY]
+
+
+def _added_modules() -> list[ModuleType]:
+    """Modules that installed packages register. Raises ConfigError for one without an effect, or with a second grid."""
+    modules = []
+    for point in registered("rw_ekf.effects", {}).values():
+        module = loaded(point)
+        found = _effects_of(module) if inspect.ismodule(module) else []
+        if not found:
+            raise refused(
+                point, "must name a module with a class that derives from an effect of rw_ekf.model.effect_kinds"
+            )
+        if any(issubclass(effect, _ONE_OF_A_KIND) for effect in found):
+            raise refused(
+                point, "has an effect of a kind of which there can be but one: a grid, a Stribeck law, a walk"
+            )
+        modules.append(module)
+    return modules
+
+
+def _effects_of(module: ModuleType) -> list[type[Effect]]:
+    """Concrete effects that a module defines."""
     return [
         found
         for found in vars(module).values()
@@ -36,21 +64,22 @@ def _effects_of(module_name: str) -> list[type[Effect]]:
     ]
 
 
-def _collect(module_names: Iterable[str]) -> dict[str, type[Effect]]:
-    """Effects by id, in the order of the contract. Raises ValueError for an id used twice."""
+def _collect(modules: Iterable[ModuleType]) -> dict[str, type[Effect]]:
+    """Effects by id, in the order of the contract. Raises ConfigError for an id used twice."""
     found: dict[str, type[Effect]] = {}
-    for module_name in sorted(module_names):
-        for effect in _effects_of(module_name):
+    for module in modules:
+        for effect in _effects_of(module):
             if effect.id in found:
-                raise ValueError(f"effect {effect.id}: in {found[effect.id].__module__} and in {effect.__module__}")
+                both = f"{found[effect.id].__module__} and in {effect.__module__}"
+                raise ConfigError(f"the effect {effect.id} is in {both}: give one of them another id")
             found[effect.id] = effect
     known = [effect_id for effect_id in CONTRACT_IDS if effect_id in found]
     return {effect_id: found[effect_id] for effect_id in [*known, *sorted(found.keys() - set(known))]}
 
 
-CATALOGUE: dict[str, type[Effect]] = _collect(
-    module.name for module in pkgutil.iter_modules(rw_ekf.effects.__path__) if module.name not in MACHINERY
-)
+ADDED_MODULES = _added_modules()
+MODULES = [*_own_modules(), *ADDED_MODULES]
+CATALOGUE: dict[str, type[Effect]] = _collect(MODULES)
 
 
 def of_kind(kind: Any) -> list[type[Any]]:

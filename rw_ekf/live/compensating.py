@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Commander
 from rw_ekf.control.compensation.on_wheel import Terms, WheelCompensator
-from rw_ekf.control.compensation.registry import SCHEMES, WheelSheet
+from rw_ekf.control.compensation.registry import WheelSheet, scheme_of_a_run
 from rw_ekf.control.compensation.scheme import Request
 from rw_ekf.control.compensation.trust import ParameterTrust, is_trusted_start
 from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
@@ -44,7 +44,7 @@ def compensated(
     section = configuration.compensation
     if commander is None or section.scheme is None:
         return commander, lambda state: None
-    entry = SCHEMES[section.scheme]
+    entry = scheme_of_a_run(section.scheme)
     setup = start.setup
     constants = setup.constants
     noise = SpeedNoise.of(constants)

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.errors import LogError
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.matlab_check import check_skeleton
 from rw_ekf.logs.raw_table import RawTable
 
@@ -113,3 +115,19 @@ def _cells(array: Any, name: str, variable: str) -> list[tuple[str, Any]]:
         numbers.append(np.full(rows, segment, dtype=np.float64))
     columns = [("", np.concatenate(parts)) for parts in joined]
     return [*columns, ("segment", np.concatenate(numbers))]
+
+
+# A v4 file has no magic: its first number says byte order and element type.
+_MATLAB_4_HEADS = frozenset(number.to_bytes(4, "little") for number in range(0, 60, 10))
+
+
+def _recognises(head: bytes, suffix: str) -> bool:
+    return head.startswith(b"MATLAB 5.0") or (suffix == ".mat" and head[:4] in _MATLAB_4_HEADS)
+
+
+def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
+    table = read_matlab_table(path, name, columns.variable, columns.layout)
+    return noting_suffix(table, path, ".mat", "MATLAB")
+
+
+FORMAT = LogFormat(_recognises, _read)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rw_ekf.errors import LogError
+from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.raw_table import RawTable
 
 
@@ -26,3 +27,9 @@ def read_parquet_table(path: Path, name: str) -> RawTable:
         raise LogError(f"{name}: has columns but no rows: nothing was logged")
     names = tuple(str(column).strip() for column in table.column_names)
     return RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")
+
+
+FORMAT = LogFormat(
+    lambda head, suffix: head.startswith(b"PAR1"),
+    lambda path, name, columns: noting_suffix(read_parquet_table(path, name), path, ".parquet", "Parquet"),
+)

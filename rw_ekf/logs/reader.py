@@ -6,7 +6,6 @@ detect -> RawTable -> map_columns -> order of rows -> decimation -> derived spee
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +14,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
-from rw_ekf.logs.csv_table import read_csv_table
-from rw_ekf.logs.file_kind import file_kind
-from rw_ekf.logs.log_text import LogText
+from rw_ekf.logs.formats import format_of
 from rw_ekf.logs.mapping import MappedColumns, map_columns
-from rw_ekf.logs.matlab_table import read_matlab_table
 from rw_ekf.logs.odd_columns import clock_set_back
 from rw_ekf.logs.packing import packed_path
-from rw_ekf.logs.parquet_table import read_parquet_table
 from rw_ekf.logs.parts import FORMS, PartName, parts_of
 from rw_ekf.logs.raw_table import RawTable, stacked
 from rw_ekf.logs.row_rules import (
@@ -33,8 +28,8 @@ from rw_ekf.logs.row_rules import (
     rows_in_order,
     segment_ids,
 )
-from rw_ekf.logs.sums import Sums, all_sums, damage_of, part_key, sums_of, sums_path
-from rw_ekf.logs.wheel_log import CHANNELS, READABLE_COLUMNS, Drive, WheelLog
+from rw_ekf.logs.sums import all_sums, part_key, sums_of
+from rw_ekf.logs.wheel_log import CHANNELS, Drive, WheelLog
 from rw_ekf.units import rad_s_from_rpm
 
 MAX_SKIPPED_SHARE = 0.01
@@ -150,63 +145,7 @@ def _read_part(file: Path, columns: ColumnMap) -> RawTable:
 
 def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     name = str(path)
-    kind = file_kind(path, name)
-    if kind == "parquet":
-        return _noting_suffix(read_parquet_table(path, name), path, ".parquet", "Parquet")
-    if kind == "matlab":
-        table = read_matlab_table(path, name, columns.variable, columns.layout)
-        return _noting_suffix(table, path, ".mat", "MATLAB")
-    text = LogText.unpack(path, kind, name) if kind in ("gzip", "zstd") else LogText(path)
-    sums = sums_of(path)
-    text, said = _checked(text, sums, name)
-    table = read_csv_table(
-        text, columns.csv, lambda number, column: column in READABLE_COLUMNS or columns.uses(number, column), name
-    )
-    table.torn = text.torn is not None or (sums.rows > 0 and said is not None and table.rows < sums.rows)
-    if table.torn and table.rows < sums.rows:
-        said = f"{said or f'{name}: is torn'}; {sums.rows - table.rows} rows that were written are missing"
-    table.warnings += [*([] if said is None else [said]), *([] if sums.damaged is None else [sums.damaged])]
-    return table
-
-
-def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]:
-    """Hold a run's text against its checksums, and say where it differs.
-
-    A compressed part is read up to there: nobody has edited it. A plain one may have been, and is read as it stands.
-    Raises LogError for a compressed part whose damage has no place.
-    """
-    if not sums.blocks:
-        if text.sealed is False and text.torn is None:
-            raise LogError(
-                f"{name}: does not unpack to what was packed (its checksum differs), and {sums_path(text.path).name} "
-                "is not there to say where: take a copy of this file, or unpack it and look at its rows yourself"
-            )
-        return text, None
-    content = text.path.read_bytes() if text.unpacked is None else text.unpacked
-    damage = damage_of(content, sums)
-    if damage is None:
-        return text, None
-    if text.unpacked is not None:
-        good = content[: damage.begin]
-        if not good:
-            raise EmptyLogError(f"{name}: is damaged from its beginning on (its checksum differs): nothing was read")
-        return replace(
-            text, unpacked=good, torn=text.torn or f"its checksum differs from line {damage.first_line} on"
-        ), None
-    if damage.cut and damage.last_line >= sums.lines:
-        what = f"is {sums.blocks[-1].end - len(content)} bytes shorter than it was written"
-        return text, f"{name}: {what}, and not the same from line {damage.first_line} on: read as it stands"
-    lines = f"lines {damage.first_line} to {damage.last_line}"
-    return text, (
-        f"{name}: {lines} are not as they were written (their checksum differs): somebody changed them, or the disk "
-        "did; they were read as they stand"
-    )
-
-
-def _noting_suffix(table: RawTable, path: Path, suffix: str, kind: str) -> RawTable:
-    if path.suffix.lower() != suffix:
-        table.warnings.append(f"{table.path}: is a {kind} file in spite of its name, and was read as one")
-    return table
+    return format_of(path, name).read(path, name, columns)
 
 
 def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> WheelLog:

@@ -10,16 +10,25 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rw_ekf.checking.section import Section, matching
+from rw_ekf.checking.section import Section, matching, one_of
+from rw_ekf.plugins import registered
 
 CommandProfile = Literal[
     "sine", "zero", "steps", "random-sines", "identification", "log", "none", "P1", "P2", "S1", "S2", "S3", "S4", "S5"
 ]
-CompensationScheme = Literal[
+RUN_SCHEMES = (
     "pid_current", "dmc", "pistiner_offset", "dither_triangular", "dither_sine", "dither_square", "dither_offset",
     "command_shaping", "pi_drag", "pi_drag_high_gain", "mrac", "walrath", "ekbf", "disturbance_observer", "adrc",
     "adrc_model", "sliding_mode", "predictive_crossing",
-]  # fmt: skip
+)  # fmt: skip
+
+
+def _run_schemes() -> tuple[str, ...]:
+    """Those that a run takes, and what installed packages add (docs/extending.md)."""
+    return (*RUN_SCHEMES, *registered("rw_ekf.compensations", {}))
+
+
+CompensationScheme = Annotated[str, one_of(_run_schemes, usual=RUN_SCHEMES)]
 CompensationRequest = Literal["socket", "profile", "log"]
 StribeckLaw = Literal["gauss", "tustin", "lorentz"]
 

@@ -1,18 +1,19 @@
-"""Every sink of a run by its name. Adding one is its module and a line here."""
+"""Every sink of a run by its name: those here, and those of installed packages (entry points rw_ekf.sinks)."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Phase
-from rw_ekf.errors import BadInputError
+from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.logs.parts import part_path
 from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
+from rw_ekf.plugins import loaded, refused, registered
 from rw_ekf.records import LinkCounters, Sink, StateNow
 from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.events import EventsSink
@@ -27,7 +28,11 @@ from rw_ekf.sinks.statistics_sink import StatisticsSink
 from rw_ekf.sinks.status_line import StatusLine
 from rw_ekf.statistics import RunStatistics
 
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
 _LOG_TICKS = 4096  # seven minutes at 10 Hz of a disk that hangs
+_ADDED_TICKS = 600  # a minute at 10 Hz
 _STATE_EVERY_S = 1.0
 LEARNED_EVERY_S = 60.0
 
@@ -119,11 +124,40 @@ SINKS: dict[str, SinkKind] = {
 }
 
 
+def _all_sinks() -> dict[str, SinkKind]:
+    """Those of rw_ekf and of installed packages, which never keep the loop waiting. Raises ConfigError."""
+    own = dict.fromkeys(SINKS, f"{__name__}:SINKS")
+    found = dict(SINKS)
+    for name, point in registered("rw_ekf.sinks", own).items():
+        if name in SINKS:
+            continue
+        kind = loaded(point)
+        if not isinstance(kind, SinkKind):
+            raise refused(point, f"must be a SinkKind of {__name__}; found {type(kind).__name__}")
+        found[name] = kind._replace(make=_queued(point, kind.make))
+    return found
+
+
+def _queued(point: EntryPoint, make: Callable[[RunContext], tuple[Sink, Queue | None] | None]) -> Any:
+    """The same, in a thread of its own, and any error while it is made in words."""
+
+    def made(run: RunContext) -> tuple[Sink, Queue] | None:
+        try:
+            parts = make(run)
+        except RwEkfError:
+            raise
+        except Exception as error:
+            raise refused(point, f"could not be made ({type(error).__name__}: {error})") from error
+        return None if parts is None else (parts[0], parts[1] or Queue(_ADDED_TICKS))
+
+    return made
+
+
 def sinks_of(run: RunContext) -> list[GuardedSink]:
-    """Every sink of a run behind its guard; raises BadInputError where a file that it needs cannot be made."""
+    """Every sink of a run behind its guard; raises BadInputError where one cannot be made."""
     with contextlib.ExitStack() as undo:
         made = []
-        for name, kind in SINKS.items():
+        for name, kind in _all_sinks().items():
             parts = kind.make(run)
             if parts is None:
                 continue

@@ -7,18 +7,21 @@ from __future__ import annotations
 
 import importlib
 import inspect
-import pkgutil
 from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
-import rw_ekf.effects
-from rw_ekf.effects.catalogue import MACHINERY, of_kind
+from rw_ekf.effects import catalogue
+from rw_ekf.effects.catalogue import ADDED_MODULES, of_kind
 from rw_ekf.model import memory_coast as memory_coast_home
 from rw_ekf.model import memory_flow as memory_flow_home
 from rw_ekf.model.effect_kinds import CurrentEffect, FrictionMemoryEffect, StaticEffect
 
-_HOMES = ("rw_ekf.effects.", "rw_ekf.model.memory_")
+_HOMES = (
+    "rw_ekf.effects.",
+    "rw_ekf.model.memory_",
+    *(module.__name__.partition(".")[0] for module in ADDED_MODULES),
+)
 _STATIC_ARGUMENTS = "a, q1, q2, q3, omega, current, temperature, angle, time, duration"
 _LAG_ARGUMENTS = "a, q1, q2, q3, state, current, duration"
 _FLOW_ARGUMENTS = "omega, memory, drive, curve, a, q1, q2, q3, duration"
@@ -75,11 +78,7 @@ lagged = _choice("lagged", _LAG_ARGUMENTS, [effect.lagged for effect in CURRENT_
 memory_flow = _choice("memory_flow", _FLOW_ARGUMENTS, [effect.flow for effect in MEMORY_EFFECTS])
 
 # Every module of an effect, and what its functions call: the compiled passes are stale when one of them changes.
-MODULES: list[ModuleType] = [
-    importlib.import_module(f"{rw_ekf.effects.__name__}.{found.name}")
-    for found in pkgutil.iter_modules(rw_ekf.effects.__path__)
-    if found.name not in MACHINERY
-] + [memory_coast_home, memory_flow_home]
+MODULES: list[ModuleType] = [*catalogue.MODULES, memory_coast_home, memory_flow_home]
 JITABLE: list[Callable[..., Any]] = [
     *(function for effect in MEMORY_EFFECTS for function in _called_by(effect)),
     *(effect.contribution for effect in STATIC_EFFECTS),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import math
 import pkgutil
 import subprocess
@@ -33,6 +34,7 @@ from rw_ekf.effects.measures import dry_scale
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.speed_quantisation import SpeedQuantisation
 from rw_ekf.effects.stribeck_shape import StribeckShape
+from rw_ekf.errors import ConfigError
 from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import (
     Contribution,
@@ -166,9 +168,13 @@ def test_a_new_effect_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(rw_ekf.effects, "__path__", [*rw_ekf.effects.__path__, str(tmp_path)])
     for name in ("fresh", "twice"):
         monkeypatch.delitem(sys.modules, f"rw_ekf.effects.{name}", raising=False)
-    assert list(catalogue._collect(["fresh", "offset_torque"])) == ["offset_torque", "a_fresh_one"]
-    with pytest.raises(ValueError, match="offset_torque"):
-        catalogue._collect(["twice", "offset_torque"])
+    fresh, twice, own = (
+        importlib.import_module(f"rw_ekf.effects.{name}") for name in ("fresh", "twice", "offset_torque")
+    )
+    assert fresh in catalogue._own_modules()
+    assert list(catalogue._collect([own, fresh])) == ["offset_torque", "a_fresh_one"]
+    with pytest.raises(ConfigError, match="offset_torque"):
+        catalogue._collect([twice, own])
     for name in ("fresh", "twice"):
         monkeypatch.delitem(sys.modules, f"rw_ekf.effects.{name}")
 

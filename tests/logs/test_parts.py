@@ -14,7 +14,8 @@ import pytest
 from rw_ekf.errors import BadInputError, EmptyLogError, LogError
 from rw_ekf.logs import reader
 from rw_ekf.logs.export import export_log
-from rw_ekf.logs.file_kind import file_kind
+from rw_ekf.logs.format import LogFormat
+from rw_ekf.logs.formats import format_of
 from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.packing import pack, packed_path
 from rw_ekf.logs.parts import PartName, part_path, parts_of
@@ -186,14 +187,14 @@ def test_a_part_that_is_compressed_while_it_is_read_is_read(
     run: Path, whole: WheelLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The daemon replaces the second part just after the reader has looked what kind of file it is."""
-    second, kind_of = part_path(run, 2), file_kind
+    second, kind_of = part_path(run, 2), format_of
 
-    def replaced_meanwhile(path: Path, name: str) -> str:
+    def replaced_meanwhile(path: Path, name: str) -> LogFormat:
         kind = kind_of(path, name)
         if path == second:
             pack(second)
         return kind
 
-    monkeypatch.setattr(reader, "file_kind", replaced_meanwhile)
+    monkeypatch.setattr(reader, "format_of", replaced_meanwhile)
     assert same(read_log(run), whole)
     assert not second.exists()

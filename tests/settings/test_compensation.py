@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 from rw_ekf.control.compensation.registry import SCHEMES, WheelSheet
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.settings.schema import CompensationScheme
+from rw_ekf.settings.schema import RUN_SCHEMES
 from tests.settings.test_load import LEAST, findings, load
 
 SOCKET = LEAST + "command: {profile: zero}\n"
@@ -62,7 +61,7 @@ def test_what_does_not_fit_is_found_with_its_place(tmp_path: Path, text: str, pl
 def test_every_scheme_that_a_run_takes_works_at_the_loop_s_rate() -> None:
     """Of the registry, none with a loop inside the wheel and none with parameters that only the bench has."""
     sheet = WheelSheet(CK13_STATISTICAL, Stribeck(0.42, GAUSS))
-    for entry in (SCHEMES[name] for name in get_args(CompensationScheme)):
+    for entry in (SCHEMES[name] for name in RUN_SCHEMES):
         assert entry.inner_rate_hz is None
         assert entry.parameters_from in ("none", "estimator")
         assert entry.make(sheet) is not entry.make(sheet)

@@ -25,8 +25,10 @@ from rw_ekf.control.compensation.pid_current import PidCurrent
 from rw_ekf.control.compensation.predictive_crossing import PredictiveCrossing
 from rw_ekf.control.compensation.scheme import Compensation
 from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
+from rw_ekf.errors import ConfigError
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.plugins import loaded, refused, registered
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def _mrac(sheet: WheelSheet, **given: Any) -> mrac.Mrac:
     return mrac.Mrac(sheet.parameters, mrac.MracParameters(**given))
 
 
-SCHEMES: dict[str, SchemeEntry] = {
+OWN_SCHEMES: dict[str, SchemeEntry] = {
     entry.id: entry
     for entry in (
         SchemeEntry("pid_current", "[CK13] 4.1", lambda sheet: PidCurrent(sheet.parameters.motor_gain)),
@@ -204,3 +206,31 @@ SCHEMES: dict[str, SchemeEntry] = {
         ),
     )
 }
+
+
+def _added_schemes() -> dict[str, SchemeEntry]:
+    """What installed packages register (entry points rw_ekf.compensations). Raises ConfigError."""
+    own = dict.fromkeys(OWN_SCHEMES, f"{__name__}:OWN_SCHEMES")
+    found = {}
+    for name, point in registered("rw_ekf.compensations", own).items():
+        if name in OWN_SCHEMES:
+            continue
+        entry = loaded(point)
+        if not isinstance(entry, SchemeEntry) or entry.id != name:
+            raise refused(point, f"must be a SchemeEntry of {__name__} with the id {name!r}")
+        found[name] = entry
+    return found
+
+
+SCHEMES: dict[str, SchemeEntry] = {**OWN_SCHEMES, **_added_schemes()}
+
+
+def scheme_of_a_run(name: str) -> SchemeEntry:
+    """A scheme by its id. Raises ConfigError for one that only the bench has."""
+    entry = SCHEMES[name]
+    if entry.inner_rate_hz is not None or entry.parameters_from not in ("none", "estimator"):
+        raise ConfigError(
+            f"compensation.scheme: {name} needs a loop inside the wheel, or parameters that a run does not have; the "
+            "bench has it (`rw-ekf bench`)"
+        )
+    return entry

@@ -1,0 +1,26 @@
+"""What a form of log files is: how it is recognised, and how read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.raw_table import RawTable
+
+HEAD_BYTES = 128
+
+
+class LogFormat(NamedTuple):
+    """One form of log files."""
+
+    recognises: Callable[[bytes, str], bool]  # by the first HEAD_BYTES; by the suffix, in small letters, if at all
+    read: Callable[[Path, str, ColumnMap], RawTable]  # str: stands for the file in messages. Raises LogError
+
+
+def noting_suffix(table: RawTable, path: Path, suffix: str, kind: str) -> RawTable:
+    """The table, with a warning where the file is called otherwise than files of its kind are."""
+    if path.suffix.lower() != suffix:
+        table.warnings.append(f"{table.path}: is a {kind} file in spite of its name, and was read as one")
+    return table

@@ -1,0 +1,66 @@
+"""Which form a log file has, by its first bytes, for names lie; installed packages add forms (rw_ekf.log_formats)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.format import HEAD_BYTES, LogFormat
+from rw_ekf.plugins import loaded, refused, registered
+
+_OWN = {
+    "parquet": "rw_ekf.logs.parquet_table:FORMAT",
+    "matlab": "rw_ekf.logs.matlab_table:FORMAT",
+    "csv": "rw_ekf.logs.csv_log:FORMAT",
+}
+_LAST = "csv"  # takes what nobody else takes
+_FOREIGN = (
+    (b"\x89HDF\r\n\x1a\n", "a MATLAB v7.3 (HDF5) file: save it in MATLAB with save(..., '-v7')"),
+    (b"MATLAB 7.3", "a MATLAB v7.3 (HDF5) file: save it in MATLAB with save(..., '-v7')"),
+    (b"BZh", "compressed with bzip2: unpack it first"),
+    (b"\xfd7zXZ", "compressed with xz: unpack it first"),
+    (b"PK\x03\x04", "a zip archive or a spreadsheet: unpack it, or save the sheet as CSV"),
+    (b"ARROW1", "an Arrow (Feather) file: save it as Parquet or CSV"),
+)
+
+
+def format_of(path: Path, name: str) -> LogFormat:
+    """The form of a file; `name` stands for it in messages. Raises LogError if it is none that can be read."""
+    head, suffix = _head_of(path, name), path.suffix.lower()
+    points = registered("rw_ekf.log_formats", _OWN)
+    for key, point in points.items():
+        form = loaded(point)
+        if not isinstance(form, LogFormat):
+            raise refused(point, f"must be a LogFormat of {LogFormat.__module__}; found {type(form).__name__}")
+        if key != _LAST and form.recognises(head, suffix):
+            return form
+    for magic, what in _FOREIGN:
+        if head.startswith(magic):
+            raise LogError(f"{name}: is {what}")
+    if suffix in (".parquet", ".mat"):
+        kind = "Parquet" if suffix == ".parquet" else "MATLAB"
+        raise LogError(
+            f"{name}: is called {suffix} but is no {kind} file (it begins with {head[:8]!r}): rename it to what it is, "
+            "or write it again"
+        )
+    text: LogFormat = loaded(points[_LAST])
+    return text
+
+
+def _head_of(path: Path, name: str) -> bytes:
+    """The first bytes of a file. Raises LogError where there is none to be read."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise LogError(f"{name}: is a device or pipe, which can be read only once: save the log to a file first")
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(HEAD_BYTES)
+    except FileNotFoundError:
+        raise LogError(f"{name}: no such file") from None
+    except IsADirectoryError:
+        raise LogError(f"{name}: is a directory: give the log file in it") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise LogError(f"{name}: cannot be read ({reason})") from None
+    if not head:
+        raise EmptyLogError(f"{name}: the file is empty")
+    return head
