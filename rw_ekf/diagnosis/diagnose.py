@@ -17,8 +17,8 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.diagnosis.search.contenders import Search
 from rw_ekf.diagnosis.search.excitation import information
-from rw_ekf.diagnosis.search.stepwise import Search
 from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.wheel_log import WheelLog
 
@@ -126,6 +126,7 @@ def _unjudged(source: Source, kind: Kind, why: str, advice: str | None = None) -
         "inertia_from": None,
         "parameters": {"before": None, "after": None},
         "explanations": [],
+        "ledger": [],
         "ended": None,
         "map": [],
         "torque_noise": None,

@@ -22,6 +22,7 @@ class Reason(Enum):
     NOT_BESIDE_MOTION = "nothing beside smooth laws of the motion"
     WAITS = "nothing beside a smooth effect of the {}"
     NOT_CONFIRMED = "not confirmed: {}"
+    UNLIKELIER = "less likely than {}"
     PARTIAL = "explains only part of the residual"
     NO_GRID = "no grid coarser than the noise"
     HARMLESS_GRID = "a grid, but held-out readings are missed by more"

@@ -210,7 +210,7 @@ class Fit:
 
     def knows(self, effect_id: str, sigmas: float) -> bool:
         """Whether an effect's size is known to so many sigma: a fit that ran away claims a gain, but no size."""
-        size, std = self._size(effect_id)
+        size, std = self.size_of(effect_id)
         return std > 0.0 and size > sigmas * std
 
     def may_matter(self, effect_id: str, facts: RecordFacts) -> bool:
@@ -218,14 +218,14 @@ class Fit:
         terms = self.model.of(effect_id)
         if not terms or facts.any_size or not terms[0].effect.linear:
             return self.model.matters(effect_id, facts)
-        size, std = self._size(effect_id)
+        size, std = self.size_of(effect_id)
         room = 1.0 + ROOM_SIGMAS * std / max(size, 1.0e-300)
         return terms[0].effect.matters(
             [replace(term, values=tuple(room * value for value in term.values)) for term in terms],
             self.model.seen_by(terms[0].effect, facts),
         )
 
-    def _size(self, effect_id: str) -> tuple[float, float]:
+    def size_of(self, effect_id: str) -> tuple[float, float]:
         """Size of an effect, all its terms taken together, and the standard deviation of a coefficient."""
         terms = self.terms_of(effect_id)
         variances = [float(v) for item in terms for v in np.maximum(np.diag(item.covariance), 0.0)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.diagnosis.judge.cross_fit import _asked, _excess, _said, expected_excess, parts_agree
+from rw_ekf.diagnosis.judge.cross_fit import MOST_DISPUTED, _asked, _excess, _said, disputed_share, expected_excess
 from rw_ekf.diagnosis.judge.event import agrees_with_itself, percent_gained
 from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import prepare
@@ -52,7 +52,7 @@ def test_parts_agree_on_a_torque_that_acts_all_the_time_alone(everywhere: bool) 
     base = prepare(source_of([log_of(replace(run, current_command_A=logged))]), None, None, "blocks").base
     fit = base.refitted(base.model.with_terms(Term.of(OFFSET, value=0.02)))
     assert fit.likelihood.value > base.likelihood.value + 20.0
-    assert parts_agree(fit, OFFSET.id, first) is everywhere
+    assert (disputed_share(fit, OFFSET.id, first) < MOST_DISPUTED) is everywhere
 
 
 def test_what_an_event_gains_is_told_on_seconds_that_were_left_out() -> None:

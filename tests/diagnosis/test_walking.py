@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from rw_ekf.diagnosis.judge.found import Found, mapped
+from rw_ekf.diagnosis.judge.ledger import Ledger
 from rw_ekf.diagnosis.judge.walking import _refused_is_likelier
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
@@ -33,7 +34,7 @@ def walk(prepared: Prepared) -> Found:
     """The same record with a walk."""
     tried = wandering(prepared, prepared.base, enough=1.1)
     assert tried is not None
-    return mapped(prepared, Selection(prepared.base, tried.fit))
+    return mapped(prepared, Selection(prepared.base, tried.fit), Ledger(prepared.base, prepared.facts))
 
 
 def refused(prepared: Prepared, decisions: dict[str, Decision]) -> Found:
@@ -41,7 +42,7 @@ def refused(prepared: Prepared, decisions: dict[str, Decision]) -> Found:
     effects = [CATALOGUE[name] for name in decisions]
     scores: dict[str, Score] = Scorer(prepared.base).best_of_each(prepared.facts, effects)
     trials = {name: replace(Trial.of(scores[name]), decision=said) for name, said in decisions.items()}
-    return mapped(prepared, Selection(prepared.base, prepared.base, trials))
+    return mapped(prepared, Selection(prepared.base, prepared.base, trials), Ledger(prepared.base, prepared.facts))
 
 
 def test_a_likelier_effect_that_held_out_errors_refused_leaves_a_walk_unnamed(prepared: Prepared, walk: Found) -> None:

@@ -91,6 +91,7 @@ def conclude(found: Found, advance: Advance) -> Diagnosis:
         "model": MODEL_FILE if model is not None else None,
         **inertia_document(prepared.setup),
         "explanations": explanation_entries(found, surviving(found, weighed)),
+        "ledger": found.ledger.document(None if unexplained else found.fit),
         "ended": ended(course, found.fit.trajectory.speed, with_temperature=prepared.temperature_is_logged),
         "map": [
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}

@@ -1,18 +1,15 @@
-"""Which effects do not stand what the two parts of a record say of each other."""
+"""Whether an effect stands what the held-out part of a record says of it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
-from rw_ekf.diagnosis.judge.cross_fit import expected_excess, parts_agree
+from rw_ekf.diagnosis.judge.cross_fit import expected_excess
 from rw_ekf.diagnosis.judge.event import agrees_with_itself
 from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
-from rw_ekf.diagnosis.search.selection import Selection
-from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 
@@ -38,41 +35,24 @@ BLIND = 0.025
 _UNDOUBTED = 1.0e-6  # p-value on the whole record
 
 
-def confirmed(prepared: Prepared, selection: Selection) -> Selection:
-    """Without effects on whose size the two parts do not agree.
+def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str | None, bool]:
+    """Which held-out figure an effect makes clearly worse, in words; and whether no figure says anything of it.
 
-    An event in time is in one of them only, and is not asked for there.
+    What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
+    out. One that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
+    hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
+    alone has no say then.
     """
-    for name in selection.new_ids:
-        if CATALOGUE[name].local_in_time:
-            continue
-        if not parts_agree(selection.final, name, prepared.split.fit):
-            why = Decision(Reason.NOT_CONFIRMED, "the two parts of the record do not agree on it")
-            selection = selection.decided(name, why, selection.final.without(name))
-    return selection
-
-
-def not_vetoed(prepared: Prepared, selection: Selection) -> Selection:
-    """Without whatever makes one of the held-out figures clearly worse, an event too, the last to enter first.
-
-    What the record leaves no doubt of goes only where that is so whichever part is held out. One that hardly shows the
-    motor gain, say, may have it several sigma off, and figures in which torque noise hides nothing are worse for it.
-    A part that knows so little of the numbers that errors elsewhere would grow by that alone has no say then.
-    """
-    for name in reversed(selection.new_ids):
-        less, more = selection.final.without(name), selection.final
-        worse = _worse(prepared, less, more)
-        if worse is not None and selection.trials[name].p_value < _UNDOUBTED and knows_size(more, name, LEAST_SIGMAS):
-            ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
-            said = [_worse(way, less, more) for way in ways]
-            worse = said[-1] if said and None not in said else None
-            if not ways and _gain(prepared, less, more) <= _REAL_GAIN:
-                selection = replace(selection, unjudged=(*selection.unjudged, name))
-        if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
-            worse = "every other 5 s inside it and the rest do not agree on its size"
-        if worse is not None:
-            selection = selection.decided(name, Decision(Reason.NOT_CONFIRMED, f"on the held-out part {worse}"), less)
-    return selection
+    less, unjudged = more.without(name), False
+    worse = _worse(prepared, less, more)
+    if worse is not None and p_value < _UNDOUBTED and knows_size(more, name, LEAST_SIGMAS):
+        ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
+        said = [_worse(way, less, more) for way in ways]
+        worse = said[-1] if said and None not in said else None
+        unjudged = not ways and _gain(prepared, less, more) <= _REAL_GAIN
+    if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
+        worse = "every other 5 s inside it and the rest do not agree on its size"
+    return worse, unjudged
 
 
 def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:

@@ -16,11 +16,11 @@ from rw_ekf.likelihood.model import prior_rows
 
 # Where both parts know equally much, each predicts the other better than nothing does, the two gains added, as long as
 # they dispute less than this share of what they ask for together.
-_DISPUTED = 1.0 / 3.0
+MOST_DISPUTED = 1.0 / 3.0
 
 
-def parts_agree(fit: Fit, name: str, part: BoolArray) -> bool:
-    """Whether `part` (n,) and the rest hardly dispute an effect's coefficients (eq. 10b).
+def disputed_share(fit: Fit, name: str, part: BoolArray) -> float:
+    """What `part` (n,) and the rest dispute of an effect's coefficients, of what they ask for together (eq. 10b).
 
     One that knows next to nothing of them disputes nothing.
     """
@@ -35,7 +35,7 @@ def parts_agree(fit: Fit, name: str, part: BoolArray) -> bool:
         _said(r[rows], A[rows][:, own], A[rows][:, others], pull, model.vector[own]) for rows in (chosen, ~chosen)
     )
     together = _asked(u + v, J + K)
-    return _asked(u, J) + _asked(v, K) - together < _DISPUTED * together
+    return max(_asked(u, J) + _asked(v, K) - together, 0.0) / max(together, 1.0e-300)
 
 
 def expected_excess(fit: Fit, by_part: Fit, part: BoolArray) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rw_ekf.arrays import BoolArray
-from rw_ekf.diagnosis.judge.cross_fit import parts_agree
+from rw_ekf.diagnosis.judge.cross_fit import MOST_DISPUTED, disputed_share
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.likelihood.model import Model
@@ -23,7 +23,7 @@ _DECAYS = 3.0  # how long an event is, in its own time constants
 def agrees_with_itself(whole: Fit, name: str) -> bool:
     """Whether every other five seconds of an event and all else agree on its size."""
     seconds = _every_other(whole, name)
-    return not seconds.any() or parts_agree(whole, name, seconds)
+    return not seconds.any() or disputed_share(whole, name, seconds) < MOST_DISPUTED
 
 
 def percent_gained(whole: Fit, name: str) -> float | None:

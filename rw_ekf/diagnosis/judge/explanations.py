@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.evidence import log_evidence, testable
+from rw_ekf.diagnosis.judge.evidence import testable
 from rw_ekf.diagnosis.judge.found import Found, model_of_fit
-from rw_ekf.diagnosis.search.selection import Rival, Selection
+from rw_ekf.diagnosis.judge.ledger import Row, key_of
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts
@@ -56,14 +56,13 @@ def weighed_explanations(found: Found) -> list[Explanation]:
         fits = [found.fit, found.nearest]
     else:
         fits = [found.fit, *(_in_place(found) if found.new_ids else _beside(found, found.fit))]
-    weighed: dict[tuple[str, ...], Explanation] = {}
-    for fit in fits:
-        effects = tuple(found.selection.new_in(fit))
-        item = Explanation(effects, fit, log_evidence(fit, effects, found.prepared.facts))
-        key = tuple(sorted(effects))
-        if key not in weighed or weighed[key].log_evidence < item.log_evidence:
-            weighed[key] = item
-    return with_posteriors(list(weighed.values()))
+    rows = {row.key: row for row in found.ledger.with_rows(fits).rows}
+    weighed: dict[frozenset[str], Row] = {}
+    for row in (rows[key_of(fit)] for fit in fits):
+        key = frozenset(row.effects)
+        if key not in weighed or weighed[key].log_evidence < row.log_evidence:
+            weighed[key] = row
+    return with_posteriors([Explanation(row.effects, row.fit, row.log_evidence) for row in weighed.values()])
 
 
 def with_posteriors(weighed: list[Explanation]) -> list[Explanation]:
@@ -96,19 +95,11 @@ def _in_place(found: Found) -> list[Fit]:
     """For each effect named its rivals, fitted to the whole record; anything, or nothing, for one hardly missed."""
     selection, fits = found.selection, []
     for name in found.new_ids:
-        fits += [_of_what_stands(selection, rival) for rival in selection.rivals.get(name, ())]
+        fits += [rival.fit for rival in selection.rivals.get(name, ())]
         if selection.trials[name].statistic < _HARDLY_MISSED:
             less = selection.without(name)
             fits += [less, *_beside(found, less, name)]
     return fits
-
-
-def _of_what_stands(selection: Selection, rival: Rival) -> Fit:
-    """A rival's fit without effects that were refused after it had been made: a verdict has none of them."""
-    fit = rival.fit
-    for name in {*fit.model.effects.ids} - {*selection.final.model.effects.ids, rival.name}:
-        fit = fit.without(name)
-    return fit
 
 
 def _beside(found: Found, whole: Fit, chosen: str | None = None) -> list[Fit]:

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rw_ekf.diagnosis.judge.checks import Check
 from rw_ekf.diagnosis.judge.lattice import Lattice
+from rw_ekf.diagnosis.judge.ledger import Ledger
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.search.wander import followed_finely
+from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term
@@ -31,6 +34,7 @@ class Found:
 
     prepared: Prepared
     selection: Selection
+    ledger: Ledger  # of all hypotheses that were fitted
     fit: Fit  # the final model on the whole record
     dependences: list[Dependence]  # of what it leaves
     left: list[Dependence]  # those that noise does not explain
@@ -46,16 +50,20 @@ class Found:
     corrected: Prepared | None = None  # the record without what the grid did to the readings, as it was searched
 
 
-def mapped(prepared: Prepared, selection: Selection) -> Found:
+def mapped(prepared: Prepared, selection: Selection, ledger: Ledger) -> Found:
     """The selection on the whole record; structure that its effects leave by nature is no reason to doubt them."""
     whole, terms = selection.final, selection.final.model.terms
     dependences = residual_map(whole, prepared.facts, followed_finely(whole))
     left = [item for item in dependences if item.p_value < MAP_P]
     excused = {name for term in terms for name in term.effect.may_leave(term.shape, prepared.facts)}
     share = 1.0 if excused.issuperset(item.name for item in left) else _share(selection, left)
+    if selection.new_ids:
+        why = None if share >= EXPLAINED_SHARE else Decision(Reason.PARTIAL)
+        ledger = ledger.with_checks(whole, Check("share of the structure explained", "", share, EXPLAINED_SHARE, why))
     return Found(
         prepared=prepared,
         selection=selection,
+        ledger=ledger,
         fit=whole,
         dependences=dependences,
         left=left,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rw_ekf.diagnosis.judge.confirmation import confirmed, not_vetoed
+from rw_ekf.diagnosis.judge.choice import chosen
 from rw_ekf.diagnosis.judge.found import Found, mapped
+from rw_ekf.diagnosis.judge.ledger import begun, grown
 from rw_ekf.diagnosis.judge.open_law import with_open_law
 from rw_ekf.diagnosis.judge.walking import weighed_against_a_walk, with_wandering_friction
 from rw_ekf.diagnosis.judge.widths import (
@@ -18,13 +19,11 @@ from rw_ekf.diagnosis.judge.widths import (
 )
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.confounding import one_and_the_same, quantity_of
+from rw_ekf.diagnosis.search.contenders import Search
 from rw_ekf.diagnosis.search.laws import has_laws
 from rw_ekf.diagnosis.search.lost_angle import with_open_order
-from rw_ekf.diagnosis.search.rivals import weigh_rivals
 from rw_ekf.diagnosis.search.selection import Selection
-from rw_ekf.diagnosis.search.stepwise import Search
-from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
-from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work
 
@@ -106,30 +105,8 @@ def _left_out_for_its_size(selection: Selection) -> str | None:
 
 
 def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:
-    selection = search.run(prepared.base)
-    if selection.new_ids:
-        selection = in_deepest_valleys(selection, prepared.facts)
-        chosen = selection.new_ids
-        selection = weigh_rivals(search, selection)
-        if selection.new_ids != chosen:
-            selection = in_deepest_valleys(selection, prepared.facts)
-        selection = replace(selection, final=search.with_open_speed(selection.final))
-        selection = confirmed(prepared, selection)
-    selection = _without_trifles(prepared, selection)
-    stood = selection.new_ids
-    selection = not_vetoed(prepared, selection)
-    if selection.new_ids != stood:  # what stood beside it may have been there for its sake
-        final, selection = search.pruned(selection.final, selection, least=0)
-        selection = replace(selection, final=final)
+    ledger, selection = begun(prepared.base, prepared.facts)
+    ledger, selection = grown(search, ledger, selection)
+    ledger, selection = chosen(prepared, search, ledger, selection)
     advance("mapping the residual")
-    return mapped(prepared, selection)
-
-
-def _without_trifles(prepared: Prepared, selection: Selection) -> Selection:
-    """Without what the record has next to nothing of, or impossibly much, once all else is in the model."""
-    for name in selection.new_ids:
-        if not selection.final.may_matter(name, prepared.facts):
-            selection = selection.decided(name, Decision(Reason.TOO_SMALL), selection.final.without(name))
-        elif not selection.final.model.possible(name, prepared.facts):
-            selection = selection.decided(name, Decision(Reason.IMPOSSIBLE), selection.final.without(name))
-    return selection
+    return mapped(prepared, selection, ledger)

@@ -91,7 +91,7 @@ def or_another_order(found: Found, name: str) -> str:
 def separation(group: list[str], posterior: dict[str, float], selection: Selection) -> str:
     """What would tell the members of a group apart."""
     first, *others = group
-    same = selection.constructed.get(first, frozenset())
+    same = selection.one_by_construction(first)
     ways = dict.fromkeys(
         separates(quantity_of(CATALOGUE[first]))
         if other in same

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from rw_ekf.diagnosis.judge.checks import Check
 from rw_ekf.diagnosis.judge.drifting import drifts_otherwise
 from rw_ekf.diagnosis.judge.evidence import log_evidence
 from rw_ekf.diagnosis.judge.found import MAP_P, Found
@@ -26,6 +27,8 @@ from rw_ekf.model.effect import RecordFacts
 Advance = Callable[[str], object]
 
 _LAWS_OF = ("speed", "current", "temperature")
+LIKELIER_WALK = Decision(Reason.UNLIKELIER, "a walk of something else")
+UNNAMED_LAW = Decision(Reason.UNLIKELIER, "a law without a name")
 _LOG_ODDS = -3.0  # of such a law beforehand, beside that of any one of the catalogue
 
 
@@ -58,7 +61,7 @@ def weighed_against_unnamed(found: Found, advance: Advance) -> Found:
         return found
     advance("weighing a law without a name")
     if drifts_otherwise(found):
-        return _unexplained(found)
+        return _unexplained(_checked(found, "likelier than a walk of something else", None, LIKELIER_WALK))
     if followed_finely(found.fit) is not None:
         return found
     base, facts = found.selection.base, found.prepared.facts
@@ -69,12 +72,15 @@ def weighed_against_unnamed(found: Found, advance: Advance) -> Found:
         return found
     odds = unnamed.log_factor - named
     found = replace(found, unnamed_odds=odds)
-    if odds <= 0.0:
-        return found
-    beside = unnamed_law(found.fit, facts)
-    if beside is not None and unnamed.log_factor <= named + beside.log_factor:
-        return found
-    return _unexplained(found)
+    beside = unnamed_law(found.fit, facts) if odds > 0.0 else None
+    stands = odds <= 0.0 or (beside is not None and unnamed.log_factor <= named + beside.log_factor)
+    found = _checked(found, "log odds to a law without a name", -odds, None if stands else UNNAMED_LAW)
+    return found if stands else _unexplained(found)
+
+
+def _checked(found: Found, name: str, value: float | None, why: Decision | None) -> Found:
+    ledger = found.ledger.with_checks(found.fit, Check(name, "", value, None if value is None else 0.0, why))
+    return replace(found, ledger=ledger)
 
 
 def _unexplained(found: Found) -> Found:

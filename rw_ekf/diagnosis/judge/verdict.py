@@ -183,7 +183,7 @@ def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float
     """Each effect with those that the data cannot tell from it, the most probable of them."""
     groups: list[list[str]] = []
     for name in chosen:
-        constructed = selection.constructed.get(name, frozenset())
+        constructed = selection.one_by_construction(name)
         told = {other for group in groups for other in group} & constructed
         rivals = [
             rival.name

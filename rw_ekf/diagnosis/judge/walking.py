@@ -8,9 +8,9 @@ from dataclasses import replace
 from rw_ekf.diagnosis.judge.evidence import log_evidence, log_evidence_with_walk
 from rw_ekf.diagnosis.judge.found import MAP_P, Found, mapped
 from rw_ekf.diagnosis.search.confounding import one_and_the_same, quantity_of
+from rw_ekf.diagnosis.search.contenders import LOCAL_P, Search
 from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE
 from rw_ekf.diagnosis.search.selection import Rival, Trial
-from rw_ekf.diagnosis.search.stepwise import LOCAL_P, Search
 from rw_ekf.diagnosis.search.wander import pieces, wandering
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
@@ -42,7 +42,7 @@ def with_wandering_friction(found: Found, search: Search) -> Found:
     if WANDERING.id not in final.model.effects.ids:
         return found
     rivals = {name: fits for name, fits in changed.rivals.items() if name in final.model.effects.ids}
-    other = mapped(prepared, replace(changed, final=final, rivals=rivals))
+    other = mapped(prepared, replace(changed, final=final, rivals=rivals), found.ledger.with_rows([final]))
     worst = max((item.statistic for item in found.left), default=0.0)
     better = all(item.name in _GOES_WITH_TIME and item.statistic < 0.5 * worst for item in other.left)
     if not better or (not found.left and _refused_is_likelier(found, other)):
@@ -88,7 +88,9 @@ def _with_a_clock(found: Found, walk: Found) -> Found | None:
         name = trial.effect.id
         if not (fit.may_matter(name, facts) and fit.model.possible(name, facts)):
             continue
-        clocked = mapped(found.prepared, found.selection.decided(name, Decision(Reason.ADDED), fit))
+        clocked = mapped(
+            found.prepared, found.selection.decided(name, Decision(Reason.ADDED), fit), found.ledger.with_rows([fit])
+        )
         if not clocked.left:
             return clocked
     return None
@@ -122,5 +124,5 @@ def _or_a_walk(found: Found, law: str) -> Found:
         rivals = (*selection.rivals.get(law, ()), Rival(WANDERING.id, tried.fit, ahead))
         return replace(found, selection=replace(selection, rivals={**others, law: rivals}))
     walking = selection.tried(tried.trial).decided(law, explained_by(WANDERING.id), tried.fit)
-    walk = mapped(prepared, replace(walking, rivals=others))
+    walk = mapped(prepared, replace(walking, rivals=others), found.ledger.with_rows([tried.fit]))
     return found if walk.left else walk

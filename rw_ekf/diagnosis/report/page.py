@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.report.rendering import rendered
-from rw_ekf.diagnosis.report.rows import added_parameters, candidate_rows, friction_rows
+from rw_ekf.diagnosis.report.rows import added_parameters, candidate_rows, friction_rows, hypothesis_rows
 from rw_ekf.diagnosis.report.steps import commands, excitation_of, next_steps
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, verdict_of
 from rw_ekf.documents import inertia_text
@@ -54,6 +54,7 @@ def page(
         "commands": [] if diagnosis.model is None else commands(model, log.name, options),
         "figures": figure_pairs(document, units),
         "candidates": candidates,
+        "hypotheses": hypothesis_rows(document),
         "parameters": added_parameters(candidates),
         "friction": friction_rows(document),
         "split": document.get("split"),

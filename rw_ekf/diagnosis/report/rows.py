@@ -21,6 +21,7 @@ from rw_ekf.numbers import MISSING, Rounded, number_of, number_text, rounded
 
 _STUB = 1.04  # evidence that is less is drawn as that: the scale is logarithmic, from one
 _LEAST_SCALE, _ROOM = 20.0, 1.6
+_ALIKE = 4.5  # of the log-likelihood, as the search has it
 
 
 @dataclass(frozen=True)
@@ -153,3 +154,49 @@ def friction_rows(document: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         return parameter_row("", name, found[name]).text if found else ""
 
     return [(plain_name(name), text(before, name), text(after, name)) for name in before]
+
+
+@dataclass(frozen=True)
+class HypothesisRow:
+    """A hypothesis of the ledger, and what became of it."""
+
+    effects: tuple[str, ...]
+    behind: str  # log of how much less likely it is than the likeliest
+    words: str
+    stands: bool
+
+    @property
+    def name(self) -> str:
+        """Its effects as a person says them."""
+        return " and ".join(plain_name(effect) for effect in self.effects) or "the model alone"
+
+
+def hypothesis_rows(document: Mapping[str, Any]) -> list[HypothesisRow]:
+    """The hypotheses that were fitted, the likeliest first."""
+    rows = list(document.get("ledger") or ())
+    standing = next((float(row["behind"]) for row in rows if row["stands"]), -math.inf)
+    return [
+        HypothesisRow(
+            tuple(row["effects"]),
+            number_text(round(float(row["behind"]), 1), 3),
+            _became(row, float(row["behind"]) - standing),
+            bool(row["stands"]),
+        )
+        for row in rows
+    ]
+
+
+def _became(row: Mapping[str, Any], behind: float) -> str:
+    """Why it stands, or why not; behind: what stands, in log-likelihood."""
+    checks: Sequence[Mapping[str, Any]] = row["checks"]
+    failed = next((check for check in checks if not check["passed"]), None)
+    if failed is not None:
+        limit = "" if failed["limit"] is None else f", the limit is {number_text(failed['limit'])}"
+        value = "" if failed["value"] is None else f" ({number_text(failed['value'])}{limit})"
+        of = f" of {failed['effect']}" if failed["effect"] else ""
+        return f"{failed['check']}{of}{value}: {failed['words']}"
+    if row["stands"]:
+        return f"stands: passes {len(checks)} checks" if checks else "stands: nothing that is likelier passes"
+    if row["as_one_by_construction"]:
+        return "one with what stands by the record's construction"
+    return "hardly to be told from what stands" if behind < _ALIKE else "less likely"

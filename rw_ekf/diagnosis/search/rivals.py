@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
+from rw_ekf.diagnosis.search.contenders import ALIAS_SHARE, MOST_TRIED, Search
 from rw_ekf.diagnosis.search.event import settled_event
 from rw_ekf.diagnosis.search.selection import Rival, Selection
-from rw_ekf.diagnosis.search.stepwise import ALIAS_SHARE, MOST_TRIED, Search
-from rw_ekf.diagnosis.standing import explained_by
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
@@ -21,55 +19,13 @@ EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the 
 _ROOM = 1.5  # by which the evidence of a linear effect that was only scored may be wrong
 _HOPELESS = 0.4  # of the log-likelihood gained: a sketch of a rival with less is not completed
 _SECANT_SHARE = 0.05  # of what was gained: a secant falls short of a curve, but not by as much as this
-_AS_WELL = 2.0  # log-likelihood by which one effect may be behind two
 _TWIN_RATIOS = (0.5, 1.0, 2.0)  # of what was chosen: a mean over a window is half as late as it is long
-_TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
-def weigh_rivals(search: Search, selection: Selection) -> Selection:
-    """Find explanations that fit as well as those chosen, or nearly; the likelier ones stand, and one before two."""
-    selection = _with_rivals(search, selection)
-    alone = _one_for_two(selection)
-    return _settled(selection if alone is None else _with_rivals(search, alone))
-
-
-def _one_for_two(selection: Selection) -> Selection | None:
-    """The same with a rival that does alone what takes two of the effects chosen; None where there is none.
-
-    What holds at any time goes before what this record's clock tells only while both are one law; and where the record
-    has them as one by construction, the one alone must do it nearly as well.
-    """
-    found = []
-    for name, rivals in selection.rivals.items():
-        for rival in rivals:
-            constructed = rival.name in selection.constructed.get(name, ())
-            for other in selection.new_ids:
-                if other in (name, rival.name) or other not in rival.fit.model.effects.ids:
-                    continue
-                if CATALOGUE[other].local_in_time:
-                    continue
-                alone = rival.fit.without(other)
-                gain = alone.likelihood.value - selection.final.likelihood.value
-                if CATALOGUE[rival.name].local_in_time:
-                    gain -= (
-                        INDISTINGUISHABLE  # for its many places; one at the record's head is a drift by another name
-                    )
-                if gain > -(_AS_WELL if constructed else INDISTINGUISHABLE):
-                    found.append((gain, alone, rival.name, {name, other}))
-    if not found:
-        return None
-    _, alone, stands, two = max(found, key=lambda item: item[0])
-    for name in two - {stands}:
-        selection = selection.decided(name, explained_by(stands))
-    return replace(selection, final=alone, rivals={}, constructed={})
-
-
-def _with_rivals(search: Search, selection: Selection) -> Selection:
-    """For each effect chosen, those that fit nearly as well in its place; all fitted in full."""
-    final = selection.final
-    for name in final.model.effects.ids:
-        if name in selection.base.model.effects.ids:
-            continue
+def rivals_in_place(search: Search, selection: Selection) -> dict[str, tuple[Rival, ...]]:
+    """For each effect of a model, those that fit nearly as well in its place; all fitted in full."""
+    found = {}
+    for name in selection.new_ids:
         less = selection.without(name)
         timeless = may_confound(less, "time", "speed")  # an event in such a record is whatever law is missing
         if timeless and CATALOGUE[name].local_in_time:
@@ -82,19 +38,15 @@ def _with_rivals(search: Search, selection: Selection) -> Selection:
             search.work.leave_out(f"rivals of {name} ({', '.join(effect.id for effect in near)})")
             continue
         search.advance(f"comparing rivals of {name}")
-        rivals, constructed = _rivals_of(search, selection, name, less, near)
-        if rivals:
-            selection = replace(selection, rivals={**selection.rivals, name: rivals})
-        if constructed:
-            selection = replace(selection, constructed={**selection.constructed, name: constructed})
-    return selection
+        found[name] = _rivals_of(search, selection, name, less, near)
+    return found
 
 
 def _rivals_of(
     search: Search, selection: Selection, name: str, less: Fit, near: list[type[Effect]]
-) -> tuple[tuple[Rival, ...], frozenset[str]]:
-    """Rivals of an effect, and the ids of those that the record has as one with it; `less` is the model without it."""
-    final, rivals, same = selection.final, [], set()
+) -> tuple[Rival, ...]:
+    """Rivals of an effect; `less` is the model without it."""
+    final, rivals = selection.final, []
     scores = selection.scores_beside(less, [CATALOGUE[name], *near], search.facts)
     mine = _weight(scores.get(name), less, final)
     gained = final.likelihood.value - less.likelihood.value
@@ -111,12 +63,10 @@ def _rivals_of(
             continue
         rival = search.with_open_speed(max(fits, key=lambda item: item.likelihood.value))
         constructed = _same_by_construction(search, less, final, rival, name, effect)
-        if constructed:
-            same.add(effect.id)
         its = _weight(score if score is not None else scores.get(name), less, rival)
         if constructed or mine - its < INDISTINGUISHABLE:
-            rivals.append(Rival(effect.id, rival, its - mine))
-    return tuple(rivals), frozenset(same)
+            rivals.append(Rival(effect.id, rival, its - mine, constructed))
+    return tuple(rivals)
 
 
 def _fits_in_place(
@@ -212,48 +162,3 @@ def _events_near(search: Search, selection: Selection, name: str) -> list[type[E
     events = [effect.id for effect in search.effects if effect.local_in_time and effect.id not in selection.excluded]
     tried = [selection.trials.get(name) for name in events]
     return [t.effect for t in tried if t is not None and t.screening_gain > least and t.effect.id not in present]
-
-
-def _settled(selection: Selection) -> Selection:
-    """Between explanations that fit nearly alike what holds at any time goes before what this record's clock tells.
-
-    Among several of those the likeliest stands. Where time goes with temperature that decides, too: a law of
-    temperature that is true is not behind a curve of time by more than chance. Where it goes with speed it does not: a
-    curve of time takes the place of whatever law of speed is missing.
-    """
-    for name, rivals in selection.rivals.items():
-        selection = _with_the_likeliest(selection, name, rivals)
-    return selection
-
-
-def _with_the_likeliest(selection: Selection, name: str, rivals: tuple[Rival, ...]) -> Selection:
-    order = [*CATALOGUE]
-    tried = [Rival(name, selection.final, 0.0), *rivals]
-    top = max(item.ahead for item in tried)
-    same = selection.constructed.get(name, frozenset())
-    near = [
-        item
-        for item in tried
-        if top - item.ahead < INDISTINGUISHABLE or item.name in same or (same and item.name == name)
-    ]
-    enough = INDISTINGUISHABLE if quantity_of(CATALOGUE[name]) == "temperature" else math.inf
-    waits = {item.name for item in tried if item.name in same and item.ahead < enough}
-    decided = bool(same - waits)
-    best = max(
-        near,
-        key=lambda item: (item.name not in waits, decided or not CATALOGUE[item.name].of_one_record, item.ahead),
-    )
-    twins = [
-        item
-        for item in near
-        if abs(item.fit.likelihood.value - best.fit.likelihood.value) < _TIE
-        and CATALOGUE[item.name].of_one_record == CATALOGUE[best.name].of_one_record
-        and (item.name in same) == (best.name in same)
-    ]
-    best = min(twins, key=lambda item: order.index(item.name))
-    others = [replace(item, ahead=item.ahead - best.ahead) for item in near if item.name != best.name]
-    left = {other: fits for other, fits in selection.rivals.items() if other != name}
-    if others:
-        left[best.name] = tuple(sorted(others, key=lambda item: -item.ahead))
-    selection = replace(selection, rivals=left)
-    return selection if best.name == name else selection.decided(name, explained_by(best.name), best.fit)

@@ -48,6 +48,7 @@ class Rival:
     name: str
     fit: Fit
     ahead: float  # log of how much likelier than the one chosen
+    constructed: bool = False  # the record has both as one: no likelihood decides
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,6 @@ class Selection:
     final: Fit
     trials: Mapping[str, Trial] = field(default_factory=dict)
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)  # by the id that was chosen
-    constructed: Mapping[str, frozenset[str]] = field(default_factory=dict)  # id -> rivals no likelihood decides about
     unjudged: tuple[str, ...] = ()  # chosen ids of which no held-out figure says anything
     searched: tuple[tuple[Fit, Mapping[str, Score]], ...] = ()  # scores beside each model of the search
     excluded: frozenset[str] = frozenset()  # what is of no possible size where it is likeliest: something else is there
@@ -80,6 +80,10 @@ class Selection:
             fit for fit, _ in self.searched if list(fit.model.effects.ids) == ids and fit.model.stribeck == stribeck
         )
         return next(known, None) or self.final.without(name)
+
+    def one_by_construction(self, name: str) -> frozenset[str]:
+        """Rivals of an effect about which no likelihood decides."""
+        return frozenset(rival.name for rival in self.rivals.get(name, ()) if rival.constructed)
 
     def scores_beside(self, fit: Fit, effects: list[type[Effect]], facts: RecordFacts) -> dict[str, Score]:
         """Scores of effects beside a model, taken from the search where it made them."""

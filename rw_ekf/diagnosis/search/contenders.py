@@ -1,8 +1,7 @@
-"""Effects enter and leave a model by likelihood, jointly (docs/diagnosis.md, "Selection").
+"""What may enter a model next: effects scored beside it, and the strongest fitted in full.
 
-In every turn the best place of each effect is scored beside all that the model has; the strongest few are fitted in
-full, shapes and all, and the best fit enters. Then each effect already in the model must still be missed when it is
-left out, or goes: an offset that vanishes once viscous friction is split by direction explained nothing.
+A score ranks what is worth a fit and decides nothing; what a fit is worth is asked of the ledger (docs/diagnosis.md,
+"The ledger").
 """
 
 from __future__ import annotations
@@ -12,10 +11,9 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, Score, p_value, threshold
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
-from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event, with_other_laws
+from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event
 from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
-from rw_ekf.diagnosis.search.laws import by_likeliest_law
-from rw_ekf.diagnosis.search.other_places import lower_valley, possible_fit
+from rw_ekf.diagnosis.search.other_places import possible_fit
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.selection import Selection, Trial
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
@@ -25,11 +23,10 @@ from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
-from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import Effect, RecordFacts
 
 LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
-_MOST_EFFECTS, _MOST_TURNS = 4, 7  # a periodic effect may have several lines
+_MOST_EFFECTS = 4  # a periodic effect may have several lines
 MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
 _WORTH_A_FIT_P = 1.0e-2
 ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
@@ -37,7 +34,7 @@ _ANOTHER_WAY = 2.0  # log-likelihood that another path may still bring to what o
 
 
 class Search:
-    """Finds the effects that a record asks for."""
+    """Finds and fits what a record may ask for beyond a model."""
 
     def __init__(
         self,
@@ -53,43 +50,6 @@ class Search:
         self.advance = advance
         self.stationary_first = stationary_first
         self.effects = [effect for effect in CATALOGUE.values() if effect.untestable(facts) is None and effect.in_state]
-
-    def run(self, base: Fit) -> Selection:
-        """Add effects to the base until nothing more is asked for."""
-        selection = Selection(base, base)
-        current = base
-        for turn in range(_MOST_TURNS):
-            if turn > 0 and not self.work.has(work.SEARCH):
-                said = ", ".join(current.model.effects.ids) or "the model"
-                self.work.leave_out(f"the search for more than {said}")
-                break
-            self.advance("searching the catalogue")
-            contenders, selection = self._contenders(current, selection)
-            fit, name, selection = self._best_fit(current, contenders, selection)
-            if fit is None or name is None:
-                break
-            lower = lower_valley(current, fit, selection.trials[name])
-            if lower is not None:
-                selection = selection.decided(name, Decision(Reason.NOT_SIGNIFICANT), lower)
-                if selection.base is current:
-                    selection = replace(selection, base=lower)
-                current = lower
-                continue
-            fit = by_likeliest_law(current, fit, name, self.facts)
-            fit = self.with_open_speed(likelier_along_filter(fit, current, fit.model))
-            if not fit.model.possible(name, self.facts):  # where it is likeliest: something else is there
-                selection = selection.decided(name, Decision(Reason.IMPOSSIBLE))
-                selection = replace(selection, excluded=selection.excluded | {name})
-                continue
-            if CATALOGUE[name].local_in_time:
-                fit = with_other_laws(fit, name, self.facts)
-            current, selection = self.pruned(fit, selection)
-            nothing_new = _inventory(current.model) == _inventory(selection.final.model)
-            if not nothing_new or current.likelihood.value > selection.final.likelihood.value:
-                selection = replace(selection, final=current)
-            if nothing_new:
-                break
-        return selection
 
     def with_open_speed(self, fit: Fit) -> Fit:
         """The fit at the likeliest Stribeck speed beside what it has, where nobody gave one."""
@@ -112,7 +72,7 @@ class Search:
             and not (effect.flow_kind and memory)
         ]
 
-    def _contenders(self, current: Fit, selection: Selection) -> tuple[list[Score], Selection]:
+    def contenders(self, current: Fit, selection: Selection) -> tuple[list[Score], Selection]:
         """Scores that are significant and large enough, the strongest first; others are noted as not significant."""
         effects = self._open(current.model, selection.excluded)
         anywhere = [effect for effect in effects if not effect.local_in_time]
@@ -147,59 +107,29 @@ class Search:
                 strong.remove(score)
         return sorted(strong, key=lambda score: -score.screening_gain), selection
 
-    def _enough_for(self, effect: type[Effect]) -> float:
+    def enough_for(self, effect: type[Effect]) -> float:
         """The p-value at which an effect may enter."""
         return LOCAL_P if effect.local_in_time else SIGNIFICANT_P
 
     def _significant(self, score: Score) -> bool:
         """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
         effect = score.effect
-        enough = self._enough_for(effect) if effect.linear else _WORTH_A_FIT_P
+        enough = self.enough_for(effect) if effect.linear else _WORTH_A_FIT_P
         large = self.facts.any_size or score.size + ROOM_SIGMAS * score.std >= effect.smallest(self.facts)
         return score.p_value < enough and (large or not effect.linear)
 
-    def _best_fit(
-        self, current: Fit, contenders: list[Score], selection: Selection
-    ) -> tuple[Fit | None, str | None, Selection]:
-        """Fit the strongest few in full, each from its own start; the best that stands enters, by its id."""
-        best: Fit | None = None
-        chosen: str | None = None
-        for score in contenders[:MOST_TRIED]:
-            effect, name = score.effect, score.effect.id
-            if best is not None and not self.work.has(work.SEARCH):
-                self.work.leave_out(f"a full fit of {name}")
-                continue
-            if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
-                continue
-            self.advance(f"fitting {name}")
-            fit, statistic = self._fitted(current, score, local=contenders[0].effect.local_in_time)
-            trial = Trial.of(score).found_by(statistic, self.facts)
-            enters = contenders[0].effect.local_in_time or trial.p_value < self._enough_for(effect)
-            if enters or selection.trials[name].statistic <= score.statistic:  # else it was worth more earlier
-                selection = selection.tried(trial)
-            if not enters:
-                continue
-            if not fit.may_matter(name, self.facts):
-                fit = self.with_open_speed(fit)  # its scale may be that of a curve bent for want of it
-            refused = self._refusal(fit, name)
-            if refused is not None:
-                selection = selection.decided(name, Decision(refused))
-            elif best is None or chosen is None or trial.screening_gain > selection.trials[chosen].screening_gain:
-                best, chosen = fit, name
-        return best, chosen, selection
-
-    def _fitted(self, current: Fit, score: Score, *, local: bool) -> tuple[Fit, float]:
+    def fitted(self, current: Fit, score: Score, *, local: bool) -> tuple[Fit, float]:
         """A candidate fitted in full beside a model, and twice what the likelihood gains."""
         effect = score.effect
         if local:  # without it is a model with it
             return settled_event(current, score, self.facts), score.statistic
-        needed = 0.5 * threshold(effect, self.facts, self._enough_for(effect))
+        needed = 0.5 * threshold(effect, self.facts, self.enough_for(effect))
         fit = fitted_at(current, score, needed - _ANOTHER_WAY)
         if not fit.model.possible(effect.id, self.facts):
             fit = possible_fit(current, fit, score, self.facts)
         return fit, max(2.0 * (fit.likelihood.value - current.likelihood.value), 0.0)
 
-    def _refusal(self, fit: Fit, name: str) -> Reason | None:
+    def refusal(self, fit: Fit, name: str) -> Reason | None:
         """Why a significant effect does not stand for all that."""
         if not (fit.may_matter(name, self.facts) and knows_size(fit, name, LEAST_SIGMAS)):
             return Reason.TOO_SMALL
@@ -226,7 +156,7 @@ class Search:
             if not losses:
                 break
             statistic, name, less = min(losses, key=lambda item: item[0])
-            missed = p_value(CATALOGUE[name], statistic, self.facts) < self._enough_for(CATALOGUE[name])
+            missed = p_value(CATALOGUE[name], statistic, self.facts) < self.enough_for(CATALOGUE[name])
             if missed and fit.may_matter(name, self.facts):
                 break
             if name in selection.trials:  # else the model given had it
@@ -245,8 +175,3 @@ class Search:
             fit = fit.refitted(fit.model.changed(curve, by_base_law))
         less, speed = fit.model.without(name), fit.model.of(name)[0].values[0]
         return fit.refitted(replace(less, stribeck=less.stribeck._replace(omega_s=speed)))
-
-
-def _inventory(model: Model) -> set[tuple[str, float]]:
-    """What is in a model: ids, each order or frequency of a periodic one for itself."""
-    return {(term.id, round(term.shape[0], 6) if term.effect.repeats else 0.0) for term in model.terms}

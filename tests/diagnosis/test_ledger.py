@@ -1,0 +1,119 @@
+"""The ledger: rows weighed by evidence, the likeliest that passes every check, what is left of one that does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Any
+
+import pytest
+
+from rw_ekf.diagnosis.diagnose import richer_part
+from rw_ekf.diagnosis.judge import choice
+from rw_ekf.diagnosis.judge.checks import Check
+from rw_ekf.diagnosis.judge.choice import chosen
+from rw_ekf.diagnosis.judge.evidence import log_evidence
+from rw_ekf.diagnosis.judge.ledger import Ledger, begun, grown
+from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
+from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.search.contenders import Search
+from rw_ekf.diagnosis.search.selection import Selection
+from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect import Term
+from tests.diagnosis.simulated import log_of, simulated
+
+
+@lru_cache
+def record() -> Prepared:
+    """Five minutes of a wheel with windage and an offset."""
+    effects = ["quadratic_drag:coefficient_1_rad=6e-5", "offset_torque:torque_rad_s2=0.03"]
+    run = simulated(effects, seed=4, samples=3000, noise_rpm=1.0)
+    return richer_part(prepare(source_of([log_of(run)]), None, None, "blocks"))
+
+
+def search() -> Search:
+    """Of that record."""
+    return Search(record().record, record().facts, lambda text: None)
+
+
+@lru_cache
+def full() -> tuple[Ledger, Selection]:
+    """All that is fitted to it."""
+    return grown(search(), *begun(record().base, record().facts))
+
+
+def with_effects(*names: str) -> Fit:
+    """The base model with effects, fitted from their usual start."""
+    base = record().base
+    return base.refitted(base.model.with_terms(*(Term.of(CATALOGUE[name]) for name in names)))
+
+
+def test_rows_stand_in_the_order_of_their_evidence_each_once() -> None:
+    """Their weight is the integrated likelihood of the very fit, the base model is among them, and no two are alike."""
+    ledger, _ = full()
+    weights = [row.weight for row in ledger.rows if not row.waits]
+    assert weights == sorted(weights, reverse=True)
+    assert len({row.key for row in ledger.rows}) == len(ledger.rows)
+    assert () in [row.effects for row in ledger.rows]
+    for row in ledger.rows:
+        assert row.log_evidence == pytest.approx(log_evidence(row.fit, row.effects, record().facts), abs=1e-9)
+    assert set(ledger.rows[0].effects) == {"quadratic_drag", "offset_torque"}
+
+
+def test_of_two_rows_that_hold_the_same_the_likelier_stays() -> None:
+    """Whatever the order in which they come."""
+    one = with_effects("quadratic_drag")
+    other = record().base.sketched(one.model)
+    weights = {fit: log_evidence(fit, ("quadratic_drag",), record().facts) for fit in (one, other)}
+    assert weights[one] != weights[other]
+    for fits in ([one, other], [other, one]):
+        ledger = Ledger(record().base, record().facts).with_rows(fits)
+        assert [row.log_evidence for row in ledger.rows] == [max(weights.values())]
+
+
+def test_what_only_this_record_s_clock_tells_has_lower_odds_beforehand() -> None:
+    """By the three sigma within which two explanations are not told apart."""
+    ledger = Ledger(record().base, record().facts)
+    assert ledger.row(with_effects("coulomb_drift")).log_odds == -4.5
+    assert ledger.row(with_effects("quadratic_drag")).log_odds == 0.0
+
+
+def test_the_row_that_stands_has_passed_every_check_and_says_so() -> None:
+    """Both effects of the wheel; each was asked everything, what costs most last."""
+    ledger, selection = chosen(record(), search(), *full())
+    assert set(selection.new_ids) == {"quadratic_drag", "offset_torque"}
+    row = next(item for item in ledger.document(selection.final) if item["stands"])
+    asked = [(check["effect"], check["check"]) for check in row["checks"]]
+    assert all(check["passed"] for check in row["checks"])
+    assert len(asked) == len(set(asked)) == 12
+    assert [name for _, name in asked][-2:] == ["held-out figures"] * 2
+
+
+def test_of_a_row_that_fails_what_is_left_may_stand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An effect that a check refuses is in nothing that stands; the other one is kept, though far less likely."""
+
+    def no_offset(prepared: Prepared, search: Search, fit: Fit, effects: tuple[str, ...], *_: Any) -> Iterator[Check]:
+        for name in effects:
+            why = Decision(Reason.TOO_SMALL) if name == "offset_torque" else None
+            yield Check("is liked", name, None, None, why)
+
+    monkeypatch.setattr(choice, "checks", no_offset)
+    ledger, selection = chosen(record(), search(), *full())
+    assert selection.new_ids == ["quadratic_drag"]
+    assert selection.trials["offset_torque"].decision.reason is Reason.TOO_SMALL
+    assert not ledger.rows[0].checks[-1].passed
+
+
+def test_where_every_row_fails_the_model_alone_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The base has no effect that could be asked anything."""
+
+    def nothing_stands(
+        prepared: Prepared, search: Search, fit: Fit, effects: tuple[str, ...], *_: Any
+    ) -> Iterator[Check]:
+        yield from (Check("is liked", name, None, None, Decision(Reason.TOO_SMALL)) for name in effects)
+
+    monkeypatch.setattr(choice, "checks", nothing_stands)
+    _, selection = chosen(record(), search(), *full())
+    assert selection.new_ids == []
