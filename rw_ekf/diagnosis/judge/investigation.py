@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.judge.choice import chosen
 from rw_ekf.diagnosis.judge.found import Found, mapped
-from rw_ekf.diagnosis.judge.ledger import begun, grown
+from rw_ekf.diagnosis.judge.ledger import Ledger, begun, grown
 from rw_ekf.diagnosis.judge.open_law import with_open_law
 from rw_ekf.diagnosis.judge.walking import weighed_against_a_walk, with_wandering_friction
 from rw_ekf.diagnosis.judge.widths import (
@@ -58,43 +58,50 @@ def investigate(prepared: Prepared, advance: Advance) -> Found:
 def _named(prepared: Prepared, advance: Advance) -> Found:
     """What both parts of the record agree on, and what it leaves.
 
-    What goes with time waits where time goes with speed or temperature. If the laws of those then leave structure, the
-    search is repeated without waiting, and kept if it leaves none; but not where time and speed are one and the same,
-    because there a curve of time would take the place of whatever law of speed is missing. Nor is an effect beyond
-    doubt too small to matter where nothing else leaves noise. A friction that wanders in no particular shape, which
-    follows anything that goes with time, is the last to be asked, and a rival of whatever follows the temperature.
+    One ledger, grown in up to three steps. What goes with time waits where time goes with speed or temperature. If the
+    laws of those leave structure, the ledger grows on without waiting, and what stands then is kept if it leaves none;
+    but not where time and speed are one and the same, because there a curve of time would take the place of whatever
+    law of speed is missing. Then with effects too small to matter, if one is beyond doubt: what matters in practice is
+    asked of a wheel that is understood without it. A friction that wanders in no particular shape, which follows
+    anything that goes with time, is the last to be asked, and a rival of whatever follows the temperature.
     """
-    search = Search(prepared.record, prepared.facts, advance)
-    found = _searched(prepared, search, advance)
-    again = found.left and found.selection.set_aside and prepared.record.work.has(work.RIVALS)
+    search, facts, work_left = Search(prepared.record, prepared.facts, advance), prepared.facts, prepared.record.work
+    found = _searched(prepared, search, *begun(prepared.base, facts), advance)
+    again = found.left and found.selection.set_aside and work_left.has(work.RIVALS)
     if again and not one_and_the_same(found.fit, "time", "speed"):
-        impatient = Search(prepared.record, prepared.facts, advance, stationary_first=False)
-        other = _searched(prepared, impatient, advance)
-        if other.new_ids and not other.left:
-            found, search = other, impatient
-    found, search = _with_what_is_small(found, search, advance)
+        found = _or_further(found, Search(prepared.record, facts, advance, stationary_first=False), prepared, advance)
+    small = _left_out_for_its_size(found.selection)
+    if found.left and small is not None and work_left.has(work.RIVALS):
+        lenient = replace(prepared, facts=replace(facts, any_size=True))
+        other = _or_further(found, Search(lenient.record, lenient.facts, advance), lenient, advance)
+        found = other if small in other.new_ids else found
     law = not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids)
     if law and not any(quantity_of(CATALOGUE[name]) == "temperature" for name in found.new_ids):
         return found
-    if not prepared.record.work.has(work.WANDER):
-        prepared.record.work.leave_out("a dry friction that wanders with time")
+    if not work_left.has(work.WANDER):
+        work_left.leave_out("a dry friction that wanders with time")
         return found
     advance(f"fitting {WANDERING.id}, wandering")
-    return weighed_against_a_walk(found) if law else with_wandering_friction(found, search)
+    return (
+        weighed_against_a_walk(found)
+        if law
+        else with_wandering_friction(found, Search(found.prepared.record, found.prepared.facts, advance))
+    )
 
 
-def _with_what_is_small(found: Found, search: Search, advance: Advance) -> tuple[Found, Search]:
-    """Where structure is left and an effect beyond doubt was too small: the same with it, if nothing is left then.
+def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advance) -> Found:
+    """What stands when the ledger has grown on by another search, if that leaves no structure; else as it was."""
+    ledger = replace(found.ledger.unasked(), facts=prepared.facts)
+    selection = replace(found.selection, final=found.ledger.base, rivals={}, unjudged=())
+    other = _searched(prepared, search, ledger, selection, advance)
+    return other if other.new_ids and not other.left else found
 
-    What matters in practice is asked of a wheel that is understood without it.
-    """
-    prepared, small = found.prepared, _left_out_for_its_size(found.selection)
-    if small is None or not found.left or not prepared.record.work.has(work.RIVALS):
-        return found, search
-    lenient = replace(prepared, facts=replace(prepared.facts, any_size=True))
-    thorough = Search(lenient.record, lenient.facts, advance)
-    other = _searched(lenient, thorough, advance)
-    return (other, thorough) if small in other.new_ids and not other.left else (found, search)
+
+def _searched(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection, advance: Advance) -> Found:
+    ledger, selection = grown(search, ledger, selection)
+    ledger, selection = chosen(prepared, search, ledger, selection)
+    advance("mapping the residual")
+    return mapped(prepared, selection, ledger)
 
 
 def _left_out_for_its_size(selection: Selection) -> str | None:
@@ -102,11 +109,3 @@ def _left_out_for_its_size(selection: Selection) -> str | None:
     small = {name: trial for name, trial in selection.trials.items() if trial.decision.reason is Reason.TOO_SMALL}
     name = max(small, key=lambda name: small[name].statistic, default=None)
     return name if name is not None and small[name].p_value < _BEYOND_DOUBT_P else None
-
-
-def _searched(prepared: Prepared, search: Search, advance: Advance) -> Found:
-    ledger, selection = begun(prepared.base, prepared.facts)
-    ledger, selection = grown(search, ledger, selection)
-    ledger, selection = chosen(prepared, search, ledger, selection)
-    advance("mapping the residual")
-    return mapped(prepared, selection, ledger)

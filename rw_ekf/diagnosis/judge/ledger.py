@@ -94,6 +94,10 @@ class Ledger:
         rows = (replace(row, checks=(*row.checks, *checks)) if row.key == key else row for row in self.rows)
         return replace(self, rows=tuple(rows))
 
+    def unasked(self) -> Ledger:
+        """With what no row was asked yet: whatever a check stands on has changed."""
+        return replace(self, rows=tuple(replace(row, checks=()) for row in self.rows))
+
     def document(self, stands: Fit | None) -> list[dict[str, Any]]:
         """The likeliest rows, the one that stands, the base model, and all that were asked anything."""
         key, bare = None if stands is None else key_of(stands), key_of(self.base)
