@@ -16,7 +16,7 @@ from rw_ekf.units import rpm_from_rad_s
 if TYPE_CHECKING:
     from rw_ekf.filter.belief import Belief
     from rw_ekf.starting_point import FilterSetup
-    from rw_ekf.wheel.table import EffectSet
+    from rw_ekf.wheel.effect_table import EffectSet
 
 REPLAY_SCHEMA = "rw_ekf.replay/1"
 FIT_SCHEMA = "rw_ekf.fit/1"

@@ -352,7 +352,7 @@ def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object])
     from rw_ekf.attach import replay_wheel
     from rw_ekf.filter.estimator import Estimator
     from rw_ekf.live.loop import command_of_record, readings_of_record, run_loop
-    from rw_ekf.sinks.arrays import ArraySink
+    from rw_ekf.sinks.array_sink import ArraySink
 
     estimator = Estimator(setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects, setup.effect_drift)
     driver = replay_wheel(rows_of_log(log), log.name)

@@ -27,7 +27,7 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.starting_point import FilterSetup
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 
 _TURNS = 6
 _GAINED = 0.02  # log-likelihood: with less a step was the last

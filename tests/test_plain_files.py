@@ -13,7 +13,7 @@ import pytest
 
 from rw_ekf.clock import VirtualClock
 from rw_ekf.errors import BadInputError, LogError
-from rw_ekf.live.published import read_published
+from rw_ekf.live.published_state import read_published
 from rw_ekf.logs.reader import read_log
 from rw_ekf.plain_file import append_line, json_of, read_plain
 from rw_ekf.records import RunState, StateNow

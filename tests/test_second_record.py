@@ -17,8 +17,8 @@ from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
-from rw_ekf.wheel.table import EffectSet
 from tools.proof.cases import Case
 from tools.proof.plants import log_of, save_log
 

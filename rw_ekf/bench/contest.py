@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
+from rw_ekf.bench.bench_run import BenchRun
+from rw_ekf.bench.bench_start import diagnosed
 from rw_ekf.bench.metrics import Metrics, metrics_of
-from rw_ekf.bench.run import BenchRun
 from rw_ekf.bench.scenario import Scenario
 from rw_ekf.bench.scheme_run import run_scheme
-from rw_ekf.bench.start import diagnosed
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.parent import die_with_parent
 from rw_ekf.wheel.model_file import WheelModel
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.arrays import Complex128Array, Float64Array
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.control.compensation.registry import SchemeEntry
+from rw_ekf.control.compensation.schemes import SchemeEntry
 
 SMALLEST_MARGIN_DEG = 45.0
 _FREQUENCIES = 2000  # looked at between a ten-thousandth of the Nyquist frequency and that

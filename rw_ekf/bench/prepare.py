@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rw_ekf.bench.of_model import with_wheel_of
 from rw_ekf.bench.scenario import Scenario, load_scenario
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.errors import BadInputError
 from rw_ekf.wheel.model_file import WheelModel, read_model
 

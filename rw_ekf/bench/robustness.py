@@ -9,10 +9,10 @@ from statistics import median
 from typing import Any
 
 from rw_ekf.bench.contest import Models, hold_runs
-from rw_ekf.bench.result import BASELINE
+from rw_ekf.bench.contest_result import BASELINE
+from rw_ekf.bench.contest_tables import Table
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.tables import Table
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 
 
 @dataclass(frozen=True)

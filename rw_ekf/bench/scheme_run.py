@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.bench.bench_run import BenchRun, run_bench
+from rw_ekf.bench.bench_start import start_of
 from rw_ekf.bench.margins import scenario_for
-from rw_ekf.bench.run import BenchRun, run_bench
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import start_of
-from rw_ekf.control.compensation.registry import SchemeEntry
+from rw_ekf.control.compensation.schemes import SchemeEntry
 from rw_ekf.wheel.model_file import WheelModel
 
 if TYPE_CHECKING:

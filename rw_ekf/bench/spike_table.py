@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 from rw_ekf.bench.contest import Models, finished
+from rw_ekf.bench.contest_tables import Table, shown
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.spikes import RECOVERED_DEG, Spike, SpikeAnswer, answer_to_spike, rate_error_threshold_rpm
-from rw_ekf.bench.tables import Table, shown
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.bench.spike_answer import RECOVERED_DEG, Spike, SpikeAnswer, answer_to_spike, rate_error_threshold_rpm
+from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.wheel.model_file import WheelModel
 
 Place = tuple[str, float]  # a scheme and a noise [rpm]

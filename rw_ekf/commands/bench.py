@@ -49,13 +49,13 @@ def execute(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from rw_ekf.bench import robustness, spike_table
+    from rw_ekf.bench.bench_page import headline_of, write_page
     from rw_ekf.bench.contest import entries_of, hold_contest, models_of
-    from rw_ekf.bench.page import headline_of, write_page
+    from rw_ekf.bench.contest_result import LEGEND, document_of, rows_of, tables_of
+    from rw_ekf.bench.contest_tables import texts
     from rw_ekf.bench.prepare import scenario_of, schemes_of
-    from rw_ekf.bench.result import LEGEND, document_of, rows_of, tables_of
-    from rw_ekf.bench.tables import texts
     from rw_ekf.commands.first_use import make_ready
-    from rw_ekf.commands.pictures import drawn
+    from rw_ekf.commands.undrawn import drawn
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
     from rw_ekf.json_output import print_json

@@ -19,7 +19,7 @@ from rw_ekf.commands.inputs import (
     refuse_to_overwrite,
     wheel_of_logs,
 )
-from rw_ekf.commands.pictures import drawn
+from rw_ekf.commands.undrawn import drawn
 
 HELP = "find what the model lacks in a log, add it, and prove it"
 EXAMPLE = """example:

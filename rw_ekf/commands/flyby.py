@@ -63,9 +63,9 @@ def _seconds(text: str) -> float:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises BadInputError."""
     from rw_ekf.commands.inputs import refuse_to_overwrite
-    from rw_ekf.commands.pictures import drawn
+    from rw_ekf.commands.undrawn import drawn
     from rw_ekf.errors import BadInputError
-    from rw_ekf.flyby.plan import TABLE_A1_RPM, case_of, plan_document, plan_text
+    from rw_ekf.flyby.flyby_plan import TABLE_A1_RPM, case_of, plan_document, plan_text
     from rw_ekf.flyby.settings import read_flyby
     from rw_ekf.json_output import print_json
 
@@ -84,7 +84,7 @@ def execute(args: argparse.Namespace) -> int:
     cases = [case_of(flyby, rates) for rates in wanted]
     whole = True
     if args.out is not None:
-        from rw_ekf.flyby.picture import plan_picture
+        from rw_ekf.flyby.flyby_picture import plan_picture
 
         whole = drawn(lambda: plan_picture(args.out, flyby, cases))
     if args.json:

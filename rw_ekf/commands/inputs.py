@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rw_ekf.learning.start import GivenModel
+    from rw_ekf.learning.run_start import GivenModel
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
@@ -55,7 +55,7 @@ def read_wheel_model(path: str | None, configuration: Configuration | None = Non
 
 def given_model(configuration: Configuration, args: argparse.Namespace) -> GivenModel:
     """Read what `run` and `excite` were given to start from: --model, else filter.model, and how they take it."""
-    from rw_ekf.learning.start import GivenModel
+    from rw_ekf.learning.run_start import GivenModel
 
     return GivenModel(
         read_wheel_model(args.model, configuration),

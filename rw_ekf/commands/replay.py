@@ -16,7 +16,7 @@ from rw_ekf.commands.inputs import (
     read_wheel_model,
     refuse_to_overwrite,
 )
-from rw_ekf.commands.pictures import drawn
+from rw_ekf.commands.undrawn import drawn
 
 if TYPE_CHECKING:
     from rw_ekf.logs.wheel_log import WheelLog

@@ -163,7 +163,7 @@ def run_and_report(
         from rw_ekf.console import abandon_output, logger
         from rw_ekf.live.daemon import run_daemon
         from rw_ekf.live.oversight import Oversight
-        from rw_ekf.live.published import crashed_in_safe
+        from rw_ekf.live.published_state import crashed_in_safe
         from rw_ekf.live.systemd import systemd_of
         from rw_ekf.sinks.run_files import state_path
 

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.settle.limits import MotionLimits
     from rw_ekf.settle.moves import Bounds
-    from rw_ekf.settle.plan import Plan
     from rw_ekf.settle.predicted import Scene
+    from rw_ekf.settle.settle_plan import Plan
 
 
 def settle(configuration: Configuration, args: argparse.Namespace) -> int:
@@ -29,9 +29,9 @@ def settle(configuration: Configuration, args: argparse.Namespace) -> int:
     from rw_ekf.json_output import print_json
     from rw_ekf.settings.schema import CompensationSection
     from rw_ekf.settle.carry_out import commander_for, write_motion
-    from rw_ekf.settle.explanations import read_standing
     from rw_ekf.settle.limits import MotionLimits, bounds_of, refuse_hot
     from rw_ekf.settle.predicted import Scene
+    from rw_ekf.settle.what_stands import read_standing
 
     scene = Scene(read_standing(args.settle), 1.0 / configuration.loop.rate_hz)
     bounds = bounds_of(configuration)
@@ -71,8 +71,8 @@ def _from_here(log: str, diagnosis: str) -> str:
 def _designed(scene: Scene, bounds: Bounds, limits: MotionLimits, seed: int | None) -> Plan:
     from rw_ekf.console import progress
     from rw_ekf.errors import RwEkfError
-    from rw_ekf.settle.plan import Plan
     from rw_ekf.settle.search import LOOKED_AT, design_motion
+    from rw_ekf.settle.settle_plan import Plan
 
     base = scene.standing.explanations[0].model.parameters
     with progress("designing the motion", LOOKED_AT) as bar:

@@ -41,7 +41,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises LogError or BadInputError."""
     from pathlib import Path
 
-    from rw_ekf.commands.pictures import drawn
+    from rw_ekf.commands.undrawn import drawn
     from rw_ekf.json_output import print_json
     from rw_ekf.spikes.trending import spikes_document, spikes_of_directory, spikes_text
 
@@ -50,7 +50,7 @@ def execute(args: argparse.Namespace) -> int:
         sys.stderr.write(f"warning: {text}\n")
     whole = True
     if args.out is not None and found:
-        from rw_ekf.spikes.picture import spikes_picture
+        from rw_ekf.spikes.spike_picture import spikes_picture
 
         whole = drawn(lambda: spikes_picture(args.out, found))
     if args.json:

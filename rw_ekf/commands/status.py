@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rw_ekf.live.published import Published
+    from rw_ekf.live.published_state import Published
 
 HELP = "say what the daemon of a configuration is doing, also when it is dead"
 EXAMPLE = """example:
@@ -31,7 +31,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.clock import SystemClock
     from rw_ekf.live.holder import holders_of, supervisors_of
-    from rw_ekf.live.published import read_published
+    from rw_ekf.live.published_state import read_published
     from rw_ekf.records import RunState
     from rw_ekf.settings.load import load_configuration
     from rw_ekf.sinks.run_files import state_path

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rw_ekf.control.confirming_move import ConfirmingMove
 from rw_ekf.control.from_rest import FromRest
-from rw_ekf.control.profiles.profile import Profile, make_profile
+from rw_ekf.control.profiles.make_profile import Profile, make_profile
 from rw_ekf.records import Controller, Tick, WheelSample
 
 if TYPE_CHECKING:

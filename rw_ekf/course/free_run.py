@@ -14,10 +14,10 @@ from rw_ekf.course import course as _course
 from rw_ekf.course.course import Course
 from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet, EffectTable
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet, EffectTable
 from rw_ekf.wheel.transition import interval
 
 

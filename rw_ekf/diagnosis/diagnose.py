@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
-from rw_ekf.diagnosis.judge.confirmation import BLIND, for_want_of_knowledge
+from rw_ekf.diagnosis.judge.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.rounding import investigated
 from rw_ekf.diagnosis.judge.unnamed import weighed_against_unnamed
@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.diagnosis.search.contenders import Search
 from rw_ekf.diagnosis.search.excitation import information
+from rw_ekf.diagnosis.thresholds import BLIND
 from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.wheel_log import WheelLog
 

@@ -17,8 +17,8 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.step import CONTINUOUS, Sample, advance, innovation_of, look_after, memory_of, weigh
 from rw_ekf.filter.surroundings import Surroundings
 from rw_ekf.model.state import SPEED, STATE_SIZE
+from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.effect_transition import open_past
-from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 
 
 class WheelEkf(ExtendedKalmanFilter):

@@ -33,8 +33,8 @@ from rw_ekf.records import (
     WheelSample,
     WheelState,
 )
+from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.friction_torque import FrictionTorque, current_for
-from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.window import lateness
 
 OUTCOMES = {

@@ -37,10 +37,10 @@ from rw_ekf.filter.step import (
 from rw_ekf.model import effect as _effect
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.state import SPEED, STATE_SIZE
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectTable
 from rw_ekf.wheel.effect_transition import open_past
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import Interval
-from rw_ekf.wheel.table import NO_EFFECTS, EffectTable
 
 make_jitable(
     [

@@ -12,7 +12,7 @@ from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
 from rw_ekf.filter.step import memory_of
 from rw_ekf.model.state import STATE_SIZE
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 
 
 def filter_log(

@@ -21,7 +21,7 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.model.state import SPEED, STATE_SIZE
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 
 SHARE = 0.1  # of what the first pass learned
 

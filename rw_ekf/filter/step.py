@@ -53,9 +53,9 @@ from rw_ekf.filter.stillness import (
     unlearn_shift,
 )
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
+from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.effect_transition import effect_transition, seed_hidden
 from rw_ekf.wheel.interval import Interval, Pieces
-from rw_ekf.wheel.table import EffectTable
 from rw_ekf.wheel.transition import transition
 
 # Places in `Memory.now`.

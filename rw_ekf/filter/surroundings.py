@@ -10,9 +10,9 @@ from rw_ekf.course.current_schedule import CurrentSchedule, GivenCurrents, piece
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.records import Conditions, WheelSample
+from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.outlook import WheelOutlook
-from rw_ekf.wheel.table import EffectTable
 
 _REMEMBERED_S = 10.0  # of past commands, for a model with a delay or a window
 

@@ -18,7 +18,7 @@ from rw_ekf.course.free_run import FreeRun, free_run, stretches
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATE_SIZE
-from rw_ekf.wheel.table import ABSENT, EffectSet
+from rw_ekf.wheel.effect_table import ABSENT, EffectSet
 
 _SPEED_STEP = 0.1  # of the speed noise, for a slope by differences of whole runs
 _PARAMETER_STEP = 1.0e-3  # of a parameter

@@ -21,7 +21,7 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.identify.free_run_loss import FreeRunLoss, Point
 from rw_ekf.identify.orthogonal import linearised, posterior_covariance
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 
 _GROWS = 1.0  # logarithm of what an error grows by over a record: with a viscous friction that is one it shrinks
 _MAX_ITERATIONS = 60

@@ -11,8 +11,8 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETER_COUNT, SPEED, STATIC, VISCOUS
 from rw_ekf.starting_point import FilterSetup
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
-from rw_ekf.wheel.table import EffectSet
 
 # A wheel that stood, or ran unseen, may have another temperature: within hours by some 5 K (one sigma). What a kelvin
 # does to a wheel's parameters [1/K]: the lubricant thins, friction follows it a little, magnets and winding hardly.

@@ -16,7 +16,7 @@ from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector
 from rw_ekf.model.state import SPEED
-from rw_ekf.wheel.table import ABSENT
+from rw_ekf.wheel.effect_table import ABSENT
 
 _OPEN_GATE = 1.0e30
 _STUCK_SHARE = 0.01  # of R: what a wheel believed at rest may still be off by

@@ -33,7 +33,7 @@ from rw_ekf.likelihood.structure import structure
 from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 
 _SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
 

@@ -12,7 +12,7 @@ from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import StribeckEffect
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import MOTOR_GAIN, PARAMETER_COUNT, STATE_SIZE, FrictionParameters
-from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
 from rw_ekf.model.state import COULOMB, SPEED, STATE_SIZE
+from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 from rw_ekf.wheel.equations import EQUATIONS
 from rw_ekf.wheel.interval import interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size
-from rw_ekf.wheel.table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 
 LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 _SPREAD = math.sqrt(3.0)

@@ -22,7 +22,7 @@ from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.profile import LEAST_RATIO
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import COULOMB, STATE_SIZE, STATIC
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 
 _INFLATION = 1.15  # of such statistics on healthy wheels, over chi-square (docs/diagnosis-proof.md)
 _RATIOS_BELOW = 8  # factors of e^1.2 below the fit's own: what a regressor explains is no process noise any more

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable
 
-from rw_ekf.wheel.table import ABSENT, EffectTable
+from rw_ekf.wheel.effect_table import ABSENT, EffectTable
 
 # Of a whole diagnosis. Ten minutes at 10 Hz spend a twentieth to a half of it.
 MOST_UNITS = 1.6e10

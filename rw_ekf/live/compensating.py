@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.clock import Clock
 from rw_ekf.control.commanders import Commander
 from rw_ekf.control.compensation.on_wheel import Terms, WheelCompensator
-from rw_ekf.control.compensation.registry import WheelSheet, scheme_of_a_run
 from rw_ekf.control.compensation.scheme import Request
+from rw_ekf.control.compensation.schemes import WheelSheet, scheme_of_a_run
 from rw_ekf.control.compensation.trust import ParameterTrust, is_trusted_start
 from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
 from rw_ekf.errors import ConfigError
-from rw_ekf.learning.start import Start
+from rw_ekf.learning.run_start import Start
 from rw_ekf.live.request_socket import RequestSocket, RequestTerms
 from rw_ekf.live.sign_check import SignCheck
 from rw_ekf.model.state import PARAMETER_NAMES

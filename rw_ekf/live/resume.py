@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock, SystemClock
 from rw_ekf.live.holder import holders_of, tell
-from rw_ekf.live.published import Published, read_published
+from rw_ekf.live.published_state import Published, read_published
 from rw_ekf.live.stop_signal import RESUME
 from rw_ekf.records import RunState
 from rw_ekf.sinks.run_files import state_path

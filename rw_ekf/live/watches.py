@@ -10,7 +10,7 @@ from rw_ekf.clock import Clock
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.filter.belief import Belief
 from rw_ekf.filter.estimator import Estimator
-from rw_ekf.learning.start import GivenModel, Start
+from rw_ekf.learning.run_start import GivenModel, Start
 from rw_ekf.live.alarm_watch import alarm_watch_of
 from rw_ekf.live.guard import SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel

@@ -9,7 +9,7 @@ from rw_ekf.control.commanders import Commander, ProfileController
 from rw_ekf.control.from_rest import FromRest, RestLimits
 from rw_ekf.control.profiles import Profile
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.settle.plan import Plan
+from rw_ekf.settle.settle_plan import Plan
 from rw_ekf.units import rad_s_from_rpm
 
 if TYPE_CHECKING:

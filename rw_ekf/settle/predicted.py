@@ -18,7 +18,7 @@ from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.friction import LAW_NAMES
-from rw_ekf.settle.explanations import Explanation, Standing
+from rw_ekf.settle.what_stands import Explanation, Standing
 
 _FIRST_SPREAD = 0.3  # of the speed noise
 _REST_TICKS = 10  # before a motion: what lags or comes late there is the current of none

@@ -6,11 +6,11 @@ import math
 from typing import NamedTuple
 
 from rw_ekf.records import Tick
+from rw_ekf.watch.alarm_limits import dependence_threshold, onset_threshold
 from rw_ekf.watch.alarms import Alarm
 from rw_ekf.watch.observation import Observation, ObservationReader
 from rw_ekf.watch.residual_watch import BLOCK_S, ResidualWatch
 from rw_ekf.watch.spike_watch import SpikeWatch
-from rw_ekf.watch.thresholds import dependence_threshold, onset_threshold
 
 AFTER_SPIKE = "a drag spike that the estimator has to unlearn"
 _UNLEARNS_S = 7200.0

@@ -10,9 +10,9 @@ from typing import Any
 
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED
+from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
-from rw_ekf.wheel.table import EffectTable
 from rw_ekf.wheel.transition import _REACH, _SPREAD, factor_covariance, reflection
 from rw_ekf.wheel.window import lateness
 

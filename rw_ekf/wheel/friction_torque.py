@@ -12,8 +12,8 @@ from rw_ekf.model.friction import Stribeck, acceleration
 from rw_ekf.model.state import MOTOR_GAIN, SPEED
 from rw_ekf.records import Believed
 from rw_ekf.wheel.dispatch import memory_flow
+from rw_ekf.wheel.effect_table import ABSENT, EffectTable
 from rw_ekf.wheel.pieces import Moment, driven_by, stribeck_of
-from rw_ekf.wheel.table import ABSENT, EffectTable
 from rw_ekf.wheel.transition import factor_covariance
 
 _TURNS = 60

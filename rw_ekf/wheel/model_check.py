@@ -20,8 +20,8 @@ from rw_ekf.model.effect_kinds import StaticEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import number_of
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import ASSUMED
-from rw_ekf.wheel.table import EffectSet
 
 Matrix = tuple[tuple[float, ...], ...]
 

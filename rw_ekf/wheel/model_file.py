@@ -18,7 +18,7 @@ from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.wheel_tag import WheelTag
 
 SCHEMA_FAMILY = "rw_ekf.model/"

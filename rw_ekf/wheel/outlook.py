@@ -8,9 +8,9 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
+from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
-from rw_ekf.wheel.table import EffectTable
 from rw_ekf.wheel.window import lateness
 
 

@@ -9,8 +9,8 @@ from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import FrictionCurve, Stribeck
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
+from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.interval import Interval, Pieces
-from rw_ekf.wheel.table import EffectTable
 from rw_ekf.wheel.window import lateness, rounding
 
 _HELD = 0.05  # of the Stribeck speed

@@ -8,8 +8,8 @@ import math
 from typing import Any
 
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN
+from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.interval import Pieces
-from rw_ekf.wheel.table import EffectTable
 
 
 def lateness(x: Any, table: EffectTable) -> float:

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rw_ekf.bench.run import BenchRun, run_bench
+from rw_ekf.bench.bench_run import BenchRun, run_bench
+from rw_ekf.bench.bench_start import start_of
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import start_of
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.registry import SCHEMES
 from rw_ekf.control.compensation.scheme import Knowledge
+from rw_ekf.control.compensation.schemes import SCHEMES
 
 SCENARIO = Scenario.model_validate(
     {

@@ -7,7 +7,7 @@ import pytest
 
 from rw_ekf.bench.margins import SMALLEST_MARGIN_DEG, margin_of, scenario_for, with_largest_integral
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 
 
 def growth_per_cycle(scenario: Scenario, further_delay_s: float) -> float:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rw_ekf.bench.bench_run import BenchRun, run_bench
+from rw_ekf.bench.bench_start import start_of
 from rw_ekf.bench.contest import Entry, run_entry
 from rw_ekf.bench.metrics import Metrics, metrics_of
-from rw_ekf.bench.run import BenchRun, run_bench
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import start_of
 from rw_ekf.control.compensation.dither import Dither, DitherSignal, square
 from rw_ekf.control.compensation.pid_current import PidCurrent
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 
 pytestmark = pytest.mark.slow
 

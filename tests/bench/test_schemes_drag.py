@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rw_ekf.bench.bench_run import BenchRun, run_bench
+from rw_ekf.bench.bench_start import start_of
 from rw_ekf.bench.metrics import WINDOW_S, metrics_of
-from rw_ekf.bench.run import BenchRun, run_bench
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import start_of
-from rw_ekf.control.compensation.registry import SCHEMES, WheelSheet
+from rw_ekf.control.compensation.schemes import SCHEMES, WheelSheet
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.spikes import Spike, answer_to_spike, rate_error_threshold_rpm, steady_scenario
+from rw_ekf.bench.spike_answer import Spike, answer_to_spike, rate_error_threshold_rpm, steady_scenario
 from rw_ekf.control.compensation.pi_drag import CASSINI_DAMPING, PiDragParameters
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 
 RPM = math.pi / 30.0
 SPIKE = Spike(watched_s=120.0)

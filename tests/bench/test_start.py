@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rw_ekf.bench.bench_start import POOR_SHARE, diagnosed, start_of
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import POOR_SHARE, diagnosed, start_of
 from rw_ekf.bench.wheels import deterministic, drawn_wheel, nominal
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.errors import ConfigError
 from rw_ekf.filter.belief import prior_around
 from rw_ekf.model.effect import Term
 from rw_ekf.records import FilterHealth, FilterReset, FilterTrouble, Tick, WheelSample
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
-from rw_ekf.wheel.table import EffectSet
 
 DRAWN = Scenario.model_validate({"wheel": {"spread_percent": 15.0}})
 OFFSET = Scenario.model_validate({"wheel": {"effects": ["offset_torque:torque_rad_s2=0.03"]}})

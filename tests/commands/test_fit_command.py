@@ -13,8 +13,8 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, read_model
-from rw_ekf.wheel.table import EffectSet
 from tests.commands.documents import is_number, replay_document
 from tests.commands.logs import coast_log, experiments_log, plant_columns, profile_log, write_columns
 from tests.live.bench import document_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.control.commanders import ProfileController, commander_of, logged_profile
-from rw_ekf.control.profiles.profile import make_profile
+from rw_ekf.control.profiles.make_profile import make_profile
 from rw_ekf.errors import ConfigError
 from rw_ekf.live.follow import with_following_command
 from rw_ekf.records import LinkState, Reading, WheelSample

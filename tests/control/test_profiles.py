@@ -8,7 +8,7 @@ import math
 import pytest
 
 from rw_ekf.control.profiles import PROFILE_NAMES, Profile, make_profile, sample_profile
-from rw_ekf.control.profiles.pieces import Piece, PiecewiseLinear, hold, ramped
+from rw_ekf.control.profiles.profile_pieces import Piece, PiecewiseLinear, hold, ramped
 from rw_ekf.errors import BadInputError
 from rw_ekf.units import RAD_S_PER_RPM
 

@@ -12,7 +12,7 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from tests.truth import run_of
 from tools.measure.runs import OMEGA_S
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.diagnosis.judge.cross_fit import MOST_DISPUTED, _asked, _excess, _said, disputed_share, expected_excess
-from rw_ekf.diagnosis.judge.event import agrees_with_itself, percent_gained
+from rw_ekf.diagnosis.judge.cross_fit import _asked, _excess, _said, disputed_share, expected_excess
+from rw_ekf.diagnosis.judge.event_agreement import agrees_with_itself, percent_gained
 from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.thresholds import MOST_DISPUTED
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE

@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.diagnosis.result import Diagnosis
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect import Term
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 from tests.diagnosis.example import INERTIA_KG_M2, example
 
 pytestmark = pytest.mark.xdist_group("report")

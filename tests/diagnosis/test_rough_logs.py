@@ -17,8 +17,8 @@ from rw_ekf.errors import LogError
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import FrictionParameters
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, read_model
-from rw_ekf.wheel.table import EffectSet
 from tests.diagnosis.simulated import TRUTH, diagnosed_once, log_of, simulated
 from tests.wheel.test_walk import injected
 

@@ -9,9 +9,10 @@ import pytest
 
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.judge.torque_noise import LEVEL, NoiseFinding, _p_values, noise_finding
+from rw_ekf.diagnosis.judge.uneven_noise import NoiseFinding, _p_values, noise_finding
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.thresholds import NOISE_P
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
@@ -92,6 +93,6 @@ def test_an_adequate_model_says_so_of_its_noise() -> None:
     """Three times the noise above half speed is no effect: adequate still, but statement and probability say it."""
     document = diagnose_log(noisy_above_half(2, 0.1, 3.0)).document()
     assert document["verdict"]["kind"] == "adequate"
-    assert document["torque_noise"]["p_value"] < LEVEL
+    assert document["torque_noise"]["p_value"] < NOISE_P
     assert "torque noise is" in document["verdict"]["statement"]
     assert document["verdict"]["posterior"]["something_else"] > 0.2

@@ -6,7 +6,7 @@ import numpy as np
 
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import investigate
-from rw_ekf.diagnosis.judge.residual import failed_tests, residual_tests
+from rw_ekf.diagnosis.judge.residual_tests import failed_tests, residual_tests
 from rw_ekf.diagnosis.judge.verdict import verdict_on
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of

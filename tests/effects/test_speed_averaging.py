@@ -19,7 +19,7 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 
 QUIET = PlantNoise(0.0)
 

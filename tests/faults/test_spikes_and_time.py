@@ -25,7 +25,7 @@ from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.log_filter import filter_log
-from rw_ekf.learning.start import GivenModel
+from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.model.state import PARAMETERS

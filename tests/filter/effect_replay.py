@@ -20,7 +20,7 @@ from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 from tests.filter.replay import Columns
 from tools.measure.runs import OMEGA_S, constants_for
 

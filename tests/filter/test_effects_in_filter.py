@@ -26,9 +26,9 @@ from rw_ekf.model.friction import GAUSS, FrictionCurve, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.transition import interval
 from tests.filter.effect_replay import believed, both, in_use, rough_log
 from tests.filter.replay import OUTCOMES

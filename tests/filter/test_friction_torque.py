@@ -14,9 +14,9 @@ from rw_ekf.model.friction import stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
 from rw_ekf.wheel.dispatch import STATIC_EFFECTS
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.pieces import effect_interval
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 from tests.filter.effect_replay import believed, in_use
 from tests.ticks import tick_of
 from tools.measure.runs import constants_for

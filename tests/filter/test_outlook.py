@@ -14,7 +14,7 @@ from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.model.effect import Term
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample, WheelState
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 
 PERIOD_S, LATE_S = 0.1, 0.012
 CONSTANTS = filter_constants(0.42, speed_noise_rad_s=0.1, acceleration_noise=0.003)

@@ -8,7 +8,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile
-from rw_ekf.control.profiles.profile import PROFILE_NAMES
+from rw_ekf.control.profiles.make_profile import PROFILE_NAMES
 from rw_ekf.filter.belief import DEFAULT_PRIOR, Belief
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.estimator import Estimator

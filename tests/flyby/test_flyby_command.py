@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from rw_ekf.cli import main
-from rw_ekf.flyby.plan import TABLE_A1_RPM
+from rw_ekf.flyby.flyby_plan import TABLE_A1_RPM
 from rw_ekf.flyby.settings import SECTIONS
 from rw_ekf.settings.resources import config_resource
 from tests.contract import check_document

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rw_ekf.flyby.plan import TABLE_A1_RPM, case_of
+from rw_ekf.flyby.flyby_plan import TABLE_A1_RPM, case_of
 from rw_ekf.flyby.settings import read_flyby
 from rw_ekf.flyby.wheel_rates import wheel_rates
 from rw_ekf.units import rpm_from_rad_s

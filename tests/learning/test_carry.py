@@ -12,8 +12,8 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_NAMES
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.starting_point import FilterSetup, setup_of_configuration
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
-from rw_ekf.wheel.table import EffectSet
 from tests.wheel.test_model_file import effect
 
 HOUR_S = 3600.0

@@ -14,7 +14,7 @@ from rw_ekf.likelihood.log_fit import LogFit, consistency_of_fit, fit_log
 from rw_ekf.model.effect import Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 from tests.diagnosis.simulated import simulated
 from tools.measure.runs import constants_for
 

@@ -12,7 +12,7 @@ from typing import Any
 from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import SystemClock
 from rw_ekf.commands.inputs import read_wheel_model
-from rw_ekf.learning.start import GivenModel
+from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import RESUME, StopSignal

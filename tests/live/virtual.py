@@ -13,7 +13,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
-from rw_ekf.learning.start import GivenModel
+from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration

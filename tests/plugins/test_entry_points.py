@@ -90,7 +90,7 @@ def test_its_scheme_and_its_protocol_are_taken_by_a_configuration(site: Path) ->
     assert "acme_viscous" in done.stderr
     baud = "from rw_ekf.attach import load_protocol; print(load_protocol('acme.yaml').wire_map.link.baud)"
     assert python(site, baud) == "115200"
-    entry = "from rw_ekf.control.compensation.registry import SCHEMES; print(SCHEMES['acme_viscous'].source)"
+    entry = "from rw_ekf.control.compensation.schemes import SCHEMES; print(SCHEMES['acme_viscous'].source)"
     assert python(site, entry) == "a lab's own"
 
 
@@ -98,7 +98,7 @@ def test_its_sink_gets_every_sample_and_never_keeps_the_loop_waiting(site: Path)
     """It is behind a guard with a queue of its own, though it did not ask for one."""
     code = """
 import types, pathlib
-from rw_ekf.sinks.registry import SINKS, _all_sinks
+from rw_ekf.sinks.all_sinks import SINKS, _all_sinks
 files = types.SimpleNamespace(log=pathlib.Path('run.csv'))
 kinds = _all_sinks()
 sink, queue = kinds['acme_counter'].make(types.SimpleNamespace(files=files))
@@ -127,8 +127,8 @@ def test_a_broken_one_is_named_in_a_sentence(tmp_path: Path, group: str, value: 
         "rw_ekf.effects": "import rw_ekf.effects.catalogue",
         "rw_ekf.log_formats": "import pathlib, rw_ekf.logs.formats as f; pathlib.Path('a').write_text('1');"
         " f.format_of(pathlib.Path('a'), 'a')",
-        "rw_ekf.compensations": "import rw_ekf.control.compensation.registry",
-        "rw_ekf.sinks": "import rw_ekf.sinks.registry as r; r._all_sinks()",
+        "rw_ekf.compensations": "import rw_ekf.control.compensation.schemes",
+        "rw_ekf.sinks": "import rw_ekf.sinks.all_sinks as r; r._all_sinks()",
     }[group]
     code = f"from rw_ekf.errors import ConfigError\ntry:\n    {use}\nexcept ConfigError as error:\n    print(error)"
     said = python(tmp_path, code)

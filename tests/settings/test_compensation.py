@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rw_ekf.control.compensation.registry import SCHEMES, WheelSheet
+from rw_ekf.control.compensation.schemes import SCHEMES, WheelSheet
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.schema import RUN_SCHEMES

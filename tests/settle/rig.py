@@ -5,7 +5,7 @@ from __future__ import annotations
 from rw_ekf.clock import VirtualClock
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
-from rw_ekf.learning.start import GivenModel
+from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.logs.reader import read_log
@@ -13,11 +13,11 @@ from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.settle.carry_out import commander_for
-from rw_ekf.settle.explanations import Standing
 from rw_ekf.settle.limits import MotionLimits, bounds_of
-from rw_ekf.settle.plan import Plan
 from rw_ekf.settle.predicted import Scene
 from rw_ekf.settle.search import design_motion
+from rw_ekf.settle.settle_plan import Plan
+from rw_ekf.settle.what_stands import Standing
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.daemon import Notes
 

@@ -12,8 +12,8 @@ from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
-from rw_ekf.wheel.table import EffectSet
 from tools.measure.runs import OMEGA_S
 
 STD = (0.01, 4.0e-5, 1.0e-3, 1.0e-2)  # of the four parameters, as five minutes at 1 rpm leave them

@@ -13,10 +13,10 @@ from rw_ekf.errors import RwEkfError
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settings.schema import Configuration
-from rw_ekf.settle.explanations import Standing, standing_of_document
 from rw_ekf.settle.limits import MotionLimits, refuse_hot
 from rw_ekf.settle.moves import Bounds, currents, draw_move
 from rw_ekf.settle.predicted import Scene
+from rw_ekf.settle.what_stands import Standing, standing_of_document
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.bench import write_config
 from tests.settle.rig import designed, run

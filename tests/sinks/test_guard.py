@@ -10,8 +10,8 @@ import pytest
 
 from rw_ekf.clock import VirtualClock
 from rw_ekf.records import Tick, WheelSample
-from rw_ekf.sinks import guard
-from rw_ekf.sinks.guard import GuardedSink, Queue
+from rw_ekf.sinks import guarded_sink
+from rw_ekf.sinks.guarded_sink import GuardedSink, Queue
 from rw_ekf.sinks.run_files import Unwritten
 from tests.live.daemon import Notes
 from tests.ticks import tick_of
@@ -68,7 +68,7 @@ def test_failures_are_counted_and_said_once_and_the_rest_is_taken(queue: Queue |
 
 def test_a_sink_that_hangs_costs_the_loop_its_budget_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """The queue fills, one turn waits for the budget, the ticks beyond are lost, and the sink is told where."""
-    monkeypatch.setattr(guard, "_BUDGET_S", 0.3)
+    monkeypatch.setattr(guarded_sink, "_BUDGET_S", 0.3)
     taker = Taker()
     taker.let_go.clear()
     sink, _, _ = guarded(taker, Queue(4, lost=taker.lost), VirtualClock())
@@ -89,7 +89,7 @@ def test_a_sink_that_hangs_costs_the_loop_its_budget_once(monkeypatch: pytest.Mo
 
 def test_a_sink_that_never_comes_back_does_not_hold_the_end_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Closing waits its time and no longer; what still waited counts as lost."""
-    monkeypatch.setattr(guard, "_CLOSE_WITHIN_S", 0.05)
+    monkeypatch.setattr(guarded_sink, "_CLOSE_WITHIN_S", 0.05)
     taker = Taker()
     taker.let_go.clear()
     sink, _, _ = guarded(taker, Queue(8, lost=taker.lost), VirtualClock())

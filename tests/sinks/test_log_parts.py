@@ -14,7 +14,7 @@ from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.records import IssuedCommand, LinkCounters, RunState, Sink, StateNow, WheelSample
 from rw_ekf.settings.schema import OutputSection
-from rw_ekf.sinks.registry import SINKS, RunContext
+from rw_ekf.sinks.all_sinks import SINKS, RunContext
 from rw_ekf.sinks.run_files import RunFiles
 from tests.live.daemon import Notes
 from tests.live.virtual import run, setting

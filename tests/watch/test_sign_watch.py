@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rw_ekf.control.profiles.profile import make_profile
+from rw_ekf.control.profiles.make_profile import make_profile
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM

@@ -16,8 +16,8 @@ from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.starting_point import belief_of_model, model_of, setup_of_configuration, setup_of_start
+from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, read_model
-from rw_ekf.wheel.table import EffectSet
 
 SHAPES: dict[str, Shape] = {
     "torque_ripple": (6.0, 0.1, 0.0),

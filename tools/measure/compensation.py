@@ -28,7 +28,7 @@ from rw_ekf.control.commanders import ProfileController
 from rw_ekf.control.compensation.on_wheel import WheelCompensator
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedProtocol, SimulatedWheel
-from rw_ekf.learning.start import GivenModel
+from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Tick

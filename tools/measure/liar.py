@@ -35,7 +35,7 @@ from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, Pla
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
-from rw_ekf.learning.start import GivenModel
+from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live import guard
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.outcome import RunOutcome

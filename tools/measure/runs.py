@@ -14,7 +14,7 @@ from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE, FilterConstants,
 from rw_ekf.model.friction import LAW_CODES, Stribeck
 from rw_ekf.model.state import CK13_STATISTICAL, PARAMETER_COUNT, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
-from rw_ekf.wheel.table import NO_EFFECTS
+from rw_ekf.wheel.effect_table import NO_EFFECTS
 
 OMEGA_S = 4.0 * RAD_S_PER_RPM
 INSIDE = 1.959964  # sigmas of a 95 % interval

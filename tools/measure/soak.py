@@ -37,15 +37,15 @@ from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, Pla
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.pty_server import PtyServer
 from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
-from rw_ekf.learning.start import GivenModel
+from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Tick
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settings.resources import protocol_path
-from rw_ekf.sinks import registry
-from rw_ekf.sinks.guard import GuardedSink
+from rw_ekf.sinks import all_sinks
+from rw_ekf.sinks.guarded_sink import GuardedSink
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from tools.measure.witness import CURRENT_A, CYCLE, SILENCE_S, SPEED_RPM, Observer, Witness
 
@@ -150,8 +150,8 @@ def _watched_by(observer: Observer) -> Iterator[None]:
             observer.exchanged(asked_s, exchange)
         return exchange
 
-    sinks = {**registry.SINKS, "observer": registry.SinkKind(lambda run: (observer, None), every_turn=True)}
-    with mock.patch.object(SerialLink, "request", witnessed), mock.patch.object(registry, "SINKS", sinks):
+    sinks = {**all_sinks.SINKS, "observer": all_sinks.SinkKind(lambda run: (observer, None), every_turn=True)}
+    with mock.patch.object(SerialLink, "request", witnessed), mock.patch.object(all_sinks, "SINKS", sinks):
         yield
 
 

@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.records import Tick
 
 TUNABLE = {"observer_rad_s": (0.03, 30.0)}

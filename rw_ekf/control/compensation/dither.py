@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.scheme import Compensation
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.records import Tick
 from rw_ekf.units import rad_s_from_rpm
 

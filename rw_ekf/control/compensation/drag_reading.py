@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.records import Outcome, Tick
 
 SpeedSource = Literal["filtered", "raw"]  # the filter's speed, or the reading itself

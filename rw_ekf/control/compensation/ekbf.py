@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from rw_ekf.control.compensation.drag_reading import Readings
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.model.averages import phi_1
 from rw_ekf.records import Tick
 

@@ -12,9 +12,9 @@ from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.friction import Stribeck, friction
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import Estimate, Outlook, WheelState
+from rw_ekf.wheel.effect_table import NO_EFFECTS
 from rw_ekf.wheel.interval import Interval, Pieces
 from rw_ekf.wheel.outlook import WheelOutlook
-from rw_ekf.wheel.table import NO_EFFECTS
 
 Friction = Callable[[float], float]  # at a speed [rad/s]: the friction [rad/s^2], signed as the speed is
 

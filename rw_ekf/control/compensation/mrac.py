@@ -8,7 +8,7 @@ from typing import Literal
 
 from rw_ekf.control.compensation.drag_reading import Readings, SpeedSource
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import Outcome, Tick
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from rw_ekf.control.compensation.bounded import BoundedCurrent, moving_share
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.registry import SchemeEntry, WheelSheet
 from rw_ekf.control.compensation.scheme import Compensation, Request
-from rw_ekf.control.compensation.timeline import Elapsed
+from rw_ekf.control.compensation.schemes import SchemeEntry, WheelSheet
+from rw_ekf.control.compensation.tick_intervals import Elapsed
 from rw_ekf.control.compensation.trust import ParameterTrust, Source, is_well
 from rw_ekf.records import CompensationNow, RunState, StateNow, Tick
 

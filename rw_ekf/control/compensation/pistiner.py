@@ -12,7 +12,7 @@ from collections import deque
 from typing import NamedTuple
 
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.records import Tick
 from rw_ekf.units import rad_s_from_rpm
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from rw_ekf.control.compensation.followed_wheel import FollowedWheel
 from rw_ekf.control.compensation.known import WheelKnown, signed_friction
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise, mean_sign
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import FrictionParameters

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.timeline import Timeline
+from rw_ekf.control.compensation.tick_intervals import Timeline
 from rw_ekf.records import Tick
 
 RATE_HZ = 100.0

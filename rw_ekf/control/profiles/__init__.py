@@ -5,6 +5,6 @@ identification  our own, 600 s: excites what the others leave in the dark
 sine, zero, steps, random-sines  for every day, shaped by amplitude, period, bias and seed
 """
 
-from rw_ekf.control.profiles.profile import PROFILE_NAMES, Profile, make_profile, sample_profile
+from rw_ekf.control.profiles.make_profile import PROFILE_NAMES, Profile, make_profile, sample_profile
 
 __all__ = ["PROFILE_NAMES", "Profile", "make_profile", "sample_profile"]

@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 
-from rw_ekf.control.profiles.pieces import DrawnCycles
+from rw_ekf.control.profiles.profile_pieces import DrawnCycles
 
 _LEAST_SHARE = 0.5  # of the amplitude: below it friction would hold many a wheel
 

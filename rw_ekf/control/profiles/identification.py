@@ -16,7 +16,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from itertools import accumulate
 
-from rw_ekf.control.profiles.pieces import Piece, PiecewiseLinear, hold, ramped
+from rw_ekf.control.profiles.profile_pieces import Piece, PiecewiseLinear, hold, ramped
 
 STRONG_A = 0.4
 SLEW_A_PER_S = 4.0  # of every change: the default limit is 5, and a tick may come a fifth too soon after the one before

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rw_ekf.diagnosis.judge.confirmation import veto
-from rw_ekf.diagnosis.judge.cross_fit import MOST_DISPUTED, disputed_share
+from rw_ekf.diagnosis.judge.cross_fit import disputed_share
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.candidates import p_value, threshold
 from rw_ekf.diagnosis.search.contenders import Search
-from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
+from rw_ekf.diagnosis.search.held_numbers import knows_size
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
+from rw_ekf.diagnosis.thresholds import LEAST_SIGMAS, MOST_DISPUTED, SIGNIFICANT_P
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 
@@ -83,10 +84,9 @@ def _missed(search: Search, fit: Fit, name: str, others: list[str]) -> Check:
     """Whether the record asks for it beside all else: an offset that friction by direction explains is not missed."""
     effect = CATALOGUE[name]
     statistic = 2.0 * (fit.likelihood.value - fit.without(name).likelihood.value)
-    enough = search.enough_for(effect)
     why = explained_by(*others) if others else Decision(Reason.NOT_SIGNIFICANT)
-    stands = p_value(effect, statistic, search.facts) < enough
-    limit = threshold(effect, search.facts, enough)
+    stands = p_value(effect, statistic, search.facts) < SIGNIFICANT_P
+    limit = threshold(effect, search.facts)
     return Check("is missed without it", name, statistic, limit, None if stands else why)
 
 

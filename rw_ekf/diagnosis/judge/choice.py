@@ -8,12 +8,10 @@ from rw_ekf.diagnosis.judge.checks import Check, checks
 from rw_ekf.diagnosis.judge.ledger import Key, Ledger, Row
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.search.contenders import Search
-from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE
 from rw_ekf.diagnosis.search.selection import Rival, Selection
 from rw_ekf.diagnosis.standing import explained_by
+from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, TIE
 from rw_ekf.effects.catalogue import CATALOGUE
-
-_TIE = 0.1  # of the log-likelihood: nearer ones are one model under two names, and the catalogue's first is said
 
 
 def chosen(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
@@ -57,7 +55,7 @@ def _by_first_name(ledger: Ledger, row: Row) -> Row:
     twins = [row]
     for name in row.effects:
         for _, other in ledger.in_place(row, name):
-            same = abs(other.fit.likelihood.value - row.fit.likelihood.value) < _TIE
+            same = abs(other.fit.likelihood.value - row.fit.likelihood.value) < TIE
             if same and other.log_odds == row.log_odds and not other.waits:
                 twins.append(other)
     return min(twins, key=lambda item: sorted(order.index(name) for name in item.effects))

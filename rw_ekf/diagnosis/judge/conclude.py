@@ -10,22 +10,23 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.warming import ended
-from rw_ekf.diagnosis.judge.event import percent_gained
+from rw_ekf.diagnosis.judge.event_agreement import percent_gained
 from rw_ekf.diagnosis.judge.explanations import explanation_entries, surviving, weighed_explanations
 from rw_ekf.diagnosis.judge.found import Found, augmented_model
 from rw_ekf.diagnosis.judge.heldout import Performance, gain_over, percent_better, performance, performance_read
 from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.posterior import posterior_of
-from rw_ekf.diagnosis.judge.residual import failed_tests, left_over, residual_tests
+from rw_ekf.diagnosis.judge.residual_tests import failed_tests, left_over, residual_tests
 from rw_ekf.diagnosis.judge.shapes import shapes_of
-from rw_ekf.diagnosis.judge.torque_noise import noise_finding
-from rw_ekf.diagnosis.judge.verdict import GRID_GAINS, Verdict, verdict_on
+from rw_ekf.diagnosis.judge.uneven_noise import noise_finding
+from rw_ekf.diagnosis.judge.verdict import Verdict, verdict_on
 from rw_ekf.diagnosis.judge.widths import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
-from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, threshold
+from rw_ekf.diagnosis.search.candidates import threshold
 from rw_ekf.diagnosis.search.laws import LAW, has_laws
 from rw_ekf.diagnosis.search.selection import Trial
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
+from rw_ekf.diagnosis.thresholds import GRID_GAINS, SIGNIFICANT_P
 from rw_ekf.documents import inertia_document
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.filter.evenness import unevenness

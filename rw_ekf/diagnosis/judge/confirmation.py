@@ -6,10 +6,21 @@ import math
 from typing import Any
 
 from rw_ekf.diagnosis.judge.cross_fit import expected_excess
-from rw_ekf.diagnosis.judge.event import agrees_with_itself
+from rw_ekf.diagnosis.judge.event_agreement import agrees_with_itself
 from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
+from rw_ekf.diagnosis.search.held_numbers import knows_size
+from rw_ekf.diagnosis.thresholds import (
+    BLIND,
+    GREAT_GAIN,
+    LEAST_SIGMAS,
+    REAL_GAIN,
+    UNDOUBTED_P,
+    WORSE,
+    WORSE_NIS,
+    WORST,
+    WORST_NIS,
+)
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 
@@ -22,17 +33,6 @@ _VETOED = (
     ("free_run_rms_rpm", "free-run error"),
 )
 _FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
-# Share by which a held-out figure may grow, and factor by which NIS may be further from 1: for an effect whose free run
-# gains clearly, and for one whose does not. Sizes come from another part, so that small ones move figures by chance.
-_WORST, _WORSE = (0.07, 1.35), (0.03, 1.15)
-_REAL_GAIN = 0.05
-# Where the free run is nearer by so much, only errors far ahead count: a model that leaves no torque noise predicts one
-# step as its free run does, and what a number of the other part is off by, which torque noise would hide, shows there.
-_GREAT_GAIN = 0.5
-# Share by which squared errors would grow for want of knowledge alone, on average. One number decides, or two, so that
-# by chance it is four times as much: about what _WORST and _WORSE ask for.
-BLIND = 0.025
-_UNDOUBTED = 1.0e-6  # p-value on the whole record
 
 
 def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str | None, bool]:
@@ -45,11 +45,11 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str 
     """
     less, unjudged = more.without(name), False
     worse = _worse(prepared, less, more)
-    if worse is not None and p_value < _UNDOUBTED and knows_size(more, name, LEAST_SIGMAS):
+    if worse is not None and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
         ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
         said = [_worse(way, less, more) for way in ways]
         worse = said[-1] if said and None not in said else None
-        unjudged = not ways and _gain(prepared, less, more) <= _REAL_GAIN
+        unjudged = not ways and _gain(prepared, less, more) <= REAL_GAIN
     if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
         worse = "every other 5 s inside it and the rest do not agree on its size"
     return worse, unjudged
@@ -66,12 +66,17 @@ def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
 
 
 def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
-    """Which held-out figure gets clearly worse from one model to the next, in words."""
+    """Which held-out figure gets clearly worse from one model to the next, in words.
+
+    Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only
+    errors far ahead count: a model that leaves no torque noise predicts one step as its free run does, and what a
+    number of the other part is off by, which torque noise would hide, shows there.
+    """
     before, after = performance(prepared, less).figures, performance(prepared, more).figures
     gain = _gain(prepared, less, more)
-    if gain > _GREAT_GAIN:
+    if gain > GREAT_GAIN:
         before = {key: before[key] for key in _FAR_AHEAD}
-    return worsened(before, after, *(_WORST if gain > _REAL_GAIN else _WORSE))
+    return worsened(before, after, *((WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)))
 
 
 def _gain(prepared: Prepared, less: Fit, more: Fit) -> float:

@@ -14,10 +14,6 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 
-# Where both parts know equally much, each predicts the other better than nothing does, the two gains added, as long as
-# they dispute less than this share of what they ask for together.
-MOST_DISPUTED = 1.0 / 3.0
-
 
 def disputed_share(fit: Fit, name: str, part: BoolArray) -> float:
     """What `part` (n,) and the rest dispute of an effect's coefficients, of what they ask for together (eq. 10b).

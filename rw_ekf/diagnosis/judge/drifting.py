@@ -16,13 +16,13 @@ from rw_ekf.diagnosis.judge.evidence import log_evidence
 from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.search.group import evidence_of_random
 from rw_ekf.diagnosis.search.profiled import Profiled
+from rw_ekf.diagnosis.thresholds import UNNAMED_LOG_ODDS
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import slopes_by_torque
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, PARAMETERS, STATIC, VISCOUS
 
 _PIECES = 24
-_LOG_ODDS = -3.0  # of what no catalogue has, beforehand
 _DRY = "dry friction"
 
 
@@ -42,7 +42,7 @@ def drifts_otherwise(found: Found) -> bool:
     if others:
         alone = _walks(base)
         walks = {name: max(factor, alone[name]) for name, factor in walks.items()}
-    return max(walks.values()) + _LOG_ODDS - math.log(len(walks)) > own
+    return max(walks.values()) + UNNAMED_LOG_ODDS - math.log(len(walks)) > own
 
 
 def _walks(fit: Fit) -> dict[str, float]:

@@ -16,18 +16,14 @@ import numpy as np
 from rw_ekf.diagnosis.judge.evidence import testable
 from rw_ekf.diagnosis.judge.found import Found, model_of_fit
 from rw_ekf.diagnosis.judge.ledger import Row, key_of
+from rw_ekf.diagnosis.thresholds import HARDLY_MISSED, LEAST_POSTERIOR, TEMPERATURE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts
 from rw_ekf.wheel.model_file import refusal_of
 
 NONE = "none"  # the id of an explanation without any effect beyond the base
-_HARDLY_MISSED = 40.0  # statistic of an effect that was named, below which the model without it is weighed too
 _MOST_WEIGHED = 3
-LEAST_POSTERIOR = 0.005  # an explanation below it does not stand
-# Evidence is too sure of itself: near rest statistics exceed chi-square, and no model of a wheel is exact. Fitted to
-# simulated wheels, and tried on others (docs/diagnosis.md).
-TEMPERATURE = 1.5
 
 
 @dataclass(frozen=True)
@@ -66,7 +62,10 @@ def weighed_explanations(found: Found) -> list[Explanation]:
 
 
 def with_posteriors(weighed: list[Explanation]) -> list[Explanation]:
-    """The same with probabilities that add up to 1, the most probable first."""
+    """The same with probabilities that add up to 1, the most probable first.
+
+    Evidence is too sure of itself: near rest statistics exceed chi-square, and no model of a wheel is exact.
+    """
     logs = np.array([item.log_evidence for item in weighed])
     weights = np.exp((logs - logs.max()) / TEMPERATURE)
     shares = weights / weights.sum()
@@ -96,7 +95,7 @@ def _in_place(found: Found) -> list[Fit]:
     selection, fits = found.selection, []
     for name in found.new_ids:
         fits += [rival.fit for rival in selection.rivals.get(name, ())]
-        if selection.trials[name].statistic < _HARDLY_MISSED:
+        if selection.trials[name].statistic < HARDLY_MISSED:
             less = selection.without(name)
             fits += [less, *_beside(found, less, name)]
     return fits

@@ -12,20 +12,18 @@ from rw_ekf.diagnosis.judge.lattice import Lattice
 from rw_ekf.diagnosis.judge.ledger import Ledger
 from rw_ekf.diagnosis.judge.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.search.rivals import EXPLAINED_SHARE
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.search.wander import followed_finely
 from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import EXPLAINED_SHARE, MAP_P
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_COUNT
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.wheel.model_file import WheelModel
-
-MAP_P = 3.0e-4  # structure left in the residual's map
 
 
 @dataclass(frozen=True)

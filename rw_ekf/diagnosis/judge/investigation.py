@@ -24,12 +24,11 @@ from rw_ekf.diagnosis.search.laws import has_laws
 from rw_ekf.diagnosis.search.lost_angle import with_open_order
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import Reason
+from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood import work
 
 Advance = Callable[[str], object]
-
-_BEYOND_DOUBT_P = 1.0e-9
 
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
@@ -108,4 +107,4 @@ def _left_out_for_its_size(selection: Selection) -> str | None:
     """The effect beyond doubt, if any, that explained most and was left out as too small to matter."""
     small = {name: trial for name, trial in selection.trials.items() if trial.decision.reason is Reason.TOO_SMALL}
     name = max(small, key=lambda name: small[name].statistic, default=None)
-    return name if name is not None and small[name].p_value < _BEYOND_DOUBT_P else None
+    return name if name is not None and small[name].p_value < BEYOND_DOUBT_P else None

@@ -13,10 +13,10 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.course.grid import grid_of
+from rw_ekf.diagnosis.thresholds import GRID_NOISES
 
 _SAMPLES = 20_000
 _LEAST_PROBABILITY = 1.0e-9  # of a cell: beyond it a reading is an outlier of any noise
-_COARSER = 1.5  # standard deviations of the noise that a grid must exceed
 _LEAST_NOISE = 0.05  # of the grid
 _HARMONICS = 20  # of the error's series, more than that much noise leaves anything of
 
@@ -36,7 +36,7 @@ class Lattice:
 
 
 def _is_coarse(grid: float, variance: float) -> bool:
-    return grid >= _COARSER * math.sqrt(max(variance - grid * grid / 12.0, 0.0))
+    return grid >= GRID_NOISES * math.sqrt(max(variance - grid * grid / 12.0, 0.0))
 
 
 def coarse_grid(speed_rad_s: Float64Array, reading_variance: float, least_grid_rad_s: float) -> float | None:
@@ -82,7 +82,7 @@ def find_lattice(
         method="bounded",
     )
     noise = math.exp(float(best.x))
-    if grid < _COARSER * noise:
+    if grid < GRID_NOISES * noise:
         return None
     found = gains(float(best.x))
     return Lattice(grid, noise, 2.0 * float(np.sum(found[~held])), 2.0 * float(np.sum(found[held])))

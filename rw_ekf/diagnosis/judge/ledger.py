@@ -13,22 +13,21 @@ from typing import Any
 from rw_ekf.diagnosis.judge.checks import Check
 from rw_ekf.diagnosis.judge.evidence import log_evidence
 from rw_ekf.diagnosis.search.confounding import quantity_of
-from rw_ekf.diagnosis.search.contenders import ALIAS_SHARE, MOST_TRIED, Search
+from rw_ekf.diagnosis.search.contenders import Search
 from rw_ekf.diagnosis.search.event import with_other_laws
 from rw_ekf.diagnosis.search.laws import by_likeliest_law
 from rw_ekf.diagnosis.search.other_places import lower_valley
-from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE, rivals_in_place
+from rw_ekf.diagnosis.search.rivals import rivals_in_place
 from rw_ekf.diagnosis.search.selection import Selection, Trial
 from rw_ekf.diagnosis.search.valleys import in_deepest_valleys
 from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import ALIAS_SHARE, BEAM, INDISTINGUISHABLE, MOST_GROWN, MOST_TRIED, SIGNIFICANT_P
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import RecordFacts
 
-_BEAM = 2
-_MOST_GROWN = 7
 _MOST_TOLD = 8  # rows that a document has, whatever became of them
 _ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock tells, beside what holds at any time
 
@@ -132,8 +131,8 @@ def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger,
     """The ledger grown, and what became of each effect on the way."""
     base = ledger.base
     done: set[Key] = set()
-    for turn in range(_MOST_GROWN):
-        waiting = [row for row in ledger.rows[:_BEAM] if row.key not in done]
+    for turn in range(MOST_GROWN):
+        waiting = [row for row in ledger.rows[:BEAM] if row.key not in done]
         if not waiting:
             break
         if turn > 0 and not search.work.has(work.SEARCH):
@@ -144,7 +143,7 @@ def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger,
         done.add(row.key)
         search.advance("searching the catalogue")
         ledger, selection = _grown_from(search, row, ledger, selection)
-    for _ in range(_BEAM):
+    for _ in range(BEAM):
         top = ledger.rows[0]
         here = in_deepest_valleys(replace(selection, final=top.fit), search.facts) if top.effects else selection
         selection = replace(here, final=base)
@@ -173,7 +172,7 @@ def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) 
         trial = Trial.of(score).found_by(statistic, search.facts)
         if selection.trials[name].statistic <= trial.statistic:
             selection = selection.tried(trial)
-        if not effect.local_in_time and trial.p_value >= search.enough_for(effect):
+        if not effect.local_in_time and trial.p_value >= SIGNIFICANT_P:
             continue
         lower = lower_valley(row.fit, fit, trial)
         if lower is not None:

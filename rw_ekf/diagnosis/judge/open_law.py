@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.laws import LAW, with_each_law
+from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.state import PARAMETER_COUNT

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.diagnosis.judge.explanations import TEMPERATURE, Explanation
+from rw_ekf.diagnosis.judge.explanations import Explanation
 from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.lattice import Lattice
-from rw_ekf.diagnosis.judge.torque_noise import NoiseFinding
+from rw_ekf.diagnosis.judge.uneven_noise import NoiseFinding
+from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, TEMPERATURE
 from rw_ekf.effects.catalogue import GRID
 
 NONE, SOMETHING_ELSE = "none", "something_else"
-_ELSE_BIAS, _ELSE_SLOPE = -5.0, 1.0  # logit per factor of ten of the map's smallest p
 _MOST_DECADES = 8.0
 _MOST_ODDS = 10.0  # log, of a law without a name
 _LEAST = 1.0e-3  # less is left out
@@ -50,7 +50,7 @@ def something_else(found: Found, noise: NoiseFinding | None, residual_p: float) 
     shown = [item.p_value for item in found.dependences] + ([] if noise is None else [noise.p_value])
     smallest = min([*shown, residual_p])
     decades = min(-math.log10(max(smallest, 1.0e-300)), _MOST_DECADES)
-    odds = _ELSE_BIAS + _ELSE_SLOPE * decades
+    odds = ELSE_BIAS + ELSE_SLOPE * decades
     if found.unnamed_odds is not None:
         odds = max(odds, min(found.unnamed_odds, _MOST_ODDS) / TEMPERATURE)
     return 1.0 / (1.0 + math.exp(-odds))

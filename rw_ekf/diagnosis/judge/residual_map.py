@@ -15,9 +15,9 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.noise_alone import p_values_by_draws
-from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.group import GroupFit, fit_group
 from rw_ekf.diagnosis.search.profiled import Profiled
+from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.structure import hats, slopes_by_torque

@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.investigation import investigate
 from rw_ekf.diagnosis.judge.lattice import Lattice, coarse_grid, explained_variance, find_lattice, rounding_error
 from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.thresholds import GRID_REGISTER_RPM
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
@@ -25,7 +26,6 @@ from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.units import RAD_S_PER_RPM
 
 _TURNS = 3
-_REGISTER_RPM = 0.6  # a finer grid than this is the wire's own register (0.5 rpm), which is no effect
 
 
 def investigated(prepared: Prepared, advance: Callable[[str], object]) -> Found:
@@ -52,7 +52,7 @@ def lattice_of(prepared: Prepared, fit: Fit) -> Lattice | None:
     """The grid of the readings, if it is coarser than what a fit leaves and shows on both parts together."""
     if GRID.id in prepared.base.model.effects.ids:
         return None
-    least_rad_s = 0.0 if prepared.setup.inertia_kg_m2 is None else _REGISTER_RPM * RAD_S_PER_RPM
+    least_rad_s = 0.0 if prepared.setup.inertia_kg_m2 is None else GRID_REGISTER_RPM * RAD_S_PER_RPM
     speed = prepared.course.speed_rad_s
     if coarse_grid(speed, fit.noise.variance, least_rad_s) is None:
         return None

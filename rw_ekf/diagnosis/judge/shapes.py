@@ -15,10 +15,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.residual_map import Cover, Kind, covers_of, p_value_of
-from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.group import GroupFit, fit_group
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.wander import followed_finely
+from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.numbers import number_text, plus_minus
 from rw_ekf.units import RAD_S_PER_RPM
 

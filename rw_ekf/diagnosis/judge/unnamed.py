@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 from rw_ekf.diagnosis.judge.checks import Check
 from rw_ekf.diagnosis.judge.drifting import drifts_otherwise
 from rw_ekf.diagnosis.judge.evidence import log_evidence
-from rw_ekf.diagnosis.judge.found import MAP_P, Found
+from rw_ekf.diagnosis.judge.found import Found
 from rw_ekf.diagnosis.judge.residual_map import covers_of, residual_map
 from rw_ekf.diagnosis.search.group import evidence_of_random
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.wander import followed_finely
 from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import MAP_P, UNNAMED_LOG_ODDS
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts
 
@@ -29,7 +30,6 @@ Advance = Callable[[str], object]
 _LAWS_OF = ("speed", "current", "temperature")
 LIKELIER_WALK = Decision(Reason.UNLIKELIER, "a walk of something else")
 UNNAMED_LAW = Decision(Reason.UNLIKELIER, "a law without a name")
-_LOG_ODDS = -3.0  # of such a law beforehand, beside that of any one of the catalogue
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def unnamed_law(fit: Fit, facts: RecordFacts) -> UnnamedLaw | None:
     if not weighed:
         return None
     factor, name = max(weighed)
-    return UnnamedLaw(name, factor + _LOG_ODDS - math.log(len(weighed)))
+    return UnnamedLaw(name, factor + UNNAMED_LOG_ODDS - math.log(len(weighed)))
 
 
 def weighed_against_unnamed(found: Found, advance: Advance) -> Found:

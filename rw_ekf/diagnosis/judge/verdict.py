@@ -21,17 +21,11 @@ from rw_ekf.diagnosis.judge.sentences import (
 from rw_ekf.diagnosis.search.confounding import Quantity, one_and_the_same, quantity_of, separates
 from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import Reason
+from rw_ekf.diagnosis.thresholds import DOUBTFUL, GRID_GAINS, GROUP, LEAST_TOLD, RULED_OUT
 from rw_ekf.effects.catalogue import CATALOGUE, GRID
 from rw_ekf.numbers import chance_text
 
 _CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
-_LEAST_TOLD = 0.01  # probability of another effect that is named beside one
-_RULED_OUT = 0.01  # probability of no effect at all, with which a model is not called adequate
-_GROUP = 3  # at most so many are named together
-# Percent of the held-out error: a grid that takes off less is said to take off nothing. Grids of 3, 3.5 and 4 sigma of
-# the noise take off 0.16, 0.6 and 1.5 (eq. 11a), so that a third more or less moves the limit between 3.3 and 3.6.
-GRID_GAINS = 0.5
-_DOUBTFUL = 0.1  # probability of an effect that is mentioned where none was named
 
 
 @dataclass(frozen=True)
@@ -148,21 +142,21 @@ def _told(failed: Mapping[str, float]) -> str:
 def _is_ruled_out(posterior: dict[str, float]) -> bool:
     """Whether an effect that may not be named is all but certain beside the model to which nothing was added."""
     rest = 1.0 - posterior.get(SOMETHING_ELSE, 0.0)
-    return bool(_effects_in(posterior)) and posterior.get(NONE, 1.0) < _RULED_OUT * rest
+    return bool(_effects_in(posterior)) and posterior.get(NONE, 1.0) < RULED_OUT * rest
 
 
 def _doubt(selection: Selection, posterior: dict[str, float]) -> str:
     """What speaks against a model to which nothing was added, where its own probability is below a half."""
     likeliest = max((posterior[name] for name in _effects_in(posterior)), default=0.0)
-    doubted = likeliest >= _DOUBTFUL and posterior.get(NONE, 1.0) < 0.5
+    doubted = likeliest >= DOUBTFUL and posterior.get(NONE, 1.0) < 0.5
     return f"; but {_doubts(selection, posterior)}" if doubted else ""
 
 
 def _doubts(selection: Selection, posterior: dict[str, float]) -> str:
     """How probable it is that nothing is missing, and what is likeliest to be, with why it was not named."""
     first, *others = _effects_in(posterior)
-    effects = [first, *(name for name in others if posterior[name] >= _DOUBTFUL)]
-    chances = ", ".join(f"{name} {chance_text(posterior[name])}" for name in effects[:_GROUP])
+    effects = [first, *(name for name in others if posterior[name] >= DOUBTFUL)]
+    chances = ", ".join(f"{name} {chance_text(posterior[name])}" for name in effects[:GROUP])
     trial = selection.trials.get(effects[0])
     explained = trial is None or trial.decision.reason is Reason.EXPLAINED
     why = "" if trial is None or explained else f"; {effects[0]} is {trial.decision.words}"
@@ -188,10 +182,10 @@ def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float
         rivals = [
             rival.name
             for rival in selection.rivals.get(name, ())
-            if posterior.get(rival.name, 0.0) >= _LEAST_TOLD or rival.name in constructed
+            if posterior.get(rival.name, 0.0) >= LEAST_TOLD or rival.name in constructed
             if rival.name not in chosen and rival.name not in told
         ]
         if rivals:
             rivals.sort(key=lambda other: -posterior.get(other, 0.0))
-            groups.append([name, *dict.fromkeys(rivals)][:_GROUP])
+            groups.append([name, *dict.fromkeys(rivals)][:GROUP])
     return groups

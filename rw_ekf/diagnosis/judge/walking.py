@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from rw_ekf.diagnosis.judge.evidence import log_evidence, log_evidence_with_walk
-from rw_ekf.diagnosis.judge.found import MAP_P, Found, mapped
+from rw_ekf.diagnosis.judge.found import Found, mapped
 from rw_ekf.diagnosis.search.confounding import one_and_the_same, quantity_of
-from rw_ekf.diagnosis.search.contenders import LOCAL_P, Search
-from rw_ekf.diagnosis.search.rivals import INDISTINGUISHABLE
+from rw_ekf.diagnosis.search.contenders import Search
 from rw_ekf.diagnosis.search.selection import Rival, Trial
 from rw_ekf.diagnosis.search.wander import pieces, wandering
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
+from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, MAP_P, SIGNIFICANT_P
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 
@@ -30,7 +30,7 @@ def with_wandering_friction(found: Found, search: Search) -> Found:
     if found.left and found.left[0].name not in _GOES_WITH_TIME:
         return found  # whatever it is, time does not show it best
     # Where the map shows something of time already, that it is a walk needs no more evidence than that.
-    tried = wandering(prepared, selection.final, MAP_P if found.left else LOCAL_P)
+    tried = wandering(prepared, selection.final, MAP_P if found.left else SIGNIFICANT_P)
     if tried is None or not tried.fit.may_matter(WANDERING.id, prepared.facts):
         return found
     if not found.left and tried.gain < 0.0:
@@ -114,7 +114,7 @@ def _or_a_walk(found: Found, law: str) -> Found:
     rest = tuple(name for name in found.new_ids if name != law)
     own = log_evidence(found.fit, tuple(found.new_ids), facts)
     ahead = log_evidence_with_walk(less, rest, pieces(prepared), facts) - own
-    tried = wandering(prepared, less, LOCAL_P) if ahead > -INDISTINGUISHABLE else None
+    tried = wandering(prepared, less, SIGNIFICANT_P) if ahead > -INDISTINGUISHABLE else None
     if tried is None or not tried.fit.may_matter(WANDERING.id, facts):
         return found
     if not tried.fit.model.possible(WANDERING.id, facts):

@@ -13,9 +13,9 @@ from functools import partial
 
 import numpy as np
 
-from rw_ekf.diagnosis.search.candidates import INFLATION
 from rw_ekf.diagnosis.search.held_numbers import may_be_held, with_coefficient, with_constant
 from rw_ekf.diagnosis.search.onset import ONSET, held, moved
+from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import STRIBECK
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import linearise

@@ -35,7 +35,7 @@ from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration

@@ -12,22 +12,24 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Complex128Array, Float64Array, Int64Array
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.split import running_time
+from rw_ekf.diagnosis.thresholds import (
+    LEAST_MOVE,
+    LEAST_READINGS,
+    LEAST_SECONDS,
+    MOST_OUTLIERS,
+    OUTLIER_CHANGES,
+    OUTLIER_NOISES,
+    OUTLIERS_AT_EDGES,
+    SAME_ROWS,
+)
 from rw_ekf.errors import LogError
 from rw_ekf.identify.record_scale import noise_beside_motion
 from rw_ekf.logs.joined import joined
 from rw_ekf.logs.sampling import evenly_stamped, mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
 
-_NOISES = 15.0  # of the readings beside their neighbours' median
-_CHANGES = 4.0  # of the change from sample to sample that nine in ten stay below
-_AT_EDGES = 3.0  # times as far: a ramp leaves the median of neighbours on one side
-_MOST_SHARE = 0.1  # more than so many are no errors but the record itself
 _NOISE_OF_MEDIAN = 1.0 / 0.6745
-_LEAST_READINGS = 100
-_LEAST_SECONDS = 10.0
 _MISSING = 1.0e300  # in place of a speed, where rows are compared
-_SAME_ROWS = 0.9  # of the shorter of two logs: two runs of one motion do not read the same noise
-_LEAST_MOVE = 0.05  # of the top speed: a wheel whose speed changes by less shows no friction law
 
 
 @dataclass(eq=False, frozen=True)
@@ -89,7 +91,7 @@ def _refuse_twice(logs: Sequence[WheelLog]) -> None:
     """Raise LogError where nearly all rows of a log are rows of another: what it says would count twice."""
     for one, other in combinations(logs, 2):
         shared, least = int(np.isin(_rows(other), _rows(one)).sum()), min(len(one), len(other))
-        if least >= _LEAST_READINGS and shared >= _SAME_ROWS * least:
+        if least >= LEAST_READINGS and shared >= SAME_ROWS * least:
             raise LogError(
                 f"{other.name}: {shared} of its {len(other)} rows are rows of {one.name}, time and speed: what they "
                 "say would count twice; name one of the two"
@@ -112,15 +114,15 @@ def _with_running_time(log: WheelLog) -> WheelLog:
 def _unfit(log: WheelLog, course: Course) -> str | None:
     """Why the base model cannot be judged on this log; None if it can."""
     speed = course.speed_rad_s[np.isfinite(course.speed_rad_s)]
-    if speed.size < _LEAST_READINGS or log.duration_s < _LEAST_SECONDS:
+    if speed.size < LEAST_READINGS or log.duration_s < LEAST_SECONDS:
         return (
             f"the log has {speed.size} speed reading{'' if speed.size == 1 else 's'} over {log.duration_s:.3g} s; "
-            f"{_LEAST_READINGS} readings over {_LEAST_SECONDS:g} s are the least that can be judged"
+            f"{LEAST_READINGS} readings over {LEAST_SECONDS:g} s are the least that can be judged"
         )
     low, high = np.quantile(speed, (0.01, 0.99))
     top = max(abs(low), abs(high))
     noise = noise_beside_motion(course) or 0.0
-    if high - low <= _LEAST_MOVE * top or high - low <= 8.0 * noise:
+    if high - low <= LEAST_MOVE * top or high - low <= 8.0 * noise:
         return "the speed hardly changes in this log, so that any friction fits it"
     return None
 
@@ -146,7 +148,7 @@ def gross_errors(speed_rad_s: Float64Array, segment: Int64Array) -> BoolArray:
     noise = _NOISE_OF_MEDIAN * float(np.median(off))
     changes = np.abs(np.diff(speed))[np.diff(block) == 0]
     usual = float(np.quantile(changes, 0.9)) if changes.size else 0.0
-    found = off > max(_NOISES * noise, _CHANGES * usual) * np.where(edge, _AT_EDGES, 1.0)
-    if found.mean() <= _MOST_SHARE:
+    found = off > max(OUTLIER_NOISES * noise, OUTLIER_CHANGES * usual) * np.where(edge, OUTLIERS_AT_EDGES, 1.0)
+    if found.mean() <= MOST_OUTLIERS:
         wrong[good[found]] = True
     return wrong

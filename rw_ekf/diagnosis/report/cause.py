@@ -15,8 +15,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.report.binning import binned_means
 from rw_ekf.diagnosis.report.curves import Curve
+from rw_ekf.diagnosis.report.drawn_time import timeline
 from rw_ekf.diagnosis.report.quantities import Quantity, correlation_of, quantities_of
-from rw_ekf.diagnosis.report.timeline import timeline
 from rw_ekf.diagnosis.report.words import Units, plain_name
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.periodic import PeriodicEffect

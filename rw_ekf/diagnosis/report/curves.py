@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, GREY, INK, legend, new_figure, plain, png
-from rw_ekf.diagnosis.report.timeline import Timeline
+from rw_ekf.diagnosis.report.drawn_time import Timeline
 from rw_ekf.drawing import picture
 
 _ALONG = {

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.diagnosis.report.binning import BinnedMeans, binned_means, correlation_samples
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE
-from rw_ekf.diagnosis.report.timeline import timeline
+from rw_ekf.diagnosis.report.drawn_time import timeline
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.units import RAD_S_PER_RPM
 

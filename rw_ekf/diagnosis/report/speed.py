@@ -11,8 +11,8 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.diagnosis.report.binning import broken, running_means, thinned_line
 from rw_ekf.diagnosis.report.canvas import FRAME, GREY, ground, legend, new_figure, plain, png, shade
+from rw_ekf.diagnosis.report.drawn_time import Timeline, timeline
 from rw_ekf.diagnosis.report.quantities import DrawnModel, models_of
-from rw_ekf.diagnosis.report.timeline import Timeline, timeline
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.drawing import picture
 

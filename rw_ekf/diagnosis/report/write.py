@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from rw_ekf.diagnosis.report.cause import cause_curves
 from rw_ekf.diagnosis.report.curves import curves_picture, shape_curves
 from rw_ekf.diagnosis.report.drawn import remove, write_pictures
-from rw_ekf.diagnosis.report.evidence import evidence_picture
+from rw_ekf.diagnosis.report.drawn_time import timeline
+from rw_ekf.diagnosis.report.evidence_bars import evidence_picture
 from rw_ekf.diagnosis.report.page import page
-from rw_ekf.diagnosis.report.residual import residual_picture, residual_view
+from rw_ekf.diagnosis.report.residual_panels import residual_picture, residual_view
 from rw_ekf.diagnosis.report.speed import speed_course, speed_picture
-from rw_ekf.diagnosis.report.timeline import timeline
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text

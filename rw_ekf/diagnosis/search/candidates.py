@@ -20,6 +20,7 @@ from functools import lru_cache
 import numpy as np
 
 from rw_ekf.arrays import Complex128Array, Float64Array
+from rw_ekf.diagnosis.thresholds import INFLATION, SIGNIFICANT_P
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.linearisation import Linearisation
 from rw_ekf.likelihood.one_step import predict
@@ -27,10 +28,8 @@ from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 from rw_ekf.model.effect_kinds import StaticEffect
-from rw_ekf.wheel.table import EffectSet
+from rw_ekf.wheel.effect_table import EffectSet
 
-SIGNIFICANT_P = 1.0e-4  # of one effect, wherever it was sought; both parts of the record must agree on it
-INFLATION = 1.15  # of statistics on healthy wheels, over chi-square (calibrated)
 _USUAL_SIZE = 10.0  # of the smallest that matters: as large as effects of wheels are, to an order of magnitude
 _CHUNK = 128
 _FEW = 16  # hypotheses of a pass each that are whitened together

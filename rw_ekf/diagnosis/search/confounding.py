@@ -15,6 +15,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.thresholds import IS_FUNCTION, IS_ONE, LEAST_KELVIN
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
@@ -23,9 +24,6 @@ from rw_ekf.model.effect import Effect, RecordFacts
 Quantity = Literal["speed", "time", "temperature"]
 
 _KNOTS = 12  # of a smooth function, as in the map of the residual
-_IS_FUNCTION = 0.5  # of the variance of one quantity: where less goes with the other, nothing is confounded
-_IS_ONE = 0.9
-_LEAST_KELVIN = 1.0
 
 
 def separates(other: Quantity) -> str:
@@ -63,7 +61,7 @@ def function_share(record: Record, speed_rad_s: Float64Array, one: Quantity, oth
     y, x = values_of(record, speed_rad_s, one), values_of(record, speed_rad_s, other)
     kept = np.isfinite(y) & np.isfinite(x)
     y, x = y[kept], x[kept]
-    if y.size < 2 * _KNOTS or np.ptp(y) <= 0.0 or np.ptp(x) <= (_LEAST_KELVIN if other == "temperature" else 0.0):
+    if y.size < 2 * _KNOTS or np.ptp(y) <= 0.0 or np.ptp(x) <= (LEAST_KELVIN if other == "temperature" else 0.0):
         return 0.0
     A = hats(x, _KNOTS, float(x.min()), float(x.max()))
     left = y - A @ np.linalg.lstsq(A, y, rcond=None)[0]
@@ -72,12 +70,12 @@ def function_share(record: Record, speed_rad_s: Float64Array, one: Quantity, oth
 
 def one_and_the_same(fit: Fit, one: Quantity, other: Quantity) -> bool:
     """Whether the record cannot tell a function of one quantity from a function of the other."""
-    return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > _IS_ONE
+    return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > IS_ONE
 
 
 def may_confound(fit: Fit, one: Quantity, other: Quantity) -> bool:
     """Whether it is worth asking `beside`: one quantity goes with the other at all."""
-    return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > _IS_FUNCTION
+    return one != other and function_share(fit.linearised.record, fit.trajectory.speed, one, other) > IS_FUNCTION
 
 
 def smooth_regressors(fit: Fit, quantity: Quantity, *, with_gain: bool = False) -> Float64Array:

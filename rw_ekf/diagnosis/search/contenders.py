@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rw_ekf.diagnosis.search.candidates import SIGNIFICANT_P, Score, p_value, threshold
+from rw_ekf.diagnosis.search.candidates import Score, p_value, threshold
 from rw_ekf.diagnosis.search.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.search.event import fitted_at, fitted_event, settled_event
-from rw_ekf.diagnosis.search.held_numbers import LEAST_SIGMAS, knows_size
+from rw_ekf.diagnosis.search.held_numbers import knows_size
 from rw_ekf.diagnosis.search.other_places import possible_fit
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.selection import Selection, Trial
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
+from rw_ekf.diagnosis.thresholds import LEAST_SIGMAS, MOST_EFFECTS, SIGNIFICANT_P, WORTH_A_FIT_P
 from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
@@ -25,11 +26,6 @@ from rw_ekf.likelihood.one_step import Record
 from rw_ekf.likelihood.open_stribeck import likeliest_stribeck_speed
 from rw_ekf.model.effect import Effect, RecordFacts
 
-LOCAL_P = 1.0e-4  # of an event in time, which no other part can confirm
-_MOST_EFFECTS = 4  # a periodic effect may have several lines
-MOST_TRIED = 3  # strongest candidates that are fitted in full in each turn
-_WORTH_A_FIT_P = 1.0e-2
-ALIAS_SHARE = 0.5  # of the best statistic: a candidate with less is no rival
 _ANOTHER_WAY = 2.0  # log-likelihood that another path may still bring to what one path left below significance
 
 
@@ -63,7 +59,7 @@ class Search:
     def _open(self, model: Model, excluded: frozenset[str]) -> list[type[Effect]]:
         """Effects that may still enter: a periodic one at another order or frequency, any other once."""
         present = set(model.effects.ids)
-        full, memory = len(present) >= _MOST_EFFECTS, any(term.effect.flow_kind for term in model.terms)
+        full, memory = len(present) >= MOST_EFFECTS, any(term.effect.flow_kind for term in model.terms)
         return [
             effect
             for effect in self.effects
@@ -107,14 +103,10 @@ class Search:
                 strong.remove(score)
         return sorted(strong, key=lambda score: -score.screening_gain), selection
 
-    def enough_for(self, effect: type[Effect]) -> float:
-        """The p-value at which an effect may enter."""
-        return LOCAL_P if effect.local_in_time else SIGNIFICANT_P
-
     def _significant(self, score: Score) -> bool:
         """Whether a candidate deserves a fit; one that is not linear is scored by a secant, which may fall short."""
         effect = score.effect
-        enough = self.enough_for(effect) if effect.linear else _WORTH_A_FIT_P
+        enough = SIGNIFICANT_P if effect.linear else WORTH_A_FIT_P
         large = self.facts.any_size or score.size + ROOM_SIGMAS * score.std >= effect.smallest(self.facts)
         return score.p_value < enough and (large or not effect.linear)
 
@@ -123,7 +115,7 @@ class Search:
         effect = score.effect
         if local:  # without it is a model with it
             return settled_event(current, score, self.facts), score.statistic
-        needed = 0.5 * threshold(effect, self.facts, self.enough_for(effect))
+        needed = 0.5 * threshold(effect, self.facts)
         fit = fitted_at(current, score, needed - _ANOTHER_WAY)
         if not fit.model.possible(effect.id, self.facts):
             fit = possible_fit(current, fit, score, self.facts)
@@ -156,7 +148,7 @@ class Search:
             if not losses:
                 break
             statistic, name, less = min(losses, key=lambda item: item[0])
-            missed = p_value(CATALOGUE[name], statistic, self.facts) < self.enough_for(CATALOGUE[name])
+            missed = p_value(CATALOGUE[name], statistic, self.facts) < SIGNIFICANT_P
             if missed and fit.may_matter(name, self.facts):
                 break
             if name in selection.trials:  # else the model given had it

@@ -8,6 +8,7 @@ from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.confounding import event_scores, may_confound
 from rw_ekf.diagnosis.search.onset import with_better_onset
 from rw_ekf.diagnosis.search.scorer import Scorer
+from rw_ekf.diagnosis.thresholds import KEPT_SHARE, LAW_BESIDE_EVENT
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import Model
@@ -17,8 +18,6 @@ from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
 _ZOOMS = 8
 _STARTS, _WORTH_FOLLOWING = 8, 0.3  # places of the bank that are followed, and their share of the strongest at least
 _FITTED = 2  # of those
-_KEPT_SHARE = 0.5  # of the gain that a regression promised: a fit with less went astray
-_WORTH_A_LAW = 16.0  # of twice the log-likelihood, for one law more
 
 
 def zoomed(fit: Fit, score: Score, facts: RecordFacts) -> list[Score]:
@@ -76,7 +75,7 @@ def fitted_at(fit: Fit, score: Score, least_gain: float = -math.inf) -> Fit:
     fits = [fit.refitted(model, least_gain) for model in fit.worth_a_fit(models)]
     best = max(fits, key=lambda item: item.likelihood.value)
     gained = 2.0 * (best.likelihood.value - fit.likelihood.value)
-    if gained <= _KEPT_SHARE * score.statistic:
+    if gained <= KEPT_SHARE * score.statistic:
         return likelier_along_filter(best, fit, fit.model.with_terms(score.starts[0]))
     return best
 
@@ -96,7 +95,7 @@ def with_other_laws(fit: Fit, name: str, facts: RecordFacts) -> Fit:
             tried.append(fitted_event(less, score, facts))
     if not tried:
         return fit
-    best = max(tried, key=lambda item: 2.0 * item.likelihood.value - _WORTH_A_LAW * len(item.model.effects.ids))
+    best = max(tried, key=lambda item: 2.0 * item.likelihood.value - LAW_BESIDE_EVENT * len(item.model.effects.ids))
     return fit.refitted(best.model.settled(name))
 
 

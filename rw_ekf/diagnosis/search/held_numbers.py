@@ -8,7 +8,6 @@ from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.model.effect import Term
 
-LEAST_SIGMAS = 2.5  # to which the size of an effect must be known that is named
 _TURNS = 4
 _HELD_STD = 1.0e-3  # of a coefficient that a fit has to keep
 _OTHER_SIZES = (0.2, 5.0)  # of a coefficient: a normal one known to 2.5 sigma is at neither

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rw_ekf.diagnosis.search.candidates import INFLATION, Hypothesis, Score, analytic, p_value
+from rw_ekf.diagnosis.search.candidates import Hypothesis, Score, analytic, p_value
+from rw_ekf.diagnosis.thresholds import INFLATION, ORDERS_COUNT
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.phase_particles import FEW, MANY, LostAngle
@@ -21,7 +22,6 @@ from rw_ekf.model.effect import RecordFacts, Term
 _SIZES = (1.5, 60.0)  # of the smallest that matters
 _WORTH_MORE = 2.0  # gain in log-likelihood at a first look
 _FITTED, _NEAR = 5, 6.0  # orders that are fitted in full: so many, within this of the best
-_EVIDENCE = 0.5  # of the evidence counts between orders: the noise of particles and a fit's local valleys are in it
 _LEAST_TOLD = 0.02  # probability of an order that is told
 
 
@@ -108,7 +108,7 @@ def with_open_order(less: Fit, fit: Fit, name: str, facts: RecordFacts) -> tuple
         behind = tried.likelihood.value - fit.likelihood.value
         if other not in standing or behind >= standing[other][0]:
             standing[other] = behind, *effect.amplitude(term.term.values, term.covariance)
-    odds = {other: math.exp(_EVIDENCE * min(behind, 0.0)) for other, (behind, _, _) in standing.items()}
+    odds = {other: math.exp(ORDERS_COUNT * min(behind, 0.0)) for other, (behind, _, _) in standing.items()}
     total = sum(odds.values())
     told = {other: odd / total for other, odd in sorted(odds.items(), key=lambda item: -item[1])}
     others = [(told[other], its, its_std) for other, (_, its, its_std) in standing.items()]

@@ -12,13 +12,13 @@ from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.event import fitted_at
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.search.selection import Trial
+from rw_ekf.diagnosis.thresholds import OWN_GAIN
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import RecordFacts
 
 _NEARLY = 0.7  # of the strongest place's statistic
 _FITTED = 2
 _APART = 1.5  # factor between shape constants of two places that are not one
-_OWN_GAIN = 0.5  # share of an effect's gain: with less of it its own, the model before had not been fitted to the end
 
 
 def possible_fit(current: Fit, gone_astray: Fit, score: Score, facts: RecordFacts) -> Fit:
@@ -49,7 +49,7 @@ def lower_valley(current: Fit, fit: Fit, trial: Trial) -> Fit | None:
     Asked where the size is known far worse than the gain would have it.
     """
     name = trial.effect.id
-    if trial.effect.local_in_time or fit.knows(name, _OWN_GAIN * math.sqrt(trial.statistic)):
+    if trial.effect.local_in_time or fit.knows(name, OWN_GAIN * math.sqrt(trial.statistic)):
         return None
     less = fit.without(name)
-    return less if less.likelihood.value - current.likelihood.value > _OWN_GAIN * 0.5 * trial.statistic else None
+    return less if less.likelihood.value - current.likelihood.value > OWN_GAIN * 0.5 * trial.statistic else None

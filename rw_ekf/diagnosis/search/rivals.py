@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 
-from rw_ekf.diagnosis.search.candidates import INFLATION, SIGNIFICANT_P, Score
+from rw_ekf.diagnosis.search.candidates import Score
 from rw_ekf.diagnosis.search.confounding import may_confound, quantity_of, says_more
-from rw_ekf.diagnosis.search.contenders import ALIAS_SHARE, MOST_TRIED, Search
+from rw_ekf.diagnosis.search.contenders import Search
 from rw_ekf.diagnosis.search.event import settled_event
 from rw_ekf.diagnosis.search.selection import Rival, Selection
+from rw_ekf.diagnosis.thresholds import (
+    ALIAS_SHARE,
+    EXPLAINED_SHARE,
+    INDISTINGUISHABLE,
+    INFLATION,
+    MOST_TRIED,
+    SIGNIFICANT_P,
+)
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Candidate, Effect, Term
 
-INDISTINGUISHABLE = 4.5  # two explanations whose evidences differ by less: three sigma
-EXPLAINED_SHARE = 0.8  # of all structure: with less, what was found is not the explanation
 _ROOM = 1.5  # by which the evidence of a linear effect that was only scored may be wrong
 _HOPELESS = 0.4  # of the log-likelihood gained: a sketch of a rival with less is not completed
 _SECANT_SHARE = 0.05  # of what was gained: a secant falls short of a curve, but not by as much as this

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rw_ekf.diagnosis.search.candidates import INFLATION, Score, p_value
+from rw_ekf.diagnosis.search.candidates import Score, p_value
 from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 

@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rw_ekf.diagnosis.search.selection import Selection
+from rw_ekf.diagnosis.thresholds import DEEPER
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
 from rw_ekf.model.effect import RecordFacts, Term
-
-_DEEPER = 0.5  # log-likelihood by which another valley must be deeper
 
 
 def in_deepest_valleys(selection: Selection, facts: RecordFacts) -> Selection:
@@ -36,7 +35,7 @@ def _in_deepest_valley(selection: Selection, name: str, facts: RecordFacts) -> S
     less, model = selection.without(name), final.model.without(name)
     sketches = [less.sketched(model.with_terms(Term.at(effect, start))) for start in starts]
     best = max(sketches, key=lambda fit: fit.likelihood.value)
-    if best.likelihood.value < final.likelihood.value + _DEEPER:
+    if best.likelihood.value < final.likelihood.value + DEEPER:
         return selection
     deepest = best.refitted(best.model)
     trial = selection.trials[name].found_by(2.0 * (deepest.likelihood.value - less.likelihood.value), facts)

@@ -14,10 +14,11 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.prepare.preparation import Prepared
-from rw_ekf.diagnosis.search.candidates import INFLATION, analytic
+from rw_ekf.diagnosis.search.candidates import analytic
 from rw_ekf.diagnosis.search.group import evidence_of_random, score_random
 from rw_ekf.diagnosis.search.profiled import Profiled
 from rw_ekf.diagnosis.search.selection import Trial
+from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit

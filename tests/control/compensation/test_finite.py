@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.registry import SCHEMES, WheelSheet
+from rw_ekf.control.compensation.schemes import SCHEMES, WheelSheet
 from rw_ekf.model.state import FrictionParameters
 from rw_ekf.records import WheelSample
 from tests.control.compensation.bare_wheel import COULOMB, GAIN, STRIBECK

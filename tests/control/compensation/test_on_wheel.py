@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.on_wheel import Terms, WheelCompensator
-from rw_ekf.control.compensation.registry import SCHEMES, SchemeEntry, WheelSheet
+from rw_ekf.control.compensation.schemes import SCHEMES, SchemeEntry, WheelSheet
 from rw_ekf.control.compensation.trust import ParameterTrust
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.model.state import PARAMETER_NAMES, FrictionParameters

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rw_ekf.bench.bench_start import start_of
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.start import start_of
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.predictive_crossing import Payback, PredictiveCrossing, inverted
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.drivers.sim.plant import advance
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters, PlantState
 from rw_ekf.model.friction import GAUSS, Stribeck

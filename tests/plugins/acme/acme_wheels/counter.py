@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rw_ekf.records import Tick
-from rw_ekf.sinks.registry import RunContext, SinkKind
+from rw_ekf.sinks.all_sinks import RunContext, SinkKind
 
 
 class Counter:

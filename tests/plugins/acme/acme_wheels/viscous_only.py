@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.registry import SchemeEntry
+from rw_ekf.control.compensation.schemes import SchemeEntry
 from rw_ekf.records import Tick
 
 

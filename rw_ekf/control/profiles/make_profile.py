@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rw_ekf.control.profiles import everyday, identification, published
+from rw_ekf.control.profiles import everyday, identification, source_profiles
 from rw_ekf.errors import BadInputError
 
 PROFILE_NAMES = ("sine", "zero", "steps", "random-sines", "identification", "P1", "P2", "S1", "S2", "S3", "S4", "S5")
@@ -37,13 +37,13 @@ def make_profile(
     what they are. seed: of steps, random-sines, P1 and P2.
     Raises BadInputError if there is no such profile.
     """
-    if name in published.SIGNALS:
-        signal = published.SIGNALS[name]
+    if name in source_profiles.SIGNALS:
+        signal = source_profiles.SIGNALS[name]
         return Profile(name, signal.duration_s, signal.current_A)
     if name == "P1":
-        return Profile(name, published.CK13_DURATION_S, published.random_sines_law(seed))
+        return Profile(name, source_profiles.CK13_DURATION_S, source_profiles.random_sines_law(seed))
     if name == "P2":
-        return Profile(name, published.CK13_DURATION_S, published.random_steps_law(seed))
+        return Profile(name, source_profiles.CK13_DURATION_S, source_profiles.random_steps_law(seed))
     if name == "identification":
         return Profile(name, identification.LAW.duration_s, identification.LAW.current_A, identification.phase)
     if name == "zero":

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rw_ekf.bench.contest import Contest, Entry
+from rw_ekf.bench.contest_result import BASELINE, Row
 from rw_ekf.bench.metrics import RECOVERED_DEG
-from rw_ekf.bench.result import BASELINE, Row
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, GREY, INK, new_figure, plain, png
 from rw_ekf.drawing import picture
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from rw_ekf.drawing import picture
+from rw_ekf.flyby.flyby_plan import Case
 from rw_ekf.flyby.geometry import Flyby
-from rw_ekf.flyby.plan import Case
 from rw_ekf.flyby.wheel_rates import rates_at
 from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.units import RAD_S_PER_RPM

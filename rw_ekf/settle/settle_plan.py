@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.diagnosis.judge.explanations import TEMPERATURE
+from rw_ekf.diagnosis.thresholds import TEMPERATURE
 from rw_ekf.numbers import number_text
 from rw_ekf.settle.predicted import Scene
 from rw_ekf.settle.search import Design

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.thresholds import FALSE_ALARM
 from rw_ekf.filter.consistency import consistency_of
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
@@ -20,7 +21,6 @@ from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 
 # Of each test: a healthy record is accused once in 2,500. Seventy of the proof's healthy wheels have no p below 0.007;
 # sensors that fail a test have 2e-5 (noise of two levels) and less, so that a factor of three moves no verdict there.
-FALSE_ALARM = 1.0e-4
 _SAYS = {
     "ljung_box_p": "it is correlated in time",
     "mean_p": "its mean is not zero",

@@ -17,7 +17,7 @@ from rw_ekf.plugins import loaded, refused, registered
 from rw_ekf.records import LinkCounters, Sink, StateNow
 from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.events import EventsSink
-from rw_ekf.sinks.guard import GuardedSink, Queue
+from rw_ekf.sinks.guarded_sink import GuardedSink, Queue
 from rw_ekf.sinks.learned import LearnedSink, Learning
 from rw_ekf.sinks.log import LogSink, PartFiles, PartSize
 from rw_ekf.sinks.packer import Packer

@@ -19,9 +19,9 @@ from rw_ekf.bench.wheels import (
     nominal,
 )
 from rw_ekf.control.compensation.known import WheelKnown
-from rw_ekf.control.compensation.registry import SchemeEntry, WheelSheet
 from rw_ekf.control.compensation.scheme import Knowledge
-from rw_ekf.control.compensation.timeline import Elapsed
+from rw_ekf.control.compensation.schemes import SchemeEntry, WheelSheet
+from rw_ekf.control.compensation.tick_intervals import Elapsed
 from rw_ekf.control.compensation.trust import ParameterTrust
 from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
 from rw_ekf.errors import ConfigError
@@ -32,8 +32,8 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.learning.carry import carried_over
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS, FrictionParameters
 from rw_ekf.records import Tick
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.model_file import WheelModel
-from rw_ekf.wheel.table import NO_EFFECTS, EffectSet
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.plant_parameters import PlantParameters

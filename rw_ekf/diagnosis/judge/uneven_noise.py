@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.diagnosis.thresholds import NOISE_P
 from rw_ekf.filter.consistency import skewed_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.profile import LEAST_RATIO
@@ -29,7 +30,6 @@ from rw_ekf.units import RAD_S_PER_RPM
 
 Along = Literal["speed", "current", "direction"]
 
-LEVEL = 1.0e-3  # of the finding: so often would it be made of noise alone
 _FEW, _DRAWS = 100, 400
 _WORTH_MORE = 0.01  # p by few draws: for a finding to have more their spread would have to be wrong by a half
 _AT = 0.05  # level at which the draws themselves tell how many windows are independent
@@ -107,7 +107,7 @@ class NoiseFinding:
 
 
 def noise_finding(fit: Fit, facts: RecordFacts) -> NoiseFinding | None:
-    """The window whose noise stands out most from that of the rest; None where none does at `LEVEL`."""
+    """The window whose noise stands out most from that of the rest; None where none does at `NOISE_P`."""
     windows, used = _windows(fit, facts)
     if not windows:
         return None
@@ -119,7 +119,7 @@ def noise_finding(fit: Fit, facts: RecordFacts) -> NoiseFinding | None:
     p, independent = _p_values(seen, np.array(alone))
     best = int(np.argmin(p))
     together = -math.expm1(independent * math.log1p(-min(float(p[best]), 1.0 - 1.0e-12)))
-    if together >= LEVEL:
+    if together >= NOISE_P:
         return None
     window = windows[best]
     low, high = window.low, window.high

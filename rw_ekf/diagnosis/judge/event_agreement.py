@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from rw_ekf.arrays import BoolArray
-from rw_ekf.diagnosis.judge.cross_fit import MOST_DISPUTED, disputed_share
+from rw_ekf.diagnosis.judge.cross_fit import disputed_share
+from rw_ekf.diagnosis.thresholds import MOST_DISPUTED
 from rw_ekf.likelihood.fitting import Fit, fit_model
 from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.likelihood.model import Model

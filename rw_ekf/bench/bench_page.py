@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rw_ekf.bench.bench_pictures import courses_picture, peaks_picture
 from rw_ekf.bench.contest import Contest
+from rw_ekf.bench.contest_result import BASELINE, LEGEND, Row, rows_of, tables_of
+from rw_ekf.bench.contest_tables import Table
 from rw_ekf.bench.metrics import RECOVERED_DEG
-from rw_ekf.bench.pictures import courses_picture, peaks_picture
-from rw_ekf.bench.result import BASELINE, LEGEND, Row, rows_of, tables_of
-from rw_ekf.bench.tables import Table
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.diagnosis.report.drawn import write_pictures
 from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.errors import BadInputError

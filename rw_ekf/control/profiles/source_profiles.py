@@ -7,7 +7,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rw_ekf.control.profiles.pieces import DrawnCycles, PiecewiseLinear, hold
+from rw_ekf.control.profiles.profile_pieces import DrawnCycles, PiecewiseLinear, hold
 
 CK13_DURATION_S = 300.0
 # [CK13] says "small amplitude", "low speeds", 24 crossings of zero in P1 and 9 in P2, but gives no ranges. These were

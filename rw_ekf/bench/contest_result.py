@@ -9,10 +9,10 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from rw_ekf.bench.contest import Contest, Entry
+from rw_ekf.bench.contest_tables import Table, shown
 from rw_ekf.bench.metrics import RECOVERED_DEG
 from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.tables import Table, shown
-from rw_ekf.control.compensation.registry import SCHEMES
+from rw_ekf.control.compensation.schemes import SCHEMES
 
 SCHEMA = "rw_ekf.bench/1"
 BASELINE = "pid_current"
