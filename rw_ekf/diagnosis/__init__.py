@@ -1,1 +1,1 @@
-"""From a residual to the effect that the model lacks: `rw-ekf diagnose` (docs/diagnosis.md)."""
+"""From a residual to the effect that the model lacks: `rw-ekf diagnose` (docs/likelihood.md)."""

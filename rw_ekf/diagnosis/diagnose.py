@@ -1,4 +1,4 @@
-"""From a log to a diagnosis: residual, hypotheses, evidence, verdict, a better model (docs/diagnosis.md)."""
+"""From a log to a diagnosis: residual, hypotheses, evidence, verdict, a better model (docs/likelihood.md)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Gauss-Newton on a model's vector to the highest likelihood, the trajectory smoothed anew in every turn.
 
 A model with a memory has several trajectories to go along, and each alone may end where the others would not
-(docs/diagnosis.md).
+(docs/likelihood.md).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def optimum_of(
 
     A model with a memory is fitted along the path on which it runs freely and along the trajectory given, and where the
     first is no better along the one that its own filter follows. What its first free run leaves below `least` is left
-    there: another path carries what is strong much further, and hardly what is weak (docs/diagnosis.md).
+    there: another path carries what is strong much further, and hardly what is weak (docs/likelihood.md).
     begun: how far the fit has come already; with a memory along the path on which it runs freely.
     """
     if not start.model.has_memory or not np.isnan(start.trajectory.memory).any():

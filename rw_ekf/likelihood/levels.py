@@ -3,7 +3,7 @@
 What rounding does to a reading depends on the speed alone. Of a speed that moves through cell after cell it is as good
 as noise; of one that stays it is the same for every reading, and again whenever the wheel comes back: a thousand
 readings of a staircase tell no more of its steps than one of each does. So every level at which a wheel stays has an
-unknown error e, and the model of docs/diagnosis.md eq. 3-4 gets y - trajectory = delta + e + v. With delta + e for the
+unknown error e, and the model of docs/likelihood.md eq. 3-4 gets y - trajectory = delta + e + v. With delta + e for the
 speed's error that is the chain as it was, with one regressor more for each level; it is not fitted, but integrated out:
 with N (n, k) those regressors whitened, in units of their standard deviations,
 

@@ -3,7 +3,7 @@
 The free run of [CK13 (6)] takes every error for reading noise. A real wheel's speed is also moved by torque that no
 model has, and that error stays: the free run's residual wanders, and its least-squares sigmas are several times too
 small. Here every interval is predicted from the smoothed speed, one Kalman filter makes the errors independent
-(docs/diagnosis.md eq. 1-5), and the ratio of the two noises is integrated out (`noise_posterior`). Fitted are the four
+(docs/likelihood.md eq. 1-5), and the ratio of the two noises is integrated out (`noise_posterior`). Fitted are the four
 parameters and, where the model has effects, their coefficients.
 """
 

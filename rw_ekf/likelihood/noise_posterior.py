@@ -1,6 +1,6 @@
 """A fit with the noises integrated out: what is not known of the process noise is in the parameters' sigmas.
 
-The restricted likelihood L(rho) of the ratio rho = q dt / R (docs/diagnosis.md eq. 6a) is, but for a constant, that of
+The restricted likelihood L(rho) of the ratio rho = q dt / R (docs/likelihood.md eq. 6a) is, but for a constant, that of
 the readings with parameters and R integrated out [Patterson & Thompson 1971]. With a prior flat in q^(1/4), half-way
 between flat in the torque noise sqrt(q) [Gelman 2006] and flat in its logarithm, which would put all weight at zero,
 

@@ -1,7 +1,7 @@
 """One-step predictions along a trajectory: what a model says of every interval, and how it depends on things.
 
 The trajectory is the smoothed speed, close to the truth whatever the model lacks: each interval is predicted from it on
-its own, so that a wrong model shows as a defect where it is wrong and nowhere else (docs/diagnosis.md eq. 1-2).
+its own, so that a wrong model shows as a defect where it is wrong and nowhere else (docs/likelihood.md eq. 1-2).
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Integrated readings lose the angle as a random walk, by R dt per second (one rea
 of order n n times as much. Every particle is a path of the phase with an amplitude that stays; the speed given both is
 Gaussian, with one variance for all (Doucet, de Freitas, Murphy and Russell 2000; amplitudes: Liu and West 2001). What
 comes of it is the likelihood with all paths and amplitudes integrated out, and paths for a fit to begin with, which
-follows the angle from there (`linearisation.py`; docs/diagnosis.md, "An angle that is not logged").
+follows the angle from there (`linearisation.py`; docs/likelihood.md, "An angle that is not logged").
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The likelihood of a model along a trajectory with the noises profiled out (docs/diagnosis.md).
+"""The likelihood of a model along a trajectory with the noises profiled out (docs/likelihood.md).
 
 The noises are never known beforehand, and a model that lacks something pays in process noise. So every comparison of
 models is between likelihoods each at its own best ratio of noises, q dt / R; R itself drops out in closed form.

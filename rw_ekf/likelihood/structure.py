@@ -2,7 +2,7 @@
 
 A wrong model pays in process noise, and once a filter is told of that noise its innovations look like innovations
 should. So the question is not whether they are white, but whether a few more regressors would make the readings
-clearly likelier, each side at its own best ratio of noises (docs/diagnosis.md eq. 6a). They are those of the commonest
+clearly likelier, each side at its own best ratio of noises (docs/likelihood.md eq. 6a). They are those of the commonest
 effects; which of them it is, `rw-ekf diagnose` has to say.
 """
 

@@ -5,7 +5,7 @@ With delta the true speed (and friction with a memory) less the trajectory, p th
     delta[i+1] = F delta[i] + (end - trajectory[i+1]) + C p + w,   w ~ N(0, q dt + extra),
     reading - trajectory = delta + v
 
-(docs/diagnosis.md eq. 3-5) a Kalman filter with known q and R turns readings and regressors C alike into independent
+(docs/likelihood.md eq. 3-5) a Kalman filter with known q and R turns readings and regressors C alike into independent
 numbers of unit variance: r - A p is white where the model holds. Everything after that is linear regression.
 
 The state is (speed, memory); for a model without a memory the slopes by it, and from it, are zero.

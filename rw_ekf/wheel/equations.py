@@ -6,7 +6,7 @@ from types import ModuleType
 
 from rw_ekf.compiled import make_jitable
 from rw_ekf.model import averages, flow, friction, state
-from rw_ekf.wheel import dispatch, effect_transition, interval, pieces, table, transition, window
+from rw_ekf.wheel import dispatch, effect_table, effect_transition, interval, pieces, transition, window
 
 make_jitable([flow.slip, flow.flow, dispatch.contribution_slope, pieces.effect_interval], inlined=True)
 make_jitable(
@@ -53,6 +53,6 @@ make_jitable(
 
 # Everything that is compiled into a pass with them: its cache is stale when one of them changes.
 EQUATIONS: list[ModuleType] = [
-    state, averages, friction, flow, interval, transition, dispatch, window, pieces, effect_transition, table,
+    state, averages, friction, flow, interval, transition, dispatch, window, pieces, effect_transition, effect_table,
     *dispatch.MODULES,
 ]  # fmt: skip

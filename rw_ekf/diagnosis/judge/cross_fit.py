@@ -1,7 +1,7 @@
 """Whether two parts of a record agree on an effect: what each makes of its size, everything else fitted there too.
 
 An effect of the wheel acts whenever its cause does; what one stretch of a record alone asks for is no effect. Along the
-whole record's trajectory everything is linear (docs/diagnosis.md eq. 3-5), and its whitened rows are independent, the
+whole record's trajectory everything is linear (docs/likelihood.md eq. 3-5), and its whitened rows are independent, the
 speed being continuous from block to block. So the rows of each part give a score and an information, and what they
 dispute is a chi-square (Cochran, 1954, "The combination of estimates from different experiments").
 """

@@ -1,4 +1,4 @@
-"""The grid that readings stand on, and what rounding to it does to a reading (docs/diagnosis.md).
+"""The grid that readings stand on, and what rounding to it does to a reading (docs/likelihood.md).
 
 The lattice asks whether the reading stands on a grid coarser than its noise. The evidence is the grid itself and the
 likelihood of rounded readings, on both parts.

@@ -1,4 +1,4 @@
-"""The ledger: every hypothesis about a record that was fitted, and how likely it is (docs/diagnosis.md, "The ledger").
+"""The ledger: every hypothesis about a record that was fitted, and how likely it is (docs/likelihood.md, "The ledger").
 
 A row is a model of the whole record: the base with effects beyond it. Rows are grown from the likeliest rows, an effect
 at a time, and never change. How likely one is, is one number: its log-evidence, and what was known before the record.

@@ -1,4 +1,4 @@
-"""What noise alone makes of a group of regressors, drawn from the fit itself (docs/diagnosis.md, "The map").
+"""What noise alone makes of a group of regressors, drawn from the fit itself (docs/likelihood.md, "The map").
 
 Hat functions over time can follow a torque noise as well as any structure. Where a record has a noise that is barely
 seen beside that of its readings, a model with a dozen of them does without it, and gains more than chi-square of as

@@ -1,4 +1,4 @@
-"""Is anything structured left, and along what? The map of the residual (docs/diagnosis.md, "The map").
+"""Is anything structured left, and along what? The map of the residual (docs/likelihood.md, "The map").
 
 Each dependence (speed, low speed, current, angle, temperature, time) is a set of functions that multiply a torque or a
 dry friction, entered into the same regression as an effect would be. Nothing in particular is assumed of the shape, and

@@ -1,4 +1,4 @@
-"""What a fitted model leaves, by the usual tests (docs/diagnosis.md).
+"""What a fitted model leaves, by the usual tests (docs/likelihood.md).
 
 The tests are the usual ones, all at one false-alarm rate: whiteness, mean, NIS, periodogram. They look at the one-step
 errors of the whole record's fit, which hide what acts like a bias: the filter follows it. So that they pass says

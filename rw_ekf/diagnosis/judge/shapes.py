@@ -1,4 +1,4 @@
-"""What is left, as curves: how much more drag at which speed, what torque at which angle (docs/diagnosis.md).
+"""What is left, as curves: how much more drag at which speed, what torque at which angle (docs/likelihood.md).
 
 A curve is a regression on the map's own functions, of the kind of slope (a drag, a torque) that explains most. What the
 model's own parameters can follow, a constant drag or one that is proportional to speed, is in no curve.

@@ -1,4 +1,4 @@
-"""Is the torque noise the same everywhere? What a fit calls noise may be structure (docs/diagnosis.md, "Torque noise").
+"""Is the torque noise the same everywhere? What a fit calls noise may be structure (docs/likelihood.md).
 
 A model that lacks something narrow pays in process noise, and is then adequate. What gives it away is that the noise is
 larger where the structure is. So the noise in many windows of speed, of current and in either direction is compared

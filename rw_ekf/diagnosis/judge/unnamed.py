@@ -1,4 +1,4 @@
-"""A law that has no name, as a rival of those that have one (docs/diagnosis.md, "A law without a name").
+"""A law that has no name, as a rival of those that have one (docs/likelihood.md, "A law without a name").
 
 A law of the catalogue makes a definite prediction and pays for one or two numbers. A law of which no more is known
 than that it is smooth, in speed, current or temperature, and acts as a drag, as a torque or on the motor's gain, pays

@@ -1,7 +1,7 @@
 """How well the numbers of an effect are known, as a person and the model's file are told.
 
 The curvature where a fit ended is not all: an onset and a decay that were settled are not known exactly, and a bristle
-that bends little is known worse on one side than its curvature says (docs/diagnosis.md, "How well numbers are known").
+that bends little is known worse on one side than its curvature says (docs/likelihood.md, "How well numbers are known").
 """
 
 from __future__ import annotations

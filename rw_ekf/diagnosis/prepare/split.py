@@ -1,4 +1,4 @@
-"""Which part of a record is fitted and which is held out (docs/diagnosis.md)."""
+"""Which part of a record is fitted and which is held out (docs/likelihood.md)."""
 
 from __future__ import annotations
 

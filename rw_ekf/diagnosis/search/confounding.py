@@ -3,7 +3,7 @@
 In such a record time is a function of speed (or of temperature), so that an effect of the one is an effect of the
 other, whatever the likelihoods say of two particular shapes. Two questions are asked of the data, none of names: is one
 quantity a function of the other, and does an effect of the one say anything beside a smooth, otherwise unknown function
-of the other (docs/diagnosis.md, "Confounded by construction")?
+of the other (docs/likelihood.md, "Confounded by construction")?
 """
 
 from __future__ import annotations

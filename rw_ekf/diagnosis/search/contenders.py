@@ -1,6 +1,6 @@
 """What may enter a model next: effects scored beside it, and the strongest fitted in full.
 
-A score ranks what is worth a fit and decides nothing; what a fit is worth is asked of the ledger (docs/diagnosis.md,
+A score ranks what is worth a fit and decides nothing; what a fit is worth is asked of the ledger (docs/likelihood.md,
 "The ledger").
 """
 

@@ -1,4 +1,4 @@
-"""Many regressors taken together, beside all that a model has (docs/diagnosis.md, "The map")."""
+"""Many regressors taken together, beside all that a model has (docs/likelihood.md, "The map")."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each hypothesis would add to the likelihood of a fitted model (docs/diagnosis.md, "Evidence").
+"""What each hypothesis would add to the likelihood of a fitted model (docs/likelihood.md, "Evidence").
 
 Nothing is refitted: a candidate's gain is that of a linear regression, joint with the corrections of everything already
 in the model, at each of a few ratios of noises.

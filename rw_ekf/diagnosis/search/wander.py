@@ -1,7 +1,7 @@
 """Dry friction that walks at random with time: a broken line whose pieces are drawn from one distribution.
 
 Tried last, where the residual still depends on time or on what goes with it, or nothing was found. That friction walks
-is one number more, its variance per second, not one for every piece (docs/diagnosis.md, "Friction that wanders").
+is one number more, its variance per second, not one for every piece (docs/likelihood.md, "Friction that wanders").
 """
 
 from __future__ import annotations
