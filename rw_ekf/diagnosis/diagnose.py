@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
-from rw_ekf.diagnosis.judge.conclude import SCHEMA, conclude
+from rw_ekf.diagnosis.judge.conclude import conclude
 from rw_ekf.diagnosis.judge.confirmation import for_want_of_knowledge
+from rw_ekf.diagnosis.judge.document import SCHEMA
 from rw_ekf.diagnosis.judge.heldout import performance
 from rw_ekf.diagnosis.judge.rounding import investigated
 from rw_ekf.diagnosis.judge.unnamed import weighed_against_unnamed

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.diagnosis.judge.conclude import in_words
+from rw_ekf.diagnosis.judge.document import in_words
 from rw_ekf.diagnosis.report.residual_panels import _marked
 from rw_ekf.diagnosis.report.steps import commands, next_steps
 from rw_ekf.diagnosis.report.words import Units, gain_text, headline_of, percent_text

@@ -39,99 +39,113 @@ class Verdict:
     statement: str = ""
 
 
-def verdict_on(
-    found: Found,
-    lattice: Lattice | None,
-    posterior: dict[str, float],
-    before: Performance,
-    after: Performance,
-    heldout_s: float,
-    failed: Mapping[str, float],
-) -> Verdict:
-    """What is said of a record, from what was found in it; lattice: None where it is not named.
+@dataclass(frozen=True)
+class Evidence:
+    """All that a verdict is made of."""
 
-    heldout_s: how long the part is that the performances are of. failed: what the tests of the residual found that
-    noise does not have, in words, with its p.
-    """
-    facts, names, left = found.prepared.facts, found.new_ids, found.left
-    if found.is_unexplained:
-        along = ", ".join(item.name for item in left[:2])
-        nearest = names if found.nearest is None else found.selection.new_in(found.nearest)
-        partly = f"; {', '.join(nearest)} would explain {100.0 * found.share:.0f} % of it" if nearest else ""
-        if found.nearest is not None:
-            partly += ", less likely than one smooth law without a name"
-        return Verdict(
-            "unexplained",
-            posterior=posterior,
-            statement=(
-                f"The residual is not noise: it depends on {along} (p = {left[0].p_value:.0e}) in a way that no effect "
-                f"of the catalogue explains{partly}; see the map of the residual for its shape."
-            ),
+    found: Found
+    lattice: Lattice | None  # None: no grid that is named
+    posterior: dict[str, float]
+    before: Performance  # on the held-out part
+    after: Performance
+    heldout_s: float  # how long that is
+    failed: Mapping[str, float]  # what tests of the residual found that noise does not have, in words, with its p
+
+
+def verdict_on(shown: Evidence) -> Verdict:
+    """What is said of a record, from what was found in it."""
+    if shown.found.is_unexplained:
+        return Verdict("unexplained", posterior=shown.posterior, statement=_of_no_catalogue(shown.found))
+    if shown.found.new_ids or shown.lattice is not None:
+        return _effect(shown)
+    if _is_ruled_out(shown.posterior):
+        doubts = _doubts(shown.found.selection, shown.posterior)
+        text = f"This log wants more than the model, and does not settle what: {doubts}; the residual itself looks like"
+        text += f" noise of {noise_text(shown.found)}."
+        return Verdict("unexplained", posterior=shown.posterior, statement=text)
+    if shown.failed:
+        text = (
+            f"What is left is not noise: {_told(shown.failed)}. No effect of the catalogue explains it; the estimates"
         )
-    if not names and lattice is None and _is_ruled_out(posterior):
         return Verdict(
-            "unexplained",
-            posterior=posterior,
-            statement=(
-                f"This log wants more than the model, and does not settle what: {_doubts(found.selection, posterior)};"
-                f" the residual itself looks like noise of {noise_text(found)}."
-            ),
+            "unexplained", posterior=shown.posterior, statement=f"{text} may be off by more than their sigmas say."
         )
-    if not names and lattice is None and failed:
-        return Verdict(
-            "unexplained",
-            posterior=posterior,
-            statement=(
-                f"What is left is not noise: {_told(failed)}. No effect of the catalogue explains it; the estimates may"
-                " be off by more than their sigmas say."
-            ),
-        )
-    if not names and lattice is None:
-        given, kept = found.selection.base.model.effects.ids, found.selection.final.model.effects.ids
-        note = " (nothing was added to the model given)" if given else ""
-        if set(given) - set(kept):
-            note = f" (of the model given, {', '.join(sorted(set(given) - set(kept)))} is not missed)"
-        return Verdict(
-            "adequate",
-            posterior=posterior,
-            statement=(
-                f"The model explains this log: what is left is noise of {noise_text(found)}{note}"
-                f"{_doubt(found.selection, posterior)}."
-            ),
-        )
+    return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
+
+
+def _of_no_catalogue(found: Found) -> str:
+    left = found.left
+    along = ", ".join(item.name for item in left[:2])
+    nearest = found.new_ids if found.nearest is None else found.selection.new_in(found.nearest)
+    partly = f"; {', '.join(nearest)} would explain {100.0 * found.share:.0f} % of it" if nearest else ""
+    if found.nearest is not None:
+        partly += ", less likely than one smooth law without a name"
+    return (
+        f"The residual is not noise: it depends on {along} (p = {left[0].p_value:.0e}) in a way that no effect of the "
+        f"catalogue explains{partly}; see the map of the residual for its shape."
+    )
+
+
+def _adequate(shown: Evidence) -> str:
+    selection = shown.found.selection
+    given, kept = set(selection.base.model.effects.ids), set(selection.final.model.effects.ids)
+    note = " (nothing was added to the model given)" if given else ""
+    if given - kept:
+        note = f" (of the model given, {', '.join(sorted(given - kept))} is not missed)"
+    doubt = _doubt(selection, shown.posterior)
+    return f"The model explains this log: what is left is noise of {noise_text(shown.found)}{note}{doubt}."
+
+
+def _effect(shown: Evidence) -> Verdict:
+    """What was named, how large it is, what it gains, what is left, and what would separate it from others."""
+    found, facts = shown.found, shown.found.prepared.facts
+    names = list(found.new_ids)
     said = [
         sentence_of(found.told, name, facts) + or_another_order(found, name) + or_another_law(found, name)
         for name in names
     ]
-    if lattice is not None:
-        names = [*names, GRID.id]
-        said.append(GRID.sentence(lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
-    groups = _grouped(found.selection, names, posterior)
-    some = [f"some dependence on {left[0].name} is left"] if left else []
-    some += [f"what is left is not noise: {_told(failed)}"] if failed else []
-    nothing = "nothing is left in the residual" if lattice is None else "nothing but the rounding is left"
-    tail = ", and ".join(some) or nothing
+    if shown.lattice is not None:
+        names.append(GRID.id)
+        said.append(GRID.sentence(shown.lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
     where = ""
     if any(CATALOGUE[name].local_in_time for name in names):
         where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
-    better = improvement(before.figures, after.figures, heldout_s, wheel_units=found.prepared.in_rpm)
-    gained = percent_better(before.figures, after.figures)
-    if names == [GRID.id] and (gained is None or gained < GRID_GAINS):
-        better = f"no held-out error is smaller for knowing it ({better})"
-    text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {better}; {tail}."
+    text = f"{'; '.join(said)}; add {', '.join(names)}{where}: {_gained(shown, names)}; {_what_is_left(shown)}."
     text += measured_by_little(found, names)
-    if groups:
-        text += f" {separation(groups[0], posterior, found.selection)}."
-    elif any(_goes_with_time(name) for name in names):
-        for other in _CONFUSED_WITH_TIME:
-            if one_and_the_same(found.fit, "time", other):
-                way = separates(other)
-                text += f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
-                break
-    if posterior.get(SOMETHING_ELSE, 0.0) >= 0.5:
-        chance = chance_text(posterior[SOMETHING_ELSE])
+    groups = _grouped(found.selection, names, shown.posterior)
+    text += f" {separation(groups[0], shown.posterior, found.selection)}." if groups else _another_record(found, names)
+    if shown.posterior.get(SOMETHING_ELSE, 0.0) >= 0.5:
+        chance = chance_text(shown.posterior[SOMETHING_ELSE])
         text += f" The chance that something else is behind this, or beside it: {chance}."
-    return Verdict("effect", names, groups, posterior, text)
+    return Verdict("effect", names, groups, shown.posterior, text)
+
+
+def _gained(shown: Evidence, names: list[str]) -> str:
+    before, after = shown.before.figures, shown.after.figures
+    better = improvement(before, after, shown.heldout_s, wheel_units=shown.found.prepared.in_rpm)
+    gained = percent_better(before, after)
+    if names == [GRID.id] and (gained is None or gained < GRID_GAINS):
+        return f"no held-out error is smaller for knowing it ({better})"
+    return better
+
+
+def _what_is_left(shown: Evidence) -> str:
+    left = shown.found.left
+    some = [f"some dependence on {left[0].name} is left"] if left else []
+    some += [f"what is left is not noise: {_told(shown.failed)}"] if shown.failed else []
+    nothing = "nothing is left in the residual" if shown.lattice is None else "nothing but the rounding is left"
+    return ", and ".join(some) or nothing
+
+
+def _another_record(found: Found, names: list[str]) -> str:
+    """Which record would show whether what goes with time does, where this one has another quantity as one with it."""
+    if not any(_goes_with_time(name) for name in names):
+        return ""
+    others = [other for other in _CONFUSED_WITH_TIME if one_and_the_same(found.fit, "time", other)]
+    if not others:
+        return ""
+    way = separates(others[0])
+    return f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
 
 
 def _told(failed: Mapping[str, float]) -> str:
