@@ -29,7 +29,7 @@ from rw_ekf.starting_point import LEAST_NOISE_RATIO, FilterSetup, note_of_foreig
 _CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
 # Of the first look's sigmas: lags that come out right have 0.75 and more, one that was 12 sigma off had 0.32.
 _AS_SURE = 0.5
-_ASTRAY = 10.0  # log-likelihood: other noises may cost some of it, a filter that went astray more
+_DIVERGED = 10.0  # log-likelihood: other noises may cost some of it, a filter that went astray more
 
 
 def run_of_log(
@@ -168,7 +168,7 @@ def _looked_at_again(course: Course, setup: FilterSetup, first: FilterRun) -> Be
     if setup.constants.wanders or was_reset(first):
         return found
     again = second_look(course, setup.constants, setup.prior, found, setup.effects)
-    if again is None or again[1] < log_likelihood(first, setup.constants.gate) - _ASTRAY:
+    if again is None or again[1] < log_likelihood(first, setup.constants.gate) - _DIVERGED:
         return found
     # Friction with a memory bends more than a second look makes up for: from the same readings it cannot know more.
     if setup.effects.table().hidden and np.any(again[0].std[PARAMETERS] < _AS_SURE * found.std[PARAMETERS]):

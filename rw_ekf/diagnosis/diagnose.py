@@ -7,20 +7,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
-from rw_ekf.diagnosis.judge.conclude import conclude
-from rw_ekf.diagnosis.judge.confirmation import for_want_of_knowledge
-from rw_ekf.diagnosis.judge.document import SCHEMA
-from rw_ekf.diagnosis.judge.heldout import performance
-from rw_ekf.diagnosis.judge.rounding import investigated
-from rw_ekf.diagnosis.judge.unnamed import weighed_against_unnamed
-from rw_ekf.diagnosis.judge.verdict import Verdict
+from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
+from rw_ekf.diagnosis.checks.heldout import performance
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.excitation import information
+from rw_ekf.diagnosis.investigate.rounding import investigated
+from rw_ekf.diagnosis.investigate.unnamed import weighed_against_unnamed
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
 from rw_ekf.diagnosis.result import Diagnosis
-from rw_ekf.diagnosis.search.contenders import Search
-from rw_ekf.diagnosis.search.excitation import information
 from rw_ekf.diagnosis.thresholds import BLIND
+from rw_ekf.diagnosis.verdict.conclude import conclude
+from rw_ekf.diagnosis.verdict.document import SCHEMA
+from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.wheel_log import WheelLog
 
@@ -52,12 +52,12 @@ def diagnose_log(
     described = configuration is not None or model is not None
     misread = [(one.name, text) for one in logs for text in misreadings(one, described=described)]
     if misread:
-        said = "; ".join(f"{name}: {text}" if len(logs) > 1 else text for name, text in misread)
+        faults = "; ".join(f"{name}: {text}" if len(logs) > 1 else text for name, text in misread)
         mend = "Mend the column map (`--columns map.yaml`) as the verdict says, and diagnose again."
-        return _unjudged(source, split, f"the log is misread: {said}", mend)
+        return _unjudged(source, split, f"the log is misread: {faults}", mend)
     if not described:
-        asked = tuple(text for one in logs for text in questions(one))
-        source = replace(source, notes=(*source.notes, *asked))
+        open_questions = tuple(text for one in logs for text in questions(one))
+        source = replace(source, notes=(*source.notes, *open_questions))
     if source.unfit is not None:
         return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")
     advance("fitting the base model")
@@ -95,7 +95,7 @@ def fit_told(log: WheelLog, effect_ids: list[str], *, split: Kind = "blocks") ->
     search = Search(prepared.record, prepared.facts, lambda text: None)
     fit = prepared.base
     for name in effect_ids:
-        fit = search.told(fit, name)
+        fit = search.with_known(fit, name)
     figure: float | None = performance(prepared, fit).figures["free_run_rms_rpm"]
     return figure
 

@@ -118,13 +118,15 @@ class Fit:
         covariance = self.likelihood.covariance * np.outer(factors, factors)
         return replace(self, likelihood=replace(self.likelihood, covariance=covariance))
 
-    def widened_over(self, at: slice, told: tuple[float, float], others: Iterable[tuple[float, float, float]]) -> Fit:
+    def widened_over(
+        self, at: slice, reported: tuple[float, float], others: Iterable[tuple[float, float, float]]
+    ) -> Fit:
         """The same fit, a number at `at` as uncertain as what others make of it.
 
-        told: its value and standard deviation; others: probability, value and standard deviation of each alternative,
-        the one told among them. The variance about the value told becomes theirs, and no less than it was.
+        reported: its value and standard deviation; others: probability, value and standard deviation of each
+        alternative, the one reported among them. The variance about that value becomes theirs, and no less than it was.
         """
-        value, std = told
+        value, std = reported
         variance = math.fsum(p * (its_std**2 + (its - value) ** 2) for p, its, its_std in others)
         factors = np.ones(self.model.vector.size)
         factors[at] = max(math.sqrt(variance) / std, 1.0)

@@ -66,7 +66,7 @@ def optimum_of(
     begun: how far the fit has come already; with a memory along the path on which it runs freely.
     """
     if not start.model.has_memory or not np.isnan(start.trajectory.memory).any():
-        return _climbed(problem, start, turns) if begun is None else _gone_on(problem, begun, turns)
+        return _climbed(problem, start, turns) if begun is None else _continued(problem, begun, turns)
     free = along_free_runs(problem, start, turns, begun=begun, least=least)
     if free.likelihood.value < least:
         return free
@@ -96,7 +96,7 @@ def along_free_runs(
     model = start.model
     for run in range(runs):
         if run == 0 and begun is not None:
-            found = _gone_on(problem, begun, turns)
+            found = _continued(problem, begun, turns)
         else:
             path = free_trajectory(problem.record, model, start.trajectory, start.noise)
             found = _climbed(problem, start._replace(model=model, trajectory=path), turns)
@@ -104,7 +104,7 @@ def along_free_runs(
             break
         further = _one_step_on(problem, start, found) if found.model == model else None
         if further is not None:
-            found = _gone_on(problem, further, turns)
+            found = _continued(problem, further, turns)
         best, model = found, found.model
         if found.likelihood.value < least or not problem.record.work.has(FITS):
             break
@@ -128,7 +128,7 @@ def _one_step_on(problem: Problem, start: Start, found: Optimum) -> Optimum | No
     return Optimum(model, here, linearised) if gained > _BETTER else None
 
 
-def _gone_on(problem: Problem, begun: Optimum, turns: int) -> Optimum:
+def _continued(problem: Problem, begun: Optimum, turns: int) -> Optimum:
     linearised = begun.linearised
     return _climbed(problem, Start(begun.model, linearised.trajectory, begun.likelihood.noise), turns, linearised)
 

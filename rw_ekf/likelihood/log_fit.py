@@ -146,8 +146,8 @@ def consistency_of_fit(fit: LogFit, constants: FilterConstants) -> Consistency:
     coefficients = np.array([*fit.parameters, *fit.effects.values])
     mean, covariance = frozen(fit.parameters, state_vector(coefficients, fit.effects))
     run = filter_log(course, without_drift(constants), mean, covariance, fit.effects)
-    told = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
+    consistency = consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     with_memory = linearised.memory_jacobian.size > 0  # what would be added has no slope by the memory
     p_value = None if with_memory else structure(fit.fit).p_value
     uneven = unevenness(left, away)
-    return replace(found, noise_ratio=told.noise_ratio, structure_p=p_value, unevenness=uneven)
+    return replace(found, noise_ratio=consistency.noise_ratio, structure_p=p_value, unevenness=uneven)

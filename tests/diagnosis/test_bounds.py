@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rw_ekf.diagnosis.judge.confirmation import worsened
+from rw_ekf.diagnosis.checks.confirmation import worsened
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.state import CK13_STATISTICAL

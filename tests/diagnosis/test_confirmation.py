@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.judge import confirmation
-from rw_ekf.diagnosis.judge.heldout import Performance
+from rw_ekf.diagnosis.checks import confirmation
+from rw_ekf.diagnosis.checks.heldout import Performance
 
 BEFORE = {
     "one_step_rms_rpm": 1.00, "horizon_1s_rms_rpm": 1.0, "horizon_20s_rms_rpm": 1.5, "free_run_rms_rpm": 2.0,

@@ -9,9 +9,15 @@ import numpy as np
 import pytest
 
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.diagnosis.judge.cross_fit import _asked, _excess, _said, disputed_share, expected_excess
-from rw_ekf.diagnosis.judge.event_agreement import agrees_with_itself, percent_gained
-from rw_ekf.diagnosis.judge.heldout import by_fit_part, performance
+from rw_ekf.diagnosis.checks.cross_fit import (
+    _chi_square,
+    _excess,
+    _score_and_information,
+    disputed_share,
+    expected_excess,
+)
+from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself, percent_gained
+from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.thresholds import MOST_DISPUTED
@@ -78,11 +84,13 @@ def test_parts_dispute_what_a_test_of_two_fits_would_dispute() -> None:
         sizes.append(float((covariance @ both.T @ seen[rows])[0]))
         sigmas.append(float(covariance[0, 0]))
         left = (seen - found * column)[rows]
-        said.append(_said(left, column[rows, None], other[rows, None], np.zeros((0, 1)), np.array([found])))
+        said.append(
+            _score_and_information(left, column[rows, None], other[rows, None], np.zeros((0, 1)), np.array([found]))
+        )
     (u, J), (v, K) = said
-    disputed = _asked(u, J) + _asked(v, K) - _asked(u + v, J + K)
+    disputed = _chi_square(u, J) + _chi_square(v, K) - _chi_square(u + v, J + K)
     assert disputed == pytest.approx((sizes[0] - sizes[1]) ** 2 / sum(sigmas), rel=1.0e-9)
-    assert _asked(np.zeros(1), np.zeros((1, 1))) == 0.0
+    assert _chi_square(np.zeros(1), np.zeros((1, 1))) == 0.0
 
 
 def test_what_a_part_does_not_know_costs_the_rest_what_it_does_in_draws() -> None:

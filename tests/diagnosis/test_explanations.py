@@ -12,7 +12,7 @@ import pytest
 from rw_ekf.course.course import Course
 from rw_ekf.course.warming import Warming, warming_of
 from rw_ekf.diagnosis.diagnose import diagnose_log, richer_part
-from rw_ekf.diagnosis.judge.evidence import log_evidence
+from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE

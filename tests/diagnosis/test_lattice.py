@@ -9,8 +9,8 @@ import pytest
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.grid import grid_of
+from rw_ekf.diagnosis.checks.lattice import Lattice, _log_cell, find_lattice, rounding_error
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.judge.lattice import Lattice, _log_cell, find_lattice, rounding_error
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis.simulated import log_of, simulated
 

@@ -8,16 +8,17 @@ from typing import Any
 
 import pytest
 
+from rw_ekf.diagnosis.checks.checks import Check
 from rw_ekf.diagnosis.diagnose import richer_part
-from rw_ekf.diagnosis.judge import choice
-from rw_ekf.diagnosis.judge.checks import Check
-from rw_ekf.diagnosis.judge.choice import chosen
-from rw_ekf.diagnosis.judge.evidence import log_evidence
-from rw_ekf.diagnosis.judge.ledger import Ledger, begun, grown
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.selection import Selection
+from rw_ekf.diagnosis.ledger import choice
+from rw_ekf.diagnosis.ledger.choice import chosen
+from rw_ekf.diagnosis.ledger.evidence import log_evidence
+from rw_ekf.diagnosis.ledger.growth import begun, grown
+from rw_ekf.diagnosis.ledger.ledger import Ledger
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
-from rw_ekf.diagnosis.search.contenders import Search
-from rw_ekf.diagnosis.search.selection import Selection
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit

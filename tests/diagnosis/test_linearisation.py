@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.prepare.preparation import facts_of
-from rw_ekf.diagnosis.search.scorer import Scorer
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.likelihood.fitting import fit_model

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rw_ekf.diagnosis.checks.noise_alone import noise_draws, p_values_by_draws
+from rw_ekf.diagnosis.checks.residual_map import covers_of
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.judge.noise_alone import noise_draws, p_values_by_draws
-from rw_ekf.diagnosis.judge.residual_map import covers_of
+from rw_ekf.diagnosis.hypotheses.group import fit_group, statistics_alone
+from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
-from rw_ekf.diagnosis.search.group import fit_group, statistics_alone
-from rw_ekf.diagnosis.search.profiled import Profiled
 from tests.diagnosis.simulated import log_of, simulated
 
 MOVED_RPM = 0.1  # by torque noise, in a second: barely seen beside readings of 1 rpm

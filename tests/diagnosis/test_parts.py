@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
+from rw_ekf.diagnosis.checks.heldout import by_fit_part
 from rw_ekf.diagnosis.diagnose import richer_part
-from rw_ekf.diagnosis.judge.confirmation import for_want_of_knowledge
-from rw_ekf.diagnosis.judge.heldout import by_fit_part
+from rw_ekf.diagnosis.hypotheses.excitation import information
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
-from rw_ekf.diagnosis.search.excitation import information
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.diagnosis.judge.document import in_words
 from rw_ekf.diagnosis.report.residual_panels import _marked
 from rw_ekf.diagnosis.report.steps import commands, next_steps
 from rw_ekf.diagnosis.report.words import Units, gain_text, headline_of, percent_text
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
+from rw_ekf.diagnosis.verdict.document import in_words
 from rw_ekf.effects.catalogue import CATALOGUE
 
 PANELS: Any = [SimpleNamespace(title=t) for t in ("time", "speed", "low speed", "current", "angle", "temperature")]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.diagnosis.judge.residual_map import residual_map
-from rw_ekf.diagnosis.judge.shapes import Axis, Curve, _sentence, shapes_of
+from rw_ekf.diagnosis.checks.residual_map import residual_map
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.verdict.shapes import Axis, Curve, _sentence, shapes_of
 from rw_ekf.model.state import CK13_STATISTICAL
 from tests.diagnosis.simulated import log_of, simulated
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.heldout import performance
+from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.effects.catalogue import CATALOGUE

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.hypotheses.wander import wandering
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
-from rw_ekf.diagnosis.search.wander import wandering
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model.effect_kinds import StaticEffect
 from tests.diagnosis.simulated import log_of, simulated

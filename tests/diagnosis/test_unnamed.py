@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rw_ekf.diagnosis.checks.residual_map import covers_of, residual_map
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.judge.residual_map import covers_of, residual_map
-from rw_ekf.diagnosis.judge.unnamed import unnamed_law
+from rw_ekf.diagnosis.investigate.unnamed import unnamed_law
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from tests.diagnosis.simulated import log_of, simulated

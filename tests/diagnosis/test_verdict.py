@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from rw_ekf.diagnosis.judge.heldout import performance
-from rw_ekf.diagnosis.judge.investigation import investigate
-from rw_ekf.diagnosis.judge.residual_tests import failed_tests, residual_tests
-from rw_ekf.diagnosis.judge.verdict import Evidence, verdict_on
+from rw_ekf.diagnosis.checks.heldout import performance
+from rw_ekf.diagnosis.checks.residual_tests import failed_tests, residual_tests
+from rw_ekf.diagnosis.investigate.investigation import investigate
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from tests.diagnosis.simulated import log_of, simulated
 
 POSTERIOR = {"none": 0.9, "something_else": 0.1}

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from rw_ekf.diagnosis.judge.found import Found, mapped
-from rw_ekf.diagnosis.judge.ledger import Ledger
-from rw_ekf.diagnosis.judge.walking import _refused_is_likelier
+from rw_ekf.diagnosis.hypotheses.candidates import Score
+from rw_ekf.diagnosis.hypotheses.scorer import Scorer
+from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
+from rw_ekf.diagnosis.hypotheses.wander import wandering
+from rw_ekf.diagnosis.investigate.found import Found, mapped
+from rw_ekf.diagnosis.investigate.walking import _refused_is_likelier
+from rw_ekf.diagnosis.ledger.ledger import Ledger
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
-from rw_ekf.diagnosis.search.candidates import Score
-from rw_ekf.diagnosis.search.scorer import Scorer
-from rw_ekf.diagnosis.search.selection import Selection, Trial
-from rw_ekf.diagnosis.search.wander import wandering
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
 from tests.diagnosis.simulated import log_of, simulated

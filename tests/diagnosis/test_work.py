@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.hypotheses.candidates import powers
 from rw_ekf.diagnosis.prepare import preparation
 from rw_ekf.diagnosis.report.text import diagnosis_text
-from rw_ekf.diagnosis.search.candidates import powers
 from rw_ekf.likelihood.work import Work
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog

@@ -22,12 +22,12 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.warming import Warming, ended
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.judge.evidence import log_evidence
-from rw_ekf.diagnosis.judge.explanations import Explanation as Weighed
-from rw_ekf.diagnosis.judge.explanations import with_posteriors
+from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.thresholds import LEAST_POSTERIOR
+from rw_ekf.diagnosis.verdict.explanations import Explanation as Weighed
+from rw_ekf.diagnosis.verdict.explanations import with_posteriors
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters

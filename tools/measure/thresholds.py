@@ -49,7 +49,7 @@ def outcomes(name: str, value: float, count: int, seed: int) -> Outcomes:
     """Of a proof of so many logs per mark, in this process, whose threshold is another from now on; no name: none."""
     if name:
         setattr(thresholds, name, type(getattr(thresholds, name))(value))
-    assert "rw_ekf.diagnosis.search.contenders" not in sys.modules, "what reads the thresholds was there before"
+    assert "rw_ekf.diagnosis.hypotheses.contenders" not in sys.modules, "what reads the thresholds was there before"
     from tools.proof.prove import Job, chosen_cases, prove  # noqa: PLC0415 - it reads them where it is imported
 
     job = Job(told=False)

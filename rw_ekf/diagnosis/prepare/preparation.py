@@ -215,9 +215,9 @@ def _aged(model: WheelModel) -> Belief:
 
     Coefficients of effects are as wide, each by itself.
     """
-    said = np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
+    covariance = np.array(model.covariance)[:PARAMETER_COUNT, :PARAMETER_COUNT]
     width = _AGEING * np.maximum(np.abs(model.parameters), [0.0, _LEAST_VISCOUS, 0.0, 0.0])
-    aged = Belief.of_known(model.parameters, _WIDENED**2 * said + np.diag(width**2))
+    aged = Belief.of_known(model.parameters, _WIDENED**2 * covariance + np.diag(width**2))
     coefficients = [(term, value) for term in model.effects.state_terms for value in term.values]
     for at, (term, value) in enumerate(coefficients, start=len(model.parameters)):
         ageing = 0.0 if term.effect.of_one_record else _AGEING * abs(value)

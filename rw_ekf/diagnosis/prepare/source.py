@@ -49,8 +49,8 @@ class Source:
 
     def document(self) -> dict[str, Any]:
         """The first keys of the diagnosis document; `logs` only where there are several."""
-        said: dict[str, Any] = {"log": self.log.name, "samples": self.samples, "rate_hz": self.rate_hz}
-        return said if len(self.parts) == 1 else said | {"logs": list(self.parts)}
+        found: dict[str, Any] = {"log": self.log.name, "samples": self.samples, "rate_hz": self.rate_hz}
+        return found if len(self.parts) == 1 else found | {"logs": list(self.parts)}
 
 
 def source_of(logs: Sequence[WheelLog]) -> Source:

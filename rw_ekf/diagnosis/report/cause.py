@@ -172,11 +172,11 @@ def _lever(cause: _Cause, diagnosis: Diagnosis, units: Units) -> tuple[Float64Ar
     if cause.effect.acts_as == "drag":
         return -np.sign(speed), -1.0, "additional drag"
     if cause.effect.acts_as == "viscous drag":
-        told = f"{number_text(usual.speed_rad_s / units.speed_scale, 2)} {units.speed}"
-        return -speed / usual.speed_rad_s, -1.0, f"additional drag at {told}"
+        where = f"{number_text(usual.speed_rad_s / units.speed_scale, 2)} {units.speed}"
+        return -speed / usual.speed_rad_s, -1.0, f"additional drag at {where}"
     if cause.effect.acts_as == "motor torque":
-        told = f"{number_text(usual.current_A / units.current_scale, 2)} {units.current}"
-        return current / usual.current_A, 1.0, f"additional torque at {told}"
+        where = f"{number_text(usual.current_A / units.current_scale, 2)} {units.current}"
+        return current / usual.current_A, 1.0, f"additional torque at {where}"
     if cause.effect.angular and cause.terms and np.isfinite(diagnosis.log.rate_hz):
         # Of a wave that passes within a sample its mean is left.
         turned = max(term.shape[0] for term in cause.terms) * speed / diagnosis.log.rate_hz

@@ -118,12 +118,12 @@ def _dress(axis: Any, panel: Panel, view: ResidualView) -> None:
     axis.set_title(quantity.title, fontsize=9.5, loc="left", color=INK, weight="bold" if panel.marked else "normal")
     places = int(np.clip(2 - np.floor(np.log10(view.extent)), 0, 9))
     structures = [found.structure for found in panel.means]
-    told = f"{' → '.join(f'{size:.{places}f}' for size in structures)} {view.unit}"
+    title = f"{' → '.join(f'{size:.{places}f}' for size in structures)} {view.unit}"
     if not np.isfinite(structures).all():
-        told = "too few samples"
+        title = "too few samples"
     elif not any(float(f"{size:.{places}f}") for size in structures):
-        told = "nothing beyond noise"
-    axis.set_title(told, fontsize=8.5, loc="right", color=GREY)
+        title = "nothing beyond noise"
+    axis.set_title(title, fontsize=8.5, loc="right", color=GREY)
 
 
 def _marked(

@@ -86,7 +86,7 @@ def excitation_of(document: Mapping[str, Any]) -> dict[str, str]:
 
 def _separation(group: list[str]) -> str:
     """What tells the members of a confounded class apart, as the catalogue has it."""
-    said = f"{_listed(group)} look the same in this log"
+    sentence = f"{_listed(group)} look the same in this log"
     hints: list[str] = []
     for one, other in combinations(group, 2):
         for name, from_what in ((one, other), (other, one)):
@@ -94,7 +94,7 @@ def _separation(group: list[str]) -> str:
             if hint:  # the other way round says the same
                 hints.append(hint)
                 break
-    return f"{said}; what separates them: {'; '.join(dict.fromkeys(hints))}." if hints else f"{said}."
+    return f"{sentence}; what separates them: {'; '.join(dict.fromkeys(hints))}." if hints else f"{sentence}."
 
 
 def _listed(names: list[str]) -> str:

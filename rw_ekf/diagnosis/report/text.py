@@ -79,8 +79,8 @@ def _left(document: Mapping[str, Any]) -> list[str]:
     shapes = list(document.get("shapes") or ())
     if not shapes:
         return []
-    said = [f"    against {shape['dependence']}: {shape['sentence']}" for shape in shapes]
-    return ["", "  left over", *said, f"    what would tell more: {shapes[0]['record']}"]
+    lines = [f"    against {shape['dependence']}: {shape['sentence']}" for shape in shapes]
+    return ["", "  left over", *lines, f"    what would tell more: {shapes[0]['record']}"]
 
 
 def _explanations(document: Mapping[str, Any]) -> list[str]:
@@ -88,8 +88,8 @@ def _explanations(document: Mapping[str, Any]) -> list[str]:
     entries = list(document.get("explanations") or ())
     if len(entries) < 2:
         return []
-    said = [f"{'+'.join(entry['effects']) or 'none'} {entry['posterior']:.2g}" for entry in entries]
-    return ["", f"  explanations that stand, with their probability: {', '.join(said)}"]
+    lines = [f"{'+'.join(entry['effects']) or 'none'} {entry['posterior']:.2g}" for entry in entries]
+    return ["", f"  explanations that stand, with their probability: {', '.join(lines)}"]
 
 
 def _candidates(document: Mapping[str, Any], rows: Sequence[CandidateRow]) -> list[str]:

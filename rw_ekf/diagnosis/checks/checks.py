@@ -1,0 +1,106 @@
+"""What a hypothesis has to pass to stand, whatever its likelihood; each check one function of a row and the record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rw_ekf.diagnosis.checks.confirmation import veto
+from rw_ekf.diagnosis.checks.cross_fit import disputed_share
+from rw_ekf.diagnosis.hypotheses.candidates import p_value, threshold
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
+from rw_ekf.diagnosis.hypotheses.selection import Selection
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
+from rw_ekf.diagnosis.thresholds import LEAST_SIGMAS, MOST_DISPUTED, SIGNIFICANT_P
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
+
+
+@dataclass(frozen=True)
+class Check:
+    """One question asked of one effect of a hypothesis, and the answer."""
+
+    name: str
+    effect: str
+    value: float | None  # None: not one number
+    limit: float | None
+    decision: Decision | None = None  # of the effect, where it does not pass
+    settled: bool = True  # False: the record cannot answer
+
+    @property
+    def passed(self) -> bool:
+        """Whether it stands."""
+        return self.decision is None
+
+    def document(self) -> dict[str, object]:
+        """As the document has it."""
+        words = "" if self.settled else "no held-out figure says anything of it"
+        return {
+            "check": self.name, "effect": self.effect, "value": self.value, "limit": self.limit, "passed": self.passed,
+            "words": words if self.decision is None else self.decision.words,
+        }  # fmt: skip
+
+
+def checks(
+    prepared: Prepared, search: Search, fit: Fit, effects: tuple[str, ...], selection: Selection
+) -> Iterator[Check]:
+    """Every check of every effect of a fitted model, what costs most last: whoever asks may stop at one that fails."""
+    for name in effects:
+        yield _of_possible_size(search, fit, name)
+        yield _matters(search, fit, name)
+        yield _of_known_size(fit, name)
+        if not CATALOGUE[name].local_in_time:
+            yield _missed(search, fit, name, [other for other in effects if other != name])
+    for name in effects:
+        if not CATALOGUE[name].local_in_time:  # an event is in one part only
+            yield _agreed(prepared, fit, name)
+    for name in reversed(effects):  # the last to enter first
+        trial = selection.trials.get(name)
+        yield _held_out(prepared, fit, name, 1.0 if trial is None else trial.p_value)
+
+
+def _of_possible_size(search: Search, fit: Fit, name: str) -> Check:
+    stands = fit.model.possible(name, search.facts)
+    limit = CATALOGUE[name].largest(search.facts)
+    return Check("size is possible", name, fit.size_of(name)[0], limit, _unless(stands, Reason.IMPOSSIBLE))
+
+
+def _matters(search: Search, fit: Fit, name: str) -> Check:
+    stands = fit.may_matter(name, search.facts)
+    limit = CATALOGUE[name].smallest(search.facts)
+    return Check("size matters", name, fit.size_of(name)[0], limit, _unless(stands, Reason.TOO_SMALL))
+
+
+def _of_known_size(fit: Fit, name: str) -> Check:
+    stands = knows_size(fit, name, LEAST_SIGMAS)
+    size, std = fit.size_of(name)
+    sigmas = size / std if std > 0.0 else None
+    return Check("size is known, sigmas", name, sigmas, LEAST_SIGMAS, _unless(stands, Reason.TOO_SMALL))
+
+
+def _missed(search: Search, fit: Fit, name: str, others: list[str]) -> Check:
+    """Whether the record asks for it beside all else: an offset that friction by direction explains is not missed."""
+    effect = CATALOGUE[name]
+    statistic = 2.0 * (fit.likelihood.value - fit.without(name).likelihood.value)
+    why = explained_by(*others) if others else Decision(Reason.NOT_SIGNIFICANT)
+    stands = p_value(effect, statistic, search.facts) < SIGNIFICANT_P
+    limit = threshold(effect, search.facts)
+    return Check("is missed without it", name, statistic, limit, None if stands else why)
+
+
+def _agreed(prepared: Prepared, fit: Fit, name: str) -> Check:
+    share = disputed_share(fit, name, prepared.split.fit)
+    why = Decision(Reason.NOT_CONFIRMED, "the two parts of the record do not agree on it")
+    return Check("share that the parts dispute", name, share, MOST_DISPUTED, None if share < MOST_DISPUTED else why)
+
+
+def _held_out(prepared: Prepared, fit: Fit, name: str, p: float) -> Check:
+    worse, unjudged = veto(prepared, fit, name, p)
+    why = None if worse is None else Decision(Reason.NOT_CONFIRMED, f"on the held-out part {worse}")
+    return Check("held-out figures", name, None, None, why, settled=not unjudged)
+
+
+def _unless(stands: bool, reason: Reason) -> Decision | None:
+    return None if stands else Decision(reason)

@@ -1,0 +1,97 @@
+"""Whether an effect stands what the held-out part of a record says of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rw_ekf.diagnosis.checks.cross_fit import expected_excess
+from rw_ekf.diagnosis.checks.event_agreement import agrees_with_itself
+from rw_ekf.diagnosis.checks.heldout import by_fit_part, performance
+from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.thresholds import (
+    BLIND,
+    GREAT_GAIN,
+    LEAST_SIGMAS,
+    REAL_GAIN,
+    UNDOUBTED_P,
+    WORSE,
+    WORSE_NIS,
+    WORST,
+    WORST_NIS,
+)
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
+
+Figures = dict[str, Any]
+
+_VETOED = (
+    ("one_step_rms_rpm", "one-step error"),
+    ("horizon_1s_rms_rpm", "error 1 s ahead"),
+    ("horizon_20s_rms_rpm", "error 20 s ahead"),
+    ("free_run_rms_rpm", "free-run error"),
+)
+_FAR_AHEAD = ("horizon_20s_rms_rpm", "free_run_rms_rpm")
+
+
+def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str | None, bool]:
+    """Which held-out figure an effect makes clearly worse, in words; and whether no figure says anything of it.
+
+    What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
+    out. One that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
+    hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
+    alone has no say then.
+    """
+    less, unjudged = more.without(name), False
+    worse = _worse(prepared, less, more)
+    if worse is not None and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
+        ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
+        findings = [_worse(way, less, more) for way in ways]
+        worse = findings[-1] if findings and None not in findings else None
+        unjudged = not ways and _gain(prepared, less, more) <= REAL_GAIN
+    if worse is None and CATALOGUE[name].local_in_time and not agrees_with_itself(more, name):
+        worse = "every other 5 s inside it and the rest do not agree on its size"
+    return worse, unjudged
+
+
+def _can_tell(way: Prepared, less: Fit, more: Fit) -> bool:
+    """Whether a part knows enough of both models' numbers for its predictions of the rest to decide between them."""
+    return all(for_want_of_knowledge(way, fit) < BLIND for fit in (less, more))
+
+
+def for_want_of_knowledge(way: Prepared, fit: Fit) -> float:
+    """The share by which squared errors on the held-out part grow because the other part knows the numbers so well."""
+    return expected_excess(fit, by_fit_part(way, fit), way.split.fit)
+
+
+def _worse(prepared: Prepared, less: Fit, more: Fit) -> str | None:
+    """Which held-out figure gets clearly worse from one model to the next, in words.
+
+    Sizes come from another part, so that small ones move figures by chance. Where the free run is nearer by half, only
+    errors far ahead count: a model that leaves no torque noise predicts one step as its free run does, and what a
+    number of the other part is off by, which torque noise would hide, shows there.
+    """
+    before, after = performance(prepared, less).figures, performance(prepared, more).figures
+    gain = _gain(prepared, less, more)
+    if gain > GREAT_GAIN:
+        before = {key: before[key] for key in _FAR_AHEAD}
+    return worsened(before, after, *((WORST, WORST_NIS) if gain > REAL_GAIN else (WORSE, WORSE_NIS)))
+
+
+def _gain(prepared: Prepared, less: Fit, more: Fit) -> float:
+    """Share by which the free run over the held-out part is nearer; 0 where there is none."""
+    old, new = (performance(prepared, fit).figures.get("free_run_rms_rpm") for fit in (less, more))
+    return 1.0 - new / old if old and new else 0.0
+
+
+def worsened(before: Figures, after: Figures, share: float, nis: float) -> str | None:
+    """Which held-out figure an effect makes worse, by more than a share, or NIS by more than a factor; in words."""
+    for key, words in _VETOED:
+        old, new = before.get(key), after.get(key)
+        if old and new and new > (1.0 + share) * old:
+            return f"the {words} grows by {100.0 * (new / old - 1.0):.2g} %"
+    old, new = before.get("nis_mean"), after.get("nis_mean")
+    if old and new and abs(math.log(new)) > abs(math.log(old)) + math.log(nis):
+        return f"NIS goes from {old:.3g} to {new:.3g}"
+    return None

@@ -1,0 +1,199 @@
+"""How well a model predicts what it was not fitted to, parameters frozen.
+
+The figures are those of docs/contract.md#diagnosis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.course.free_run import free_run
+from rw_ekf.diagnosis.checks.lattice import Lattice, rounding_error
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.result import ModelTrace
+from rw_ekf.effects.catalogue import GRID
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.frozen_filter import run_frozen
+from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
+from rw_ekf.likelihood.linearisation import Noise, linearise
+from rw_ekf.likelihood.model import Model
+from rw_ekf.likelihood.one_step import Record
+from rw_ekf.units import rpm_from_rad_s
+
+_STARTS = 400  # of a horizon: more would add nothing but time
+_OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
+_STEPS_AT_MOST = 4_000_000
+
+
+@dataclass(eq=False, frozen=True)
+class Performance:
+    """A model's figures on the held-out part, and its traces over the whole record."""
+
+    figures: dict[str, Any]
+    trace: ModelTrace
+    predicted_std_rad_s: Float64Array  # of the speed before each reading, (n,)
+
+
+def performance(prepared: Prepared, fit: Fit) -> Performance:
+    """Figures of the model of a fit of the whole record, from the held-out samples alone; worked out once a fit.
+
+    The model is fitted to the other part anew and run, frozen, over the record.
+    """
+    return prepared.remembered("figures", fit, lambda: _performance(prepared, by_fit_part(prepared, fit), None))
+
+
+def by_fit_part(prepared: Prepared, fit: Fit) -> Fit:
+    """The model of a fit of the whole record fitted to the part that is not held out; worked out once a fit."""
+    return prepared.remembered("fit", fit, lambda: fit.on_part(prepared.fit_part))
+
+
+def performance_read(prepared: Prepared, corrected: Prepared, fit: Fit, lattice: Lattice) -> Performance:
+    """The same, the readings predicted being those that a grid makes of the speed.
+
+    corrected: the record without what the grid did to its readings; the numbers come from its other part.
+    """
+    return _performance(prepared, by_fit_part(corrected, fit), lattice)
+
+
+def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Performance:
+    record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
+    if lattice is not None:  # of the readings as they were read, as a filter with this model is told
+        variance = lattice.noise_rad_s**2 + GRID.variance(lattice.grid_rad_s)
+        noise = Noise(variance, noise.ratio * noise.variance / variance)
+    inertia_kg_m2 = prepared.setup.inertia_kg_m2
+    record = record.along(fit.trajectory)
+    course = record.course.only(~prepared.base.omit)
+    run = run_frozen(course, model, noise, record.constants)
+    free = _free_run(record, model, run.states, split.block)
+    observed = _observed_acceleration(record, model, noise, prepared.base)
+    heldout = split.heldout
+    variance = np.maximum(run.innovation_variance - noise.variance, 0.0)
+    innovation = run.innovation_rad_s
+    innovation = _missed(course.speed_rad_s, course.speed_rad_s - innovation, np.sqrt(variance), lattice)
+    errors = {seconds: _horizon(record, model, run.states, heldout, seconds, lattice) for seconds in (1.0, 20.0)}
+    ran = _missed(course.speed_rad_s, free, np.zeros(free.size), lattice)
+    figures = {
+        "one_step_rms_rpm": _rms_rpm(innovation[heldout]),
+        "horizon_1s_rms_rpm": _rms_rpm(errors[1.0]),
+        "horizon_20s_rms_rpm": _rms_rpm(errors[20.0]),
+        "free_run_rms_rpm": _rms_rpm(ran[heldout]),
+        "nis_mean": _mean(run.nis[heldout]),
+        "torque_rms_mNm": None if inertia_kg_m2 is None else _scaled(_rms(observed[heldout]), 1e3 * inertia_kg_m2),
+    }
+    trace = ModelTrace(run.innovation_rad_s, free, observed, run.innovation_rad_s / np.sqrt(run.innovation_variance))
+    return Performance(figures, trace, np.sqrt(variance))
+
+
+def _missed(read: Float64Array, predicted: Float64Array, spread: Float64Array, lattice: Lattice | None) -> Float64Array:
+    """Readings (n,) less those that predicted speeds, known to standard deviations, let expect [rad/s]."""
+    error = read - predicted
+    return error if lattice is None else error - rounding_error(predicted, spread, lattice)
+
+
+def _free_run(record: Record, model: Model, states: Float64Array, block: Int64Array) -> Float64Array:
+    """Each stretch of the split simulated from its first filtered speed, (n,)."""
+    n = block.size
+    continues = record.follows & (np.diff(block, prepend=block[:1]) == 0)
+    first = np.flatnonzero(~continues)
+    # The filter itself begins with one reading: where a stretch opens the record, let it settle for some samples.
+    settle = _settling(states, record, first)
+    last = np.append(first[1:], n) - 1
+    run = free_run(record.course, model.effects, model.stribeck, states[settle], settle, last, keep_path=True)
+    return run.path_rad_s
+
+
+def _settling(states: Float64Array, record: Record, first: NDArray[np.intp]) -> NDArray[np.intp]:
+    opens = ~record.follows[first]
+    n = states.shape[0]
+    wanted = np.where(opens, np.minimum(first + _SETTLE_SAMPLES, n - 1), first)
+    limit = np.append(first[1:], n) - 1
+    settled: NDArray[np.intp] = np.minimum(wanted, limit)
+    return settled
+
+
+_SETTLE_SAMPLES = 20
+
+
+def _horizon(
+    record: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float, lattice: Lattice | None
+) -> Float64Array:
+    """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
+    period = record.period_s
+    steps = max(1, round(seconds / period))
+    run = np.zeros(heldout.size, dtype=np.int64)  # how many intervals in a row lead here within the held-out part
+    inside = record.follows & heldout & np.roll(heldout, 1)
+    broken = np.flatnonzero(~inside)
+    index = np.arange(heldout.size)
+    run = index - np.maximum.accumulate(np.where(np.isin(index, broken), index, 0))
+    ends = np.flatnonzero((run >= steps) & np.isfinite(record.course.speed_rad_s))
+    most = max(10, min(_STARTS, _STEPS_AT_MOST // steps))
+    if ends.size > most:
+        ends = ends[np.linspace(0, ends.size - 1, most).astype(int)]
+    if ends.size == 0:
+        return np.zeros(0)
+    first = ends - steps
+    predicted = free_run(record.course, model.effects, model.stribeck, states[first], first, ends).ends_rad_s
+    return _missed(record.course.speed_rad_s[ends], predicted, np.zeros(ends.size), lattice)
+
+
+def _observed_acceleration(record: Record, model: Model, noise: Noise, base: Fit) -> Float64Array:
+    """What the smoothed speed asks for beyond the model [rad/s^2], (n,), by an observer the same for every model.
+
+    NaN where the base model has the wheel at rest: what does not move it is not seen, whatever the model.
+    """
+    observer = Noise(noise.variance, max(noise.ratio, _OBSERVER_RATIO))
+    trajectory = base.trajectory
+    for _ in range(2):
+        linearised = linearise(record, model, trajectory, observer, base.omit, with_jacobian=False)
+        smoothed = smoothed_trajectory(linearised, np.zeros(0), observer)
+        delta = smoothed.speed - trajectory.speed
+        kept = linearised.chain.slopes[:, 0] * np.concatenate(([0.0], delta[:-1]))
+        # A bristle that is bent otherwise has its own word in the speed.
+        bent = np.nan_to_num(smoothed.memory - linearised.trajectory.memory)  # NaN of models without a memory
+        kept += linearised.chain.slopes[:, 1] * np.concatenate(([0.0], bent[:-1]))
+        lacking = delta - kept - linearised.chain.defect
+        trajectory = smoothed
+    step = np.where(record.follows, linearised.chain.step_s, np.nan)
+    moves = record.follows & (base.linearised.chain.noisy_s > 0.0)
+    return np.where(moves, lacking / step, np.nan)
+
+
+def _rms(values: Float64Array) -> float:
+    found = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(found**2))) if found.size else math.nan
+
+
+def _mean(values: Float64Array) -> float | None:
+    found = values[np.isfinite(values)]
+    return float(np.mean(found)) if found.size else None
+
+
+def _rms_rpm(values: Float64Array) -> float | None:
+    found = _rms(values)
+    return None if math.isnan(found) else rpm_from_rad_s(found)
+
+
+def _scaled(value: float, factor: float) -> float | None:
+    return None if math.isnan(value) else factor * value
+
+
+def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
+    """Percent by which the free-run error (20 s ahead where there is none) on the held-out part is smaller.
+
+    Of models fitted to the whole record, their numbers to the other part.
+    """
+    return percent_better(performance(prepared, less).figures, performance(prepared, more).figures)
+
+
+def percent_better(before: dict[str, Any], after: dict[str, Any]) -> float | None:
+    """Percent by which the free-run error, or that 20 s ahead where there is none, is smaller."""
+    key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
+    if not before[key] or after[key] is None:
+        return None
+    return float(100.0 * (1.0 - after[key] / before[key]))

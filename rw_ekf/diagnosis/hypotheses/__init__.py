@@ -1,0 +1,1 @@
+"""What may be added to a model: scored beside it, and fitted."""

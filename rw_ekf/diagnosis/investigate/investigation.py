@@ -1,0 +1,111 @@
+"""Investigate a record: search it, confirm what its two parts agree on, map what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same, quantity_of
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.laws import has_laws
+from rw_ekf.diagnosis.hypotheses.lost_angle import with_open_order
+from rw_ekf.diagnosis.hypotheses.selection import Selection
+from rw_ekf.diagnosis.investigate.found import Found, mapped
+from rw_ekf.diagnosis.investigate.open_law import with_open_law
+from rw_ekf.diagnosis.investigate.walking import weighed_against_a_walk, with_wandering_friction
+from rw_ekf.diagnosis.investigate.widths import (
+    with_free_shapes,
+    with_open_noise,
+    with_open_stribeck_speed,
+    with_profiled_onset,
+    with_profiled_widths,
+)
+from rw_ekf.diagnosis.ledger.choice import chosen
+from rw_ekf.diagnosis.ledger.growth import begun, grown
+from rw_ekf.diagnosis.ledger.ledger import Ledger
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.standing import Reason
+from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P
+from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
+from rw_ekf.likelihood import work
+
+Advance = Callable[[str], object]
+
+
+def investigate(prepared: Prepared, advance: Advance) -> Found:
+    """Search the record; keep what both its parts agree on; map what is left; say how well the numbers are known."""
+    found = _named(prepared, advance)
+    reported = found.fit
+    orders: dict[float, float] = {}
+    laws: dict[str, float] = {}
+    for name in found.new_ids:
+        reported = with_free_shapes(reported, name)
+    reported = with_open_noise(reported) if found.new_ids else reported
+    for name in found.new_ids:
+        if CATALOGUE[name].local_in_time:
+            reported = with_profiled_onset(reported, name, prepared.facts)
+        if CATALOGUE[name].angular:
+            reported, orders = with_open_order(found.selection.without(name), reported, name, prepared.facts)
+        if CATALOGUE[name].valleys(prepared.facts) and prepared.record.work.has(work.FITS):
+            advance(f"profiling {name}")
+            reported = with_profiled_widths(reported, name)
+        if has_laws(name):
+            reported, laws = with_open_law(found.selection.without(name), reported, name)
+    reported = with_open_stribeck_speed(reported, prepared.facts) if found.new_ids else reported
+    return replace(found, reported=reported, orders=orders, laws=laws)
+
+
+def _named(prepared: Prepared, advance: Advance) -> Found:
+    """What both parts of the record agree on, and what it leaves.
+
+    One ledger, grown in up to three steps. What goes with time waits where time goes with speed or temperature. If the
+    laws of those leave structure, the ledger grows on without waiting, and what stands then is kept if it leaves none;
+    but not where time and speed are one and the same, because there a curve of time would take the place of whatever
+    law of speed is missing. Then with effects too small to matter, if one is beyond doubt: what matters in practice is
+    asked of a wheel that is understood without it. A friction that wanders in no particular shape, which follows
+    anything that goes with time, is the last to be asked, and a rival of whatever follows the temperature.
+    """
+    search, facts, work_left = Search(prepared.record, prepared.facts, advance), prepared.facts, prepared.record.work
+    found = _searched(prepared, search, *begun(prepared.base, facts), advance)
+    again = found.left and found.selection.set_aside and work_left.has(work.RIVALS)
+    if again and not one_and_the_same(found.fit, "time", "speed"):
+        found = _or_further(found, Search(prepared.record, facts, advance, stationary_first=False), prepared, advance)
+    small = _left_out_for_its_size(found.selection)
+    if found.left and small is not None and work_left.has(work.RIVALS):
+        lenient = replace(prepared, facts=replace(facts, any_size=True))
+        other = _or_further(found, Search(lenient.record, lenient.facts, advance), lenient, advance)
+        found = other if small in other.new_ids else found
+    law = not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids)
+    if law and not any(quantity_of(CATALOGUE[name]) == "temperature" for name in found.new_ids):
+        return found
+    if not work_left.has(work.WANDER):
+        work_left.leave_out("a dry friction that wanders with time")
+        return found
+    advance(f"fitting {WANDERING.id}, wandering")
+    return (
+        weighed_against_a_walk(found)
+        if law
+        else with_wandering_friction(found, Search(found.prepared.record, found.prepared.facts, advance))
+    )
+
+
+def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advance) -> Found:
+    """What stands when the ledger has grown on by another search, if that leaves no structure; else as it was."""
+    ledger = replace(found.ledger.unasked(), facts=prepared.facts)
+    selection = replace(found.selection, final=found.ledger.base, rivals={}, unjudged=())
+    other = _searched(prepared, search, ledger, selection, advance)
+    return other if other.new_ids and not other.left else found
+
+
+def _searched(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection, advance: Advance) -> Found:
+    ledger, selection = grown(search, ledger, selection)
+    ledger, selection = chosen(prepared, search, ledger, selection)
+    advance("mapping the residual")
+    return mapped(prepared, selection, ledger)
+
+
+def _left_out_for_its_size(selection: Selection) -> str | None:
+    """The effect beyond doubt, if any, that explained most and was left out as too small to matter."""
+    small = {name: trial for name, trial in selection.trials.items() if trial.decision.reason is Reason.TOO_SMALL}
+    name = max(small, key=lambda name: small[name].statistic, default=None)
+    return name if name is not None and small[name].p_value < BEYOND_DOUBT_P else None

@@ -1,1 +1,0 @@
-"""What came of it on data that had no part in the search: figures, tests, verdict."""

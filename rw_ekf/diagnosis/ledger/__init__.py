@@ -1,0 +1,1 @@
+"""The hypotheses about a record: weighed, grown, chosen."""

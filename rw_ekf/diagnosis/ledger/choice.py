@@ -1,0 +1,77 @@
+"""Which row of the ledger stands: the likeliest that passes every check, with its rivals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rw_ekf.diagnosis.checks.checks import Check, checks
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.selection import Rival, Selection
+from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.standing import explained_by
+from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, TIE
+from rw_ekf.effects.catalogue import CATALOGUE
+
+
+def chosen(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
+    """The likeliest row that passes every check, its rivals beside it; the ledger with what each row was asked.
+
+    A row that is far less likely than one that a check refused does not stand for it, unless it is what is left of it.
+    """
+    top, refused = ledger.rows[0], set[Key]()
+    while (row := _next(ledger, top, refused)) is not None:
+        results: list[Check] = []
+        for check in checks(prepared, search, row.fit, row.effects, selection):
+            results.append(check)
+            if not check.passed:
+                break
+        ledger = ledger.with_checks(row.fit, *results)
+        unsettled = tuple(check.effect for check in results if not check.settled)
+        selection = replace(selection, unjudged=(*selection.unjudged, *unsettled))
+        failed = next((check for check in results if not check.passed), None)
+        if failed is None or failed.decision is None:
+            return ledger, _with_rivals(ledger, row, selection)
+        if failed.effect in selection.trials:
+            selection = selection.decided(failed.effect, failed.decision)
+        refused.add(row.key)
+        ledger = ledger.with_rows([row.fit.without(failed.effect)])
+    return ledger, replace(selection, final=ledger.base)
+
+
+def _next(ledger: Ledger, top: Row, refused: set[Key]) -> Row | None:
+    """The likeliest row that may stand and was not refused."""
+    for row in ledger.rows:
+        is_near = top.weight - row.weight <= INDISTINGUISHABLE or set(row.effects) <= set(top.effects)
+        if is_near and not row.waits and row.key not in refused:
+            first = _by_first_name(ledger, row)
+            return row if first.key in refused else first
+    return None
+
+
+def _by_first_name(ledger: Ledger, row: Row) -> Row:
+    """Of rows that are one model under two names that which the catalogue has first."""
+    order = [*CATALOGUE]
+    twins = [row]
+    for name in row.effects:
+        for _, other in ledger.in_place(row, name):
+            same = abs(other.fit.likelihood.value - row.fit.likelihood.value) < TIE
+            if same and other.log_odds == row.log_odds and not other.waits:
+                twins.append(other)
+    return min(twins, key=lambda item: sorted(order.index(name) for name in item.effects))
+
+
+def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
+    rivals = {}
+    for name in row.effects:
+        found = [
+            Rival(other, item.fit, item.weight - row.weight, item.constructed or row.constructed)
+            for other, item in ledger.in_place(row, name)
+        ]
+        near = [item for item in found if item.constructed or item.ahead > -INDISTINGUISHABLE]
+        if near:
+            rivals[name] = tuple(sorted(near, key=lambda item: -item.ahead))
+    for other in {item.name for found in rivals.values() for item in found} - set(row.effects):
+        if other in selection.trials:
+            selection = selection.decided(other, explained_by(*row.effects))
+    return replace(selection, final=row.fit, rivals=rivals)

@@ -1,0 +1,100 @@
+"""How a ledger grows: from its likeliest rows, an effect at a time, and by exchanging effects of the likeliest one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.event import with_other_laws
+from rw_ekf.diagnosis.hypotheses.laws import by_likeliest_law
+from rw_ekf.diagnosis.hypotheses.other_places import lower_valley
+from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
+from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
+from rw_ekf.diagnosis.hypotheses.valleys import in_deepest_valleys
+from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
+from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import ALIAS_SHARE, BEAM, MOST_GROWN, MOST_TRIED, SIGNIFICANT_P
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood import work
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.robust_fit import likelier_along_filter
+from rw_ekf.model.effect import RecordFacts
+
+_MOST_EXCHANGES = 2  # while another row becomes the likeliest
+
+
+def begun(base: Fit, facts: RecordFacts) -> tuple[Ledger, Selection]:
+    """The ledger with the base model alone, and nothing tried."""
+    return Ledger(base, facts).with_rows([base]), Selection(base, base)
+
+
+def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
+    """The ledger grown, and what became of each effect on the way."""
+    done: set[Key] = set()
+    for turn in range(MOST_GROWN):
+        row = next((row for row in ledger.rows[:BEAM] if row.key not in done), None)
+        if row is None:
+            break
+        if turn > 0 and not search.work.has(work.SEARCH):
+            present = ", ".join(ledger.rows[0].effects) or "the model"
+            search.work.leave_out(f"the search for more than {present}")
+            break
+        done.add(row.key)
+        search.advance("searching the catalogue")
+        ledger, selection = _grown_from(search, row, ledger, selection)
+    for _ in range(_MOST_EXCHANGES):
+        top = ledger.rows[0]
+        if not top.effects:
+            break
+        ledger, selection = _exchanged(search, top, ledger, selection)
+        if ledger.rows[0].key == top.key:
+            break
+    return ledger, selection
+
+
+def _exchanged(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
+    """With rows that have a rival in the place of an effect of one, which is taken to its deepest valley before."""
+    here = in_deepest_valleys(replace(selection, final=row.fit), search.facts)
+    if here.final is not row.fit:
+        ledger = ledger.with_rows([here.final])
+    for name, rivals in rivals_in_place(search, here).items():
+        ledger = ledger.with_rows(rival.fit for rival in rivals if not rival.constructed)
+        # A law of temperature that is true is not behind a curve of time by more than chance; where time goes with
+        # speed, a curve of time takes the place of whatever law of speed is missing.
+        waits = quantity_of(CATALOGUE[name]) != "temperature"
+        same = (rival.fit for rival in rivals if rival.constructed)
+        ledger = ledger.with_rows(same, constructed=True, waits=waits)
+    return ledger, replace(here, final=ledger.base)
+
+
+def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
+    """With the row's strongest contenders beside it, and each of those without every other effect of the row."""
+    contenders, selection = search.contenders(row.fit, selection)
+    for score in contenders[:MOST_TRIED]:
+        effect, name = score.effect, score.effect.id
+        if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
+            continue
+        search.advance(f"fitting {name}")
+        fit, statistic = search.fitted(row.fit, score, local=effect.local_in_time)
+        trial = Trial.of(score).found_by(statistic, search.facts)
+        if selection.trials[name].statistic <= trial.statistic:
+            selection = selection.tried(trial)
+        if not effect.local_in_time and trial.p_value >= SIGNIFICANT_P:
+            continue
+        lower = lower_valley(row.fit, fit, trial)
+        if lower is not None:
+            ledger = ledger.with_rows([lower])
+            continue
+        fit = by_likeliest_law(row.fit, fit, name, search.facts)
+        fit = search.with_open_speed(likelier_along_filter(fit, row.fit, fit.model))
+        refused = search.refusal(fit, name)
+        if refused is not None:
+            selection = selection.decided(name, Decision(refused))
+            if refused is Reason.IMPOSSIBLE:
+                continue
+        if effect.local_in_time:
+            fit = with_other_laws(fit, name, search.facts)
+        less = [fit.without(other) for other in ledger.row(fit).effects if other != name]
+        ledger = ledger.with_rows([fit, *less])
+    return ledger, selection

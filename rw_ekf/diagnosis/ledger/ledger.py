@@ -1,0 +1,111 @@
+"""The ledger: every hypothesis about a record that was fitted, and how likely it is (docs/likelihood.md, "The ledger").
+
+A row is a model of the whole record: the base with effects beyond it. Rows are grown from the likeliest rows, an effect
+at a time, and never change. How likely one is, is one number: its log-evidence, and what was known before the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rw_ekf.diagnosis.checks.checks import Check
+from rw_ekf.diagnosis.ledger.evidence import log_evidence
+from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect import RecordFacts
+
+_MOST_TOLD = 8  # rows that a document has, whatever became of them
+_ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock tells, beside what holds at any time
+
+Key = frozenset[tuple[str, float]]
+
+
+def key_of(fit: Fit) -> Key:
+    """What is in a model: ids, each order or frequency of a periodic effect for itself."""
+    terms = fit.model.terms
+    return frozenset((term.id, round(term.shape[0], 6) if term.effect.repeats else 0.0) for term in terms)
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A hypothesis: effects beyond the base model, their fit to the whole record, and how likely that makes it."""
+
+    effects: tuple[str, ...]
+    fit: Fit
+    log_evidence: float
+    log_odds: float  # before the record was seen
+    constructed: bool = False  # the record has an effect of it as one with that of another row: no likelihood decides
+    waits: bool = False  # and that goes first
+    checks: tuple[Check, ...] = ()  # that were asked, up to one that it fails
+
+    @property
+    def key(self) -> Key:
+        """What is in it."""
+        return key_of(self.fit)
+
+    @property
+    def weight(self) -> float:
+        """Log of how likely it is, but for a constant."""
+        return self.log_evidence + self.log_odds
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger:
+    """All rows so far, the likeliest first."""
+
+    base: Fit
+    facts: RecordFacts
+    rows: tuple[Row, ...] = ()
+
+    def row(self, fit: Fit, *, constructed: bool = False, waits: bool = False) -> Row:
+        """A fitted model as a row."""
+        before = set(self.base.model.effects.ids)
+        effects = tuple(name for name in fit.model.effects.ids if name not in before)
+        odds = sum(_ONE_RECORD_ODDS for name in effects if CATALOGUE[name].of_one_record)
+        return Row(effects, fit, log_evidence(fit, effects, self.facts), odds, constructed, waits)
+
+    def with_rows(self, fits: Iterable[Fit], *, constructed: bool = False, waits: bool = False) -> Ledger:
+        """With further rows; of two that hold the same the likelier."""
+        rows = {row.key: row for row in self.rows}
+        for fit in fits:
+            row = self.row(fit, constructed=constructed, waits=waits)
+            if row.key not in rows or rows[row.key].weight < row.weight:
+                rows[row.key] = row
+        return replace(self, rows=tuple(sorted(rows.values(), key=lambda row: (row.waits, -row.weight))))
+
+    def with_checks(self, fit: Fit, *checks: Check) -> Ledger:
+        """With what the row of a model was asked, beside what it was asked before."""
+        key = key_of(fit)
+        rows = (replace(row, checks=(*row.checks, *checks)) if row.key == key else row for row in self.rows)
+        return replace(self, rows=tuple(rows))
+
+    def unasked(self) -> Ledger:
+        """With what no row was asked yet: whatever a check stands on has changed."""
+        return replace(self, rows=tuple(replace(row, checks=()) for row in self.rows))
+
+    def document(self, stands: Fit | None) -> list[dict[str, Any]]:
+        """The likeliest rows, the one that stands, the base model, and all that were asked anything."""
+        key, bare = None if stands is None else key_of(stands), key_of(self.base)
+        best = max((row.weight for row in self.rows if not row.waits), default=0.0)
+        return [
+            {
+                "effects": list(row.effects), "log_evidence": row.log_evidence, "log_odds": row.log_odds,
+                "behind": best - row.weight, "stands": row.key == key,
+                "as_one_by_construction": row.constructed, "checks": [check.document() for check in row.checks],
+            }
+            for number, row in enumerate(self.rows)
+            if number < _MOST_TOLD or row.checks or row.key in (key, bare)
+        ]  # fmt: skip
+
+    def in_place(self, chosen: Row, name: str) -> list[tuple[str, Row]]:
+        """Rows that have one other effect in the place of one of a row, with its id."""
+        rest = set(chosen.effects) - {name}
+        found = []
+        for row in self.rows:
+            new = set(row.effects) - rest
+            if rest <= set(row.effects) and len(new) == 1 and name not in new:
+                found.append((new.pop(), row))
+        return found

@@ -1,1 +1,0 @@
-"""What could explain the residual: candidates scored, fitted, kept or refused."""

@@ -1,0 +1,118 @@
+"""From what was found to a diagnosis: figures, probabilities, the verdict, and the model that goes on from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.diagnosis.checks.heldout import Performance, percent_better, performance, performance_read
+from rw_ekf.diagnosis.checks.lattice import Lattice
+from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
+from rw_ekf.diagnosis.checks.uneven_noise import noise_finding
+from rw_ekf.diagnosis.investigate.found import Found, augmented_model
+from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
+from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import GRID_GAINS
+from rw_ekf.diagnosis.verdict.document import document_of
+from rw_ekf.diagnosis.verdict.explanations import weighed_explanations
+from rw_ekf.diagnosis.verdict.judged import Judged
+from rw_ekf.diagnosis.verdict.posterior import posterior_of
+from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
+from rw_ekf.effects.catalogue import GRID
+from rw_ekf.filter.evenness import unevenness
+from rw_ekf.units import RAD_S_PER_RPM
+from rw_ekf.wheel.model_file import refusal_of
+
+if TYPE_CHECKING:
+    pass
+
+Advance = Callable[[str], object]
+
+
+def conclude(found: Found, advance: Advance) -> Diagnosis:
+    """Judge, and write the document and the model."""
+    judged = judgement(found, advance)
+    prepared, kept, course = found.prepared, found.prepared.kept, found.prepared.record.course
+    heldout = np.zeros(kept.size, dtype=bool)
+    heldout[kept] = prepared.split.heldout
+    return Diagnosis(
+        log=prepared.source.log,
+        content=document_of(judged),
+        heldout=heldout,
+        before=_trace_over_log(judged.before.trace, kept),
+        after=_trace_over_log(judged.after.trace, kept) if judged.is_better else None,
+        temperature_degC=_over_log(course.temperature_degC, kept) if prepared.temperature_is_logged else None,
+        angle_rad=_over_log(course.angle_rad, kept) if prepared.facts.angle else None,
+        angle_is_logged=prepared.angle_is_logged,
+        model=judged.model,
+        inertia_kg_m2=prepared.setup.inertia_kg_m2,
+        inertia_from=prepared.setup.inertia_from,
+        in_rpm=prepared.in_rpm,
+    )
+
+
+def judgement(found: Found, advance: Advance) -> Judged:
+    """Weigh what was found, hold it against the held-out part and the tests of the residual, and name it."""
+    prepared, selection = found.prepared, found.selection
+    before = performance(prepared, selection.base)
+    after = performance(prepared, selection.final) if found.new_ids else before
+    lattice, rounded_off = (None, None) if found.is_unexplained else named_grid(found)
+    after = after if rounded_off is None else rounded_off
+    heldout_s = sum(end - begin for begin, end in prepared.split.document()["heldout_s"])
+    advance("weighing explanations")
+    weighed = weighed_explanations(found)
+    rounded = lattice is not None or GRID.id in selection.base.model.effects.ids
+    # Rounded readings are noisier where the wheel moves through cell after cell than where it stays: no torque does it.
+    noise = None if rounded else noise_finding(found.fit, prepared.facts)
+    is_better = not found.is_unexplained and (bool(found.new_ids) or lattice is not None)
+    stands = found.fit if is_better else selection.base
+    white = left_over(stands)
+    tests = residual_tests(white, rounded=rounded)
+    failed = failed_tests(tests)
+    posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0))
+    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed))
+    if noise is not None and verdict.kind == "adequate":
+        noisy = noise.sentence(in_rpm=prepared.in_rpm)
+        verdict = replace(verdict, statement=f"{verdict.statement[:-1]}; but {noisy}.")
+    for name in found.new_ids:
+        selection = selection.decided(name, Decision(Reason.PARTIAL if found.is_unexplained else Reason.ADDED))
+    found = replace(found, selection=selection)
+    advance("writing the model")
+    model = augmented_model(found, lattice) if is_better else None
+    refusal = None if model is None else refusal_of(model)
+    uneven = None if rounded else unevenness(white, stands.trajectory.speed)
+    kept = None if refusal is not None else model
+    return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
+
+
+def _over_log(values: Float64Array, kept: BoolArray) -> Float64Array:
+    """An array over the samples looked at as one over the whole log (kept (n,)), NaN elsewhere."""
+    if kept.all():
+        return values
+    out = np.full(kept.size, np.nan)
+    out[kept] = values
+    return out
+
+
+def _trace_over_log(trace: ModelTrace, kept: BoolArray) -> ModelTrace:
+    return ModelTrace(**{name: _over_log(values, kept) for name, values in vars(trace).items()})
+
+
+def named_grid(found: Found) -> tuple[Lattice, Performance] | tuple[None, None]:
+    """The readings' grid, and the figures with it, where it is coarser than what held-out readings are missed by.
+
+    One-step errors may be small where noise goes on from reading to reading: a grid that is lost in what a free run
+    misses is nothing to anybody, unless errors are smaller for knowing it.
+    """
+    lattice = found.lattice
+    if lattice is None or found.corrected is None:
+        return None, None
+    less = performance(found.prepared, found.selection.final).figures
+    after = performance_read(found.prepared, found.corrected, found.selection.final, lattice)
+    missed_rpm = less["free_run_rms_rpm"] or less["horizon_20s_rms_rpm"] or less["one_step_rms_rpm"] or 0.0
+    coarse = lattice.is_coarser_than((missed_rpm * RAD_S_PER_RPM) ** 2)
+    return (lattice, after) if coarse or (percent_better(less, after.figures) or 0.0) >= GRID_GAINS else (None, None)

@@ -1,0 +1,56 @@
+"""How probable each effect is, what is not in the catalogue included (docs/active-diagnosis.md).
+
+Those of the explanations that were weighed follow from their evidence. What is in no catalogue has none; that it is
+there is told by what the residual's map still shows. The slope of that was fitted to simulated wheels, and tried on
+others. A torque noise that is not the same everywhere counts as much as a dependence of the same p-value.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rw_ekf.diagnosis.checks.lattice import Lattice
+from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding
+from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, TEMPERATURE
+from rw_ekf.diagnosis.verdict.explanations import Explanation
+from rw_ekf.effects.catalogue import GRID
+
+NONE, SOMETHING_ELSE = "none", "something_else"
+_MOST_DECADES = 8.0
+_MOST_ODDS = 10.0  # log, of a law without a name
+_LEAST = 1.0e-3  # less is left out
+
+
+def posterior_of(
+    found: Found, weighed: list[Explanation], lattice: Lattice | None, noise: NoiseFinding | None, residual_p: float
+) -> dict[str, float]:
+    """Probability of each effect beyond the base model, of none, and of something else; they may come together.
+
+    weighed: the explanations, the final model among them; lattice: None where the readings' grid is not named; noise:
+    None where torque noise is the same everywhere; residual_p: of the clearest failed test of the residual, or 1.
+    """
+    elsewhere = something_else(found, noise, residual_p)
+    chances: dict[str, float] = {}
+    for item in weighed:
+        for name in item.effects or (NONE,):
+            chances[name] = chances.get(name, 0.0) + (1.0 - elsewhere) * item.posterior
+    if lattice is not None:
+        chances[GRID.id] = 1.0 / (1.0 + math.exp(-0.5 * (lattice.statistic + lattice.heldout_statistic)))
+        chances[NONE] = 0.0
+    kept = {
+        name: chance for name, chance in chances.items() if name != NONE and (chance >= _LEAST or name in found.new_ids)
+    }
+    ranked = dict(sorted(kept.items(), key=lambda item: -item[1]))
+    return {**ranked, NONE: chances.get(NONE, 0.0), SOMETHING_ELSE: elsewhere}
+
+
+def something_else(found: Found, noise: NoiseFinding | None, residual_p: float) -> float:
+    """Probability that the record holds what is in no catalogue, by what its map, noise or residual still show."""
+    shown = [item.p_value for item in found.dependences] + ([] if noise is None else [noise.p_value])
+    smallest = min([*shown, residual_p])
+    decades = min(-math.log10(max(smallest, 1.0e-300)), _MOST_DECADES)
+    odds = ELSE_BIAS + ELSE_SLOPE * decades
+    if found.unnamed_odds is not None:
+        odds = max(odds, min(found.unnamed_odds, _MOST_ODDS) / TEMPERATURE)
+    return 1.0 / (1.0 + math.exp(-odds))

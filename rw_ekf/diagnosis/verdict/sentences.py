@@ -1,0 +1,117 @@
+"""Subclauses and sentences of a verdict: an effect's size, what it may be instead, what the held-out errors say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
+from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
+from rw_ekf.diagnosis.hypotheses.laws import has_laws
+from rw_ekf.diagnosis.hypotheses.selection import Selection
+from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect_kinds import WanderingEffect
+from rw_ekf.numbers import chance_text, number_text
+from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
+
+_FIGURES = (
+    ("free_run_rms_rpm", "free-run error"),
+    ("horizon_20s_rms_rpm", "error 20 s ahead"),
+    ("one_step_rms_rpm", "one-step error"),
+)
+_TOLD_RATIO = 1.0e-3  # q dt / R: with less process noise nobody would see it in the speed
+_SURE = 0.95  # probability of an order beside which no other is told
+_ORDERS_TOLD = 4
+_BLURRED = 0.25  # share by which squared errors held out grow for want of knowledge, and which is told
+
+
+def measured_by_little(found: Found, names: list[str]) -> str:
+    """A sentence where held-out errors are those of numbers that the other part hardly knows, else nothing."""
+    unjudged = [name for name in found.selection.unjudged if name in names]
+    if unjudged:
+        return (
+            f" The held-out error is no measure of {', '.join(unjudged)}: either part of this record alone knows too"
+            " little of the numbers to predict the other."
+        )
+    excess = for_want_of_knowledge(found.prepared, found.selection.final)
+    if excess < _BLURRED:
+        return ""
+    return (
+        " The part of the record that these errors' numbers come from knows them poorly: for that alone, errors held"
+        f" out are some {100.0 * (math.sqrt(1.0 + excess) - 1.0):.0f} % larger than the noise."
+    )
+
+
+def noise_text(found: Found) -> str:
+    """Noise of the readings, and of the torque where anybody would see it in the speed, in the log's units."""
+    noise, period = found.fit.noise, found.prepared.course.period_s
+    sigma, wander = float(np.sqrt(noise.variance)), float(np.sqrt(noise.ratio * noise.variance / period))
+    unit = "rad/s (or m/s)"
+    if found.prepared.in_rpm:
+        sigma, wander, unit = rpm_from_rad_s(sigma), rpm_from_rad_s(wander), "rpm"
+    if noise.ratio < _TOLD_RATIO:
+        return f"{sigma:.3g} {unit}"
+    return f"{sigma:.3g} {unit}, and a torque noise that moves the speed by {wander:.2g} in a second"
+
+
+def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
+    """What was found of one effect, its size as a share of the friction that the final model has."""
+    facts = replace(facts, friction=fit.model.parameters)
+    effect, terms = CATALOGUE[name], fit.terms_of(name)
+    if issubclass(effect, WanderingEffect) and len(terms) > 1:
+        return effect.sentence_of_pieces([item.term for item in terms], facts)
+    if effect.repeats:
+        terms.sort(key=lambda item: -item.term.size)
+    return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
+
+
+def or_another_law(found: Found, name: str) -> str:
+    """Which laws an effect may follow instead, in brackets, where it has several and one is not sure."""
+    if not has_laws(name) or max(found.laws.values(), default=1.0) > _SURE:
+        return ""
+    others = [f"{law} ({chance_text(chance)})" for law, chance in [*found.laws.items()][1:]]
+    return f" (its law may also be {', '.join(others)})" if others else ""
+
+
+def or_another_order(found: Found, name: str) -> str:
+    """Which orders a ripple may have instead, in brackets, where the angle is not logged and one is not sure."""
+    if not CATALOGUE[name].angular or max(found.orders.values(), default=1.0) > _SURE:
+        return ""
+    listed = [f"{order:g} ({chance_text(probability)})" for order, probability in found.orders.items()]
+    more = f" and {len(listed) - _ORDERS_TOLD} others" if len(listed) > _ORDERS_TOLD else ""
+    return f" (without a logged angle its order may be {', '.join(listed[:_ORDERS_TOLD])}{more})"
+
+
+def separation(group: list[str], posterior: dict[str, float], selection: Selection) -> str:
+    """What would tell the members of a group apart."""
+    first, *others = group
+    same = selection.one_by_construction(first)
+    ways = dict.fromkeys(
+        separates(quantity_of(CATALOGUE[first]))
+        if other in same
+        else CATALOGUE[first].confounded.get(other)
+        or CATALOGUE[other].confounded.get(first)
+        or CATALOGUE[other].excitation
+        for other in others
+    )
+    chances = ", ".join(f"{name} {chance_text(posterior.get(name, 0.0))}" for name in group)
+    return f"How probable each is: {chances}; what separates them: {'; '.join(ways)}"
+
+
+def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
+    """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
+    for key, words in _FIGURES:
+        if before.get(key) is None or after.get(key) is None:
+            continue
+        old, new = before[key], after[key]
+        if wheel_units:
+            return f"{words} {number_text(old)} -> {number_text(new)} rpm on {seconds:.0f} s held out"
+        change = f"{number_text(rad_s_from_rpm(old))} -> {number_text(rad_s_from_rpm(new))}"
+        return f"{words} {change} rad/s (or m/s) on {seconds:.0f} s held out"
+    return f"nothing held out to judge it by in {seconds:.0f} s"

@@ -1,0 +1,205 @@
+"""From fits to a verdict: what is named, what cannot be told apart, and one sentence a person can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rw_ekf.diagnosis.checks.heldout import Performance, percent_better
+from rw_ekf.diagnosis.checks.lattice import Lattice
+from rw_ekf.diagnosis.hypotheses.confounding import Quantity, one_and_the_same, quantity_of, separates
+from rw_ekf.diagnosis.hypotheses.selection import Selection
+from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.diagnosis.standing import Reason
+from rw_ekf.diagnosis.thresholds import DOUBTFUL, GRID_GAINS, GROUP, LEAST_TOLD, RULED_OUT
+from rw_ekf.diagnosis.verdict.posterior import NONE, SOMETHING_ELSE
+from rw_ekf.diagnosis.verdict.sentences import (
+    improvement,
+    measured_by_little,
+    noise_text,
+    or_another_law,
+    or_another_order,
+    sentence_of,
+    separation,
+)
+from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from rw_ekf.numbers import chance_text
+
+_CONFUSED_WITH_TIME: tuple[Quantity, ...] = ("speed", "temperature")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The `verdict` object of the document."""
+
+    kind: str
+    effects: list[str] = field(default_factory=list)
+    indistinguishable: list[list[str]] = field(default_factory=list)
+    posterior: dict[str, float] = field(default_factory=dict)  # by id, and of `none` and `something_else`
+    statement: str = ""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All that a verdict is made of."""
+
+    found: Found
+    lattice: Lattice | None  # None: no grid that is named
+    posterior: dict[str, float]
+    before: Performance  # on the held-out part
+    after: Performance
+    heldout_s: float  # how long that is
+    failed: Mapping[str, float]  # what tests of the residual found that noise does not have, in words, with its p
+
+
+def verdict_on(shown: Evidence) -> Verdict:
+    """What is said of a record, from what was found in it."""
+    if shown.found.is_unexplained:
+        return Verdict("unexplained", posterior=shown.posterior, statement=_of_no_catalogue(shown.found))
+    if shown.found.new_ids or shown.lattice is not None:
+        return _effect(shown)
+    if _is_ruled_out(shown.posterior):
+        doubts = _doubts(shown.found.selection, shown.posterior)
+        text = f"This log wants more than the model, and does not settle what: {doubts}; the residual itself looks like"
+        text += f" noise of {noise_text(shown.found)}."
+        return Verdict("unexplained", posterior=shown.posterior, statement=text)
+    if shown.failed:
+        text = (
+            f"What is left is not noise: {_told(shown.failed)}. No effect of the catalogue explains it; the estimates"
+        )
+        return Verdict(
+            "unexplained", posterior=shown.posterior, statement=f"{text} may be off by more than their sigmas say."
+        )
+    return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
+
+
+def _of_no_catalogue(found: Found) -> str:
+    left = found.left
+    along = ", ".join(item.name for item in left[:2])
+    nearest = found.new_ids if found.nearest is None else found.selection.new_in(found.nearest)
+    partly = f"; {', '.join(nearest)} would explain {100.0 * found.share:.0f} % of it" if nearest else ""
+    if found.nearest is not None:
+        partly += ", less likely than one smooth law without a name"
+    return (
+        f"The residual is not noise: it depends on {along} (p = {left[0].p_value:.0e}) in a way that no effect of the "
+        f"catalogue explains{partly}; see the map of the residual for its shape."
+    )
+
+
+def _adequate(shown: Evidence) -> str:
+    selection = shown.found.selection
+    given, kept = set(selection.base.model.effects.ids), set(selection.final.model.effects.ids)
+    note = " (nothing was added to the model given)" if given else ""
+    if given - kept:
+        note = f" (of the model given, {', '.join(sorted(given - kept))} is not missed)"
+    doubt = _doubt(selection, shown.posterior)
+    return f"The model explains this log: what is left is noise of {noise_text(shown.found)}{note}{doubt}."
+
+
+def _effect(shown: Evidence) -> Verdict:
+    """What was named, how large it is, what it gains, what is left, and what would separate it from others."""
+    found, facts = shown.found, shown.found.prepared.facts
+    names = list(found.new_ids)
+    sentences = [
+        sentence_of(found.reported, name, facts) + or_another_order(found, name) + or_another_law(found, name)
+        for name in names
+    ]
+    if shown.lattice is not None:
+        names.append(GRID.id)
+        sentences.append(GRID.sentence(shown.lattice.grid_rad_s, 0.0, (0.0, 0.0, 0.0), facts))
+    where = ""
+    if any(CATALOGUE[name].local_in_time for name in names):
+        where = " (an event is sought on the whole record; its gain is that on every other 5 s inside it)"
+    text = f"{'; '.join(sentences)}; add {', '.join(names)}{where}: {_gained(shown, names)}; {_what_is_left(shown)}."
+    text += measured_by_little(found, names)
+    groups = _grouped(found.selection, names, shown.posterior)
+    text += f" {separation(groups[0], shown.posterior, found.selection)}." if groups else _another_record(found, names)
+    if shown.posterior.get(SOMETHING_ELSE, 0.0) >= 0.5:
+        chance = chance_text(shown.posterior[SOMETHING_ELSE])
+        text += f" The chance that something else is behind this, or beside it: {chance}."
+    return Verdict("effect", names, groups, shown.posterior, text)
+
+
+def _gained(shown: Evidence, names: list[str]) -> str:
+    before, after = shown.before.figures, shown.after.figures
+    better = improvement(before, after, shown.heldout_s, wheel_units=shown.found.prepared.in_rpm)
+    gained = percent_better(before, after)
+    if names == [GRID.id] and (gained is None or gained < GRID_GAINS):
+        return f"no held-out error is smaller for knowing it ({better})"
+    return better
+
+
+def _what_is_left(shown: Evidence) -> str:
+    left = shown.found.left
+    some = [f"some dependence on {left[0].name} is left"] if left else []
+    some += [f"what is left is not noise: {_told(shown.failed)}"] if shown.failed else []
+    nothing = "nothing is left in the residual" if shown.lattice is None else "nothing but the rounding is left"
+    return ", and ".join(some) or nothing
+
+
+def _another_record(found: Found, names: list[str]) -> str:
+    """Which record would show whether what goes with time does, where this one has another quantity as one with it."""
+    if not any(_goes_with_time(name) for name in names):
+        return ""
+    others = [other for other in _CONFUSED_WITH_TIME if one_and_the_same(found.fit, "time", other)]
+    if not others:
+        return ""
+    way = separates(others[0])
+    return f" {way[:1].upper()}{way[1:]} would show whether it goes with time at all."
+
+
+def _told(failed: Mapping[str, float]) -> str:
+    """`it is correlated in time (p = 1e-71), and its mean is not zero (p = 2e-05)`."""
+    return ", and ".join(f"{words} (p = {p:.0e})" for words, p in failed.items())
+
+
+def _is_ruled_out(posterior: dict[str, float]) -> bool:
+    """Whether an effect that may not be named is all but certain beside the model to which nothing was added."""
+    rest = 1.0 - posterior.get(SOMETHING_ELSE, 0.0)
+    return bool(_effects_in(posterior)) and posterior.get(NONE, 1.0) < RULED_OUT * rest
+
+
+def _doubt(selection: Selection, posterior: dict[str, float]) -> str:
+    """What speaks against a model to which nothing was added, where its own probability is below a half."""
+    likeliest = max((posterior[name] for name in _effects_in(posterior)), default=0.0)
+    doubted = likeliest >= DOUBTFUL and posterior.get(NONE, 1.0) < 0.5
+    return f"; but {_doubts(selection, posterior)}" if doubted else ""
+
+
+def _doubts(selection: Selection, posterior: dict[str, float]) -> str:
+    """How probable it is that nothing is missing, and what is likeliest to be, with why it was not named."""
+    first, *others = _effects_in(posterior)
+    effects = [first, *(name for name in others if posterior[name] >= DOUBTFUL)]
+    chances = ", ".join(f"{name} {chance_text(posterior[name])}" for name in effects[:GROUP])
+    trial = selection.trials.get(effects[0])
+    explained = trial is None or trial.decision.reason is Reason.EXPLAINED
+    why = "" if trial is None or explained else f"; {effects[0]} is {trial.decision.words}"
+    return f"the probability that nothing is missing is {chance_text(posterior[NONE])} ({chances}{why})"
+
+
+def _effects_in(posterior: dict[str, float]) -> list[str]:
+    """The ids of effects, the most probable first."""
+    return [name for name in posterior if name not in {NONE, SOMETHING_ELSE}]
+
+
+def _goes_with_time(name: str) -> bool:
+    """Whether an effect varies smoothly with the record's clock; the onset of an event is no law of speed."""
+    return quantity_of(CATALOGUE[name]) == "time" and not CATALOGUE[name].local_in_time
+
+
+def _grouped(selection: Selection, chosen: list[str], posterior: dict[str, float]) -> list[list[str]]:
+    """Each effect with those that the data cannot tell from it, the most probable of them."""
+    groups: list[list[str]] = []
+    for name in chosen:
+        constructed = selection.one_by_construction(name)
+        told = {other for group in groups for other in group} & constructed
+        rivals = [
+            rival.name
+            for rival in selection.rivals.get(name, ())
+            if posterior.get(rival.name, 0.0) >= LEAST_TOLD or rival.name in constructed
+            if rival.name not in chosen and rival.name not in told
+        ]
+        if rivals:
+            rivals.sort(key=lambda other: -posterior.get(other, 0.0))
+            groups.append([name, *dict.fromkeys(rivals)][:GROUP])
+    return groups
