@@ -24,7 +24,7 @@ def test_a_model_that_is_all_but_ruled_out_is_not_adequate() -> None:
 
     def called(none: float) -> tuple[str, str]:
         posterior = {"quadratic_drag": 0.9 - none, "none": none, "something_else": 0.1}
-        verdict = verdict_on(Evidence(found, None, posterior, figures, figures, 60.0, {}))
+        verdict = verdict_on(Evidence(found, None, posterior, figures, figures, 60.0, {}, None))
         return verdict.kind, verdict.statement
 
     assert called(0.8)[0] == "adequate"
@@ -42,7 +42,7 @@ def test_no_sentence_stands_against_a_test_of_its_own_document() -> None:
     white = np.random.default_rng(1).standard_normal(2000)
     for left, words in ((white, ""), (white + 0.3 * np.roll(white, 1), "correlated in time"), (1.2 * white, "spread")):
         failed = failed_tests(residual_tests(left))
-        verdict = verdict_on(Evidence(found, None, POSTERIOR, figures, figures, 60.0, failed))
+        verdict = verdict_on(Evidence(found, None, POSTERIOR, figures, figures, 60.0, failed, None))
         assert (verdict.kind == "adequate") == (not words)
         assert words in verdict.statement
     assert failed_tests(residual_tests(1.2 * white, rounded=True)) == {}

@@ -74,10 +74,8 @@ def judgement(found: Found, advance: Advance) -> Judged:
     tests = residual_tests(white, rounded=rounded)
     failed = failed_tests(tests)
     posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0))
-    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed))
-    if noise is not None and verdict.kind == "adequate":
-        noisy = noise.sentence(in_rpm=prepared.in_rpm)
-        verdict = replace(verdict, statement=f"{verdict.statement[:-1]}; but {noisy}.")
+    noisy = None if noise is None else noise.sentence(in_rpm=prepared.in_rpm)
+    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed, noisy))
     for name in found.new_ids:
         selection = selection.decided(name, Decision(Reason.PARTIAL if found.is_unexplained else Reason.ADDED))
     found = replace(found, selection=selection)
