@@ -96,7 +96,7 @@ INDISTINGUISHABLE = _number(
     "INDISTINGUISHABLE", 4.5, "log", "rows within it are told together; odds against what only a clock tells",
     "three sigma: 9/2",
 )  # fmt: skip
-TIE = _number("TIE", 0.1, "log", "rows within it are one model under two names", "chosen")
+TIE = _number("TIE", 0.5, "log", "rows within it are equally likely: the catalogue's first is named", "chosen")
 UNNAMED_LOG_ODDS = _number(
     "UNNAMED_LOG_ODDS", -3.0, "log", "a law, or a walk, that no catalogue has, beforehand", "one wheel in twenty"
 )

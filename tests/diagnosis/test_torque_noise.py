@@ -91,7 +91,7 @@ def test_a_finding_in_words() -> None:
 
 @pytest.mark.parametrize(("seed", "kind"), [(2, "unexplained"), (3, "adequate")])
 def test_a_noise_that_is_not_the_same_everywhere_is_said_and_weighed(seed: int, kind: str) -> None:
-    """Three times the noise above half speed is no effect; the kind is that of what is likelier, and the words say it."""
+    """Three times the noise above half speed is no effect: the kind is that of what is likelier, in words."""
     document = diagnose_log(noisy_above_half(seed, 0.1, 3.0)).document()
     assert document["verdict"]["kind"] == kind
     assert (document["verdict"]["posterior"]["something_else"] > 0.5) == (kind == "unexplained")

@@ -23,7 +23,7 @@ from tests.live.bench import ROOT, Bench, document_of, driven, rw_ekf, served_wh
 from tests.live.virtual import USUAL, run, setting
 
 QUICK = (  # the daemon's own command line, saving what it learned twice a second
-    "import sys; from rw_ekf.sinks import registry; registry.LEARNED_EVERY_S = 0.5;"
+    "import sys; from rw_ekf.sinks import all_sinks; all_sinks.LEARNED_EVERY_S = 0.5;"
     "from rw_ekf.cli import main; sys.exit(main(sys.argv[1:]))"
 )
 TRUTH = 15.205

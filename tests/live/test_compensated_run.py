@@ -6,13 +6,13 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.settings.schema import CompensationScheme
+from rw_ekf.settings.schema import RUN_SCHEMES
 from rw_ekf.units import rad_s_from_rpm
 from tests.faults.rig import LineWheel
 from tests.live.daemon import Ran
@@ -117,7 +117,7 @@ def test_the_log_and_the_filter_have_the_current_that_was_issued(tmp_path: Path)
 
 
 CREEPS = [("dmc", 600.0, 0.0, 1.0), ("dmc", 600.0, 2.0, 1.0), ("dmc", 600.0, -2.0, 5.0), ("dmc", 600.0, 6.0, 1.0)]
-OTHERS = [(name, 60.0, 2.0, 1.0) for name in get_args(CompensationScheme) if name != "dmc"]
+OTHERS = [(name, 60.0, 2.0, 1.0) for name in RUN_SCHEMES if name != "dmc"]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import Tick
 from rw_ekf.settings.load import load_configuration
-from rw_ekf.settings.schema import CompensationScheme
+from rw_ekf.settings.schema import RUN_SCHEMES
 from rw_ekf.units import RAD_S_PER_RPM
 
 MARK_MS = 5.0
@@ -59,7 +59,7 @@ def main() -> int:
     """Run and print a row for each; 1 where the mark is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--turns", type=int, default=10_000)
-    parser.add_argument("--scheme", nargs="*", default=["dmc"], choices=get_args(CompensationScheme))
+    parser.add_argument("--scheme", nargs="*", default=["dmc"], choices=RUN_SCHEMES)
     arguments = parser.parse_args()
     print("us between reading and current    processor: median  99.9 %  largest    wall: median  99.9 %  largest")
     worst_us = 0.0

@@ -83,7 +83,7 @@ def _of_known_size(fit: Fit, name: str) -> Check:
 def _missed(search: Search, fit: Fit, name: str, others: list[str]) -> Check:
     """Whether the record asks for it beside all else: an offset that friction by direction explains is not missed."""
     effect = CATALOGUE[name]
-    statistic = 2.0 * (fit.likelihood.value - fit.without(name).likelihood.value)
+    statistic = 2.0 * (fit.likelihood.value - search.without(fit, name).likelihood.value)
     why = explained_by(*others) if others else Decision(Reason.NOT_SIGNIFICANT)
     stands = p_value(effect, statistic, search.facts) < SIGNIFICANT_P
     limit = threshold(effect, search.facts)

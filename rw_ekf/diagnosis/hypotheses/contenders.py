@@ -56,21 +56,20 @@ class Search:
             return fit
         return likeliest_stribeck_speed(fit, self.facts.top_speed_rad_s)
 
-    def _open(self, model: Model, excluded: frozenset[str]) -> list[type[Effect]]:
+    def _open(self, model: Model) -> list[type[Effect]]:
         """Effects that may still enter: a periodic one at another order or frequency, any other once."""
         present = set(model.effects.ids)
         full, memory = len(present) >= MOST_EFFECTS, any(term.effect.flow_kind for term in model.terms)
         return [
             effect
             for effect in self.effects
-            if effect.id not in excluded
-            and ((effect.id not in present and not full) or (effect.repeats and effect.id in present))
+            if ((effect.id not in present and not full) or (effect.repeats and effect.id in present))
             and not (effect.flow_kind and memory)
         ]
 
     def contenders(self, current: Fit, selection: Selection) -> tuple[list[Score], Selection]:
         """Scores that are significant and large enough, the strongest first; others are noted as not significant."""
-        effects = self._open(current.model, selection.excluded)
+        effects = self._open(current.model)
         anywhere = [effect for effect in effects if not effect.local_in_time]
         scores = Scorer(current).best_of_each(self.facts, anywhere)
         everything = dict(scores)
@@ -142,7 +141,7 @@ class Search:
             for name in fit.model.effects.ids:
                 if CATALOGUE[name].local_in_time:
                     continue
-                less = self._without(fit, name)
+                less = self.without(fit, name)
                 statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
                 losses.append((statistic, name, less))
             if not losses:
@@ -157,7 +156,7 @@ class Search:
             fit = less
         return fit, selection
 
-    def _without(self, fit: Fit, name: str) -> Fit:
+    def without(self, fit: Fit, name: str) -> Fit:
         """The same without an effect; where nobody gave a Stribeck speed, the likeliest one by the base model's law."""
         if name != STRIBECK.id or not self.facts.stribeck_is_open:
             return fit.without(name)

@@ -157,7 +157,6 @@ def _near(search: Search, selection: Selection, name: str) -> list[type[Effect]]
         for effect in search.effects
         if effect.id in names
         and effect.id not in present
-        and effect.id not in selection.excluded
         and not effect.local_in_time
         and not (effect.flow_kind and memory)
     ]
@@ -169,6 +168,6 @@ def _events_near(search: Search, selection: Selection, name: str) -> list[type[E
         return []
     least = selection.trials[name].screening_gain - INDISTINGUISHABLE - _ROOM
     present = set(selection.final.model.effects.ids)
-    events = [effect.id for effect in search.effects if effect.local_in_time and effect.id not in selection.excluded]
+    events = [effect.id for effect in search.effects if effect.local_in_time]
     tried = [selection.trials.get(name) for name in events]
     return [t.effect for t in tried if t is not None and t.screening_gain > least and t.effect.id not in present]

@@ -62,7 +62,6 @@ class Selection:
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)  # by the id that was chosen
     unjudged: tuple[str, ...] = ()  # chosen ids of which no held-out figure says anything
     searched: tuple[tuple[Fit, Mapping[str, Score]], ...] = ()  # scores beside each model of the search
-    excluded: frozenset[str] = frozenset()  # what is of no possible size where it is likeliest: something else is there
     set_aside: bool = False  # something that goes with time had to wait
 
     def tried(self, trial: Trial) -> Selection:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rw_ekf.diagnosis.checks.checks import Check, checks
+from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.selection import Rival, Selection
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
@@ -35,7 +36,7 @@ def chosen(prepared: Prepared, search: Search, ledger: Ledger, selection: Select
         if failed.effect in selection.trials:
             selection = selection.decided(failed.effect, failed.decision)
         refused.add(row.key)
-        ledger = ledger.with_rows([row.fit.without(failed.effect)])
+        ledger = ledger.with_rows([search.without(row.fit, failed.effect)])
     return ledger, replace(selection, final=ledger.base)
 
 
@@ -50,28 +51,28 @@ def _next(ledger: Ledger, top: Row, refused: set[Key]) -> Row | None:
 
 
 def _by_first_name(ledger: Ledger, row: Row) -> Row:
-    """Of rows that are one model under two names that which the catalogue has first."""
+    """Of rows that are equally likely that whose effects the catalogue has first."""
     order = [*CATALOGUE]
     twins = [row]
     for name in row.effects:
         for _, other in ledger.in_place(row, name):
-            same = abs(other.fit.likelihood.value - row.fit.likelihood.value) < TIE
-            if same and other.log_odds == row.log_odds and not other.waits:
+            if abs(other.weight - row.weight) < TIE and other.log_odds == row.log_odds and not other.waits:
                 twins.append(other)
     return min(twins, key=lambda item: sorted(order.index(name) for name in item.effects))
 
 
 def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
-    rivals = {}
+    """With the rows that one cannot be told from: as likely, or what time does in a record that has it as one."""
+    rivals: dict[str, list[Rival]] = {}
     for name in row.effects:
-        found = [
-            Rival(other, item.fit, item.weight - row.weight, item.constructed or row.constructed)
-            for other, item in ledger.in_place(row, name)
-        ]
-        near = [item for item in found if item.constructed or item.ahead > -INDISTINGUISHABLE]
-        if near:
-            rivals[name] = tuple(sorted(near, key=lambda item: -item.ahead))
+        for other, item in ledger.in_place(row, name):
+            ahead = item.weight - row.weight
+            is_time_as_one = item.constructed and quantity_of(CATALOGUE[other]) == "time"
+            if is_time_as_one or ahead > -INDISTINGUISHABLE:
+                rival = Rival(other, item.fit, ahead, item.constructed or row.constructed)
+                rivals.setdefault(name, []).append(rival)
     for other in {item.name for found in rivals.values() for item in found} - set(row.effects):
         if other in selection.trials:
             selection = selection.decided(other, explained_by(*row.effects))
-    return replace(selection, final=row.fit, rivals=rivals)
+    likeliest_first = {name: tuple(sorted(found, key=lambda item: -item.ahead)) for name, found in rivals.items()}
+    return replace(selection, final=row.fit, rivals=likeliest_first)

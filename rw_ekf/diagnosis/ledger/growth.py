@@ -54,18 +54,26 @@ def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger,
 
 
 def _exchanged(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
-    """With rows that have a rival in the place of an effect of one, which is taken to its deepest valley before."""
+    """With rows that have a rival in the place of an effect of one, which is taken to its deepest valley before.
+
+    A rival may do alone what takes two effects: each is tried without every other effect, too.
+    """
     here = in_deepest_valleys(replace(selection, final=row.fit), search.facts)
     if here.final is not row.fit:
         ledger = ledger.with_rows([here.final])
     for name, rivals in rivals_in_place(search, here).items():
-        ledger = ledger.with_rows(rival.fit for rival in rivals if not rival.constructed)
         # A law of temperature that is true is not behind a curve of time by more than chance; where time goes with
         # speed, a curve of time takes the place of whatever law of speed is missing.
         waits = quantity_of(CATALOGUE[name]) != "temperature"
-        same = (rival.fit for rival in rivals if rival.constructed)
-        ledger = ledger.with_rows(same, constructed=True, waits=waits)
+        for rival in rivals:
+            fits = [rival.fit, *_without_others(search, rival.fit, set(row.effects) - {name})]
+            ledger = ledger.with_rows(fits, constructed=rival.constructed, waits=rival.constructed and waits)
     return ledger, replace(here, final=ledger.base)
+
+
+def _without_others(search: Search, fit: Fit, others: set[str]) -> list[Fit]:
+    """A fit without each of some effects in turn, but for an event, whose place was sought beside the rest."""
+    return [search.without(fit, name) for name in sorted(others) if not CATALOGUE[name].local_in_time]
 
 
 def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
@@ -95,6 +103,6 @@ def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) 
                 continue
         if effect.local_in_time:
             fit = with_other_laws(fit, name, search.facts)
-        less = [fit.without(other) for other in ledger.row(fit).effects if other != name]
+        less = [search.without(fit, other) for other in ledger.row(fit).effects if other != name]
         ledger = ledger.with_rows([fit, *less])
     return ledger, selection
