@@ -18,6 +18,8 @@ from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis.simulated import RATE_HZ, log_of, simulated
 from tests.karnopp import karnopp
+from tools.proof import plants
+from tools.proof.marks import case_called
 
 BUMP = "drag_bump:amplitude_rad_s2=0.0586,speed_rad_s=6.283,width_rad_s=1.571"  # 10 % of c at 60 +- 15 rpm
 
@@ -89,11 +91,19 @@ def test_a_finding_in_words() -> None:
     assert some.document(in_rpm=True)["from"] == pytest.approx(50.0)
 
 
-@pytest.mark.parametrize(("seed", "kind"), [(2, "unexplained"), (3, "adequate")])
-def test_a_noise_that_is_not_the_same_everywhere_is_said_and_weighed(seed: int, kind: str) -> None:
-    """Three times the noise above half speed is no effect: the kind is that of what is likelier, in words."""
-    document = diagnose_log(noisy_above_half(seed, 0.1, 3.0)).document()
+@pytest.mark.parametrize(("times", "kind"), [(3.0, "adequate"), (5.0, "unexplained")])
+def test_a_noise_that_is_not_the_same_everywhere_is_said_and_weighed(times: float, kind: str) -> None:
+    """More noise above half speed is no effect: the kind is that of what is likelier, and the words say where."""
+    document = diagnose_log(noisy_above_half(2, 0.1, times)).document()
     assert document["verdict"]["kind"] == kind
     assert (document["verdict"]["posterior"]["something_else"] > 0.5) == (kind == "unexplained")
     assert document["torque_noise"]["p_value"] < NOISE_P
     assert "torque noise is" in document["verdict"]["statement"]
+
+
+def test_a_healthy_wheel_is_not_accused_for_a_chance_of_its_noise() -> None:
+    """One in some six hundred shows 4e-7 by this test, whose tail is carried on from 400 draws: a warning, no more."""
+    document = diagnose_log(plants.log_of(case_called("healthy-121", 3005))).document()
+    assert document["verdict"]["kind"] == "adequate"
+    assert "torque noise" in document["verdict"]["statement"]
+    assert document["verdict"]["posterior"]["something_else"] < 0.2

@@ -2,7 +2,7 @@
 
 Those of the explanations that were weighed follow from their evidence. What is in no catalogue has none; that it is
 there is told by what the residual's map still shows. The slope of that was fitted to simulated wheels, and tried on
-others. A torque noise that is not the same everywhere counts as much as a dependence of the same p-value.
+others. A torque noise that is not the same everywhere counts half as much.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, TEMPERATURE
+from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
 from rw_ekf.diagnosis.verdict.explanations import Explanation
 from rw_ekf.effects.catalogue import GRID
 
@@ -47,10 +47,14 @@ def posterior_of(
 
 def something_else(found: Found, noise: NoiseFinding | None, residual_p: float) -> float:
     """Probability that the record holds what is in no catalogue, by what its map, noise or residual still show."""
-    shown = [item.p_value for item in found.dependences] + ([] if noise is None else [noise.p_value])
-    smallest = min([*shown, residual_p])
-    decades = min(-math.log10(max(smallest, 1.0e-300)), _MOST_DECADES)
-    odds = ELSE_BIAS + ELSE_SLOPE * decades
+    decades = max(_decades(min([item.p_value for item in found.dependences] + [residual_p])), 0.0)
+    if noise is not None:
+        decades = max(decades, NOISE_COUNTS * _decades(noise.p_value))
+    odds = ELSE_BIAS + ELSE_SLOPE * min(decades, _MOST_DECADES)
     if found.unnamed_odds is not None:
         odds = max(odds, min(found.unnamed_odds, _MOST_ODDS) / TEMPERATURE)
     return 1.0 / (1.0 + math.exp(-odds))
+
+
+def _decades(p_value: float) -> float:
+    return -math.log10(max(p_value, 1.0e-300))
