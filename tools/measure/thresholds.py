@@ -1,7 +1,7 @@
 """What the marks of the proof do where a threshold of the diagnosis is a third smaller or larger.
 
     python -m tools.measure.thresholds --cases 3 --json thresholds.json
-    python -m tools.measure.thresholds --only SIGNIFICANT_P MAP_P --cases 12
+    python -m tools.measure.thresholds --only SIGNIFICANT_P MAP_P --marks id-5rpm healthy --cases 12
 
 Each run is the proof (tools.proof) in a process of its own, in which the number was changed before anything read it.
 Counted are logs that end right or wrong otherwise than with the numbers as they are, and logs with other names.
@@ -45,7 +45,7 @@ def other_value(name: str, factor: float) -> float:
     return value * factor
 
 
-def outcomes(name: str, value: float, count: int, seed: int) -> Outcomes:
+def outcomes(name: str, value: float, marks: list[str], count: int, seed: int) -> Outcomes:
     """Of a proof of so many logs per mark, in this process, whose threshold is another from now on; no name: none."""
     if name:
         setattr(thresholds, name, type(getattr(thresholds, name))(value))
@@ -53,7 +53,7 @@ def outcomes(name: str, value: float, count: int, seed: int) -> Outcomes:
     from tools.proof.prove import Job, chosen_cases, prove  # noqa: PLC0415 - it reads them where it is imported
 
     job = Job(told=False)
-    records = [prove(case, job) for case in chosen_cases([], seed, count, quick=False)]
+    records = [prove(case, job) for case in chosen_cases(marks, seed, count, quick=False)]
     return {record.case: (record.outcome == "right", (str(record.kind), *sorted(record.named))) for record in records}
 
 
@@ -92,6 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Measure, print a table, and write what became of which log."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=3, help="logs per mark")
+    parser.add_argument("--marks", nargs="+", default=[], help="of the proof; default: all")
     parser.add_argument("--seed", type=int, default=3003)
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=[*TABLE], default=[*TABLE])
     parser.add_argument("--jobs", type=int, default=2)
@@ -105,7 +106,9 @@ def main(arguments: list[str] | None = None) -> int:
     found: dict[str, list[dict[str, Any]]] = {}
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(options.jobs, mp_context=context, max_tasks_per_child=1) as pool:
-        runs = [pool.submit(outcomes, name, value, options.cases, options.seed) for name, value in wanted]
+        runs = [
+            pool.submit(outcomes, name, value, options.marks, options.cases, options.seed) for name, value in wanted
+        ]
         usual = runs[0].result()
         right = sum(ended for ended, _ in usual.values())
         print(f"{len(usual)} logs, {right} right", flush=True)
