@@ -41,6 +41,7 @@ def test_a_third_less_of_a_count_is_one_less_and_of_a_p_value_its_exponent() -> 
     assert other_value("BEAM", 1.3) == 3.0
     assert abs(other_value("SIGNIFICANT_P", 1.3) - 10.0**-5.2) < 1e-9
     assert other_value("LEAST_SIGMAS", 0.7) == 0.7 * thresholds.LEAST_SIGMAS
+    assert other_value("EXPLAINED_SHARE", 1.3) == 0.9
 
 
 def test_logs_are_told_that_end_otherwise() -> None:

@@ -36,13 +36,14 @@ class Moved(NamedTuple):
 
 
 def other_value(name: str, factor: float) -> float:
-    """A threshold a third off; of a probability below a hundredth its logarithm, of a count the next whole number."""
+    """A threshold a third off; of a p-value its exponent, of a count the next whole number, of a share not above 1."""
     value = TABLE[name].value
     if name in _WHOLE:
         return value + (1.0 if factor > 1.0 else -1.0)
     if TABLE[name].unit == "p":
         return float(value**factor)
-    return value * factor
+    above = value * factor
+    return 0.5 * (1.0 + value) if value < 1.0 < above else above
 
 
 def outcomes(name: str, value: float, marks: list[str], count: int, seed: int) -> Outcomes:
