@@ -36,12 +36,17 @@ class Moved(NamedTuple):
 
 
 def other_value(name: str, factor: float) -> float:
-    """A threshold a third off; of a p-value its exponent, of a count the next whole number, of a share not above 1."""
+    """A threshold a third off; of a p-value its exponent, of a factor what it is beyond 1, of a count the next one.
+
+    A share stays below 1.
+    """
     value = TABLE[name].value
     if name in _WHOLE:
         return value + (1.0 if factor > 1.0 else -1.0)
     if TABLE[name].unit == "p":
         return float(value**factor)
+    if TABLE[name].unit == "factor":
+        return 1.0 + factor * (value - 1.0)
     above = value * factor
     return 0.5 * (1.0 + value) if value < 1.0 < above else above
 
