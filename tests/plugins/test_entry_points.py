@@ -52,7 +52,7 @@ def command(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 def python(site: Path, code: str) -> str:
     """What a program prints with what is installed there."""
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
+        [sys.executable, "-c", code],
         capture_output=True, text=True, check=False, cwd=site, env=environment(site),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
