@@ -6,8 +6,8 @@ What rw_ekf brings itself is registered in the same way; what installed packages
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from rw_ekf.errors import ConfigError
 
@@ -15,24 +15,34 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 Group = Literal["rw_ekf.protocols", "rw_ekf.log_formats", "rw_ekf.effects", "rw_ekf.compensations", "rw_ekf.sinks"]
+Kind = TypeVar("Kind")
 
 
 def registered(group: Group, own: Mapping[str, str]) -> dict[str, EntryPoint]:
     """Entry points of a group by name: rw_ekf's own, and those of whatever is installed beside it.
 
-    own: name -> "module:attribute". Raises ConfigError where two have one name: nobody could say which one runs.
+    own: name -> "module:attribute". Raises ConfigError as `added`.
     """
     from importlib.metadata import EntryPoint
 
-    found = {name: EntryPoint(name, value, group) for name, value in own.items()}
+    return {name: EntryPoint(name, value, group) for name, value in own.items()} | added(group, own)
+
+
+def added(group: Group, taken: Iterable[str] = ()) -> dict[str, EntryPoint]:
+    """What installed packages register in a group, by name.
+
+    taken: names that rw_ekf has itself. Raises ConfigError for one of them, and where two packages register one name
+    for different things: nobody could say which one runs.
+    """
+    owners = dict.fromkeys(taken, "rw_ekf")
+    found: dict[str, EntryPoint] = {}
     for point in _installed(group):
-        if point.name in found and found[point.name].value != point.value:
-            other = _origin(found[point.name])
-            raise ConfigError(
-                f"{group}: {_origin(point)} registers {point.name!r}, which {other} has already: uninstall one, or "
-                "give it another name in its pyproject.toml"
-            )
-        found.setdefault(point.name, point)
+        if point.name in found and found[point.name].value == point.value:
+            continue
+        if point.name in owners:
+            both = f"{_origin(point)} registers {point.name!r}, which {owners[point.name]} has already"
+            raise ConfigError(f"{group}: {both}: uninstall one, or give it another name in its pyproject.toml")
+        found[point.name], owners[point.name] = point, _origin(point)
     return found
 
 
@@ -44,10 +54,15 @@ def loaded(point: EntryPoint) -> Any:
         raise
     except Exception as error:
         what = f"{type(error).__name__}: {error}"
-        raise ConfigError(
-            f"{point.group}: {point.name!r} of {_origin(point)} ({point.value}) cannot be loaded ({what}): mend or "
-            "uninstall that package"
-        ) from error
+        raise refused(point, f"cannot be loaded ({what}): mend or uninstall that package") from error
+
+
+def loaded_as(kind: type[Kind], point: EntryPoint) -> Kind:
+    """The same, where it has to be of a kind. Raises ConfigError for another."""
+    thing = loaded(point)
+    if not isinstance(thing, kind):
+        raise refused(point, f"must be a {kind.__name__} of {kind.__module__}; found {type(thing).__name__}")
+    return thing
 
 
 def refused(point: EntryPoint, why: str) -> ConfigError:

@@ -32,21 +32,17 @@ def refuse(mistakes: Iterable[Mistake]) -> None:
         raise ValidationError.from_exception_data("", details)
 
 
-def one_of(names: Iterable[str] | Callable[[], Iterable[str]], usual: Iterable[str] = ()) -> BeforeValidator:
+def one_of(names: Iterable[str] | Callable[[], Iterable[str]]) -> BeforeValidator:
     """Give the validator of a text that must be one of `names`, where they are known at run time only.
 
-    names: or what finds them, which is asked for a text that is none of the `usual` ones.
+    names: or what finds them, which is asked when there is a text.
     """
-    asked = names if callable(names) else None
-    known = tuple(usual) if callable(names) else tuple(names)
 
     def check(value: Any) -> Any:
+        known = tuple(names() if callable(names) else names)
         if isinstance(value, str) and value in known:
             return value
-        all_known = known if asked is None else tuple(asked())
-        if isinstance(value, str) and value in all_known:
-            return value
-        raise PydanticKnownError("literal_error", {"expected": ", ".join(all_known)})
+        raise PydanticKnownError("literal_error", {"expected": ", ".join(known)})
 
     return BeforeValidator(check)
 

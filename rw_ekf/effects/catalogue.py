@@ -13,7 +13,7 @@ import rw_ekf.effects
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.effect import Effect
 from rw_ekf.model.effect_kinds import ReadingEffect, StribeckEffect, WanderingEffect
-from rw_ekf.plugins import loaded, refused, registered
+from rw_ekf.plugins import added, loaded, refused
 
 # Order of the table in docs/contract.md; what is not here comes behind, by alphabet.
 CONTRACT_IDS = (
@@ -37,7 +37,7 @@ def _own_modules() -> list[ModuleType]:
 def _added_modules() -> list[ModuleType]:
     """Modules that installed packages register. Raises ConfigError for one without an effect, or with a second grid."""
     modules = []
-    for point in registered("rw_ekf.effects", {}).values():
+    for point in added("rw_ekf.effects").values():
         module = loaded(point)
         found = _effects_of(module) if inspect.ismodule(module) else []
         if not found:

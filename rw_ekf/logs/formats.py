@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.format import HEAD_BYTES, LogFormat
-from rw_ekf.plugins import loaded, refused, registered
+from rw_ekf.plugins import loaded_as, registered
 
 _OWN = {
     "parquet": "rw_ekf.logs.parquet_table:FORMAT",
@@ -29,9 +29,7 @@ def format_of(path: Path, name: str) -> LogFormat:
     head, suffix = _head_of(path, name), path.suffix.lower()
     points = registered("rw_ekf.log_formats", _OWN)
     for key, point in points.items():
-        form = loaded(point)
-        if not isinstance(form, LogFormat):
-            raise refused(point, f"must be a LogFormat of {LogFormat.__module__}; found {type(form).__name__}")
+        form = loaded_as(LogFormat, point)
         if key != _LAST and form.recognises(head, suffix):
             return form
     for magic, what in _FOREIGN:
@@ -43,8 +41,7 @@ def format_of(path: Path, name: str) -> LogFormat:
             f"{name}: is called {suffix} but is no {kind} file (it begins with {head[:8]!r}): rename it to what it is, "
             "or write it again"
         )
-    text: LogFormat = loaded(points[_LAST])
-    return text
+    return loaded_as(LogFormat, points[_LAST])
 
 
 def _head_of(path: Path, name: str) -> bytes:

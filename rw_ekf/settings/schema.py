@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rw_ekf.checking.section import Section, matching, one_of
-from rw_ekf.plugins import registered
+from rw_ekf.plugins import added
 
 CommandProfile = Literal[
     "sine", "zero", "steps", "random-sines", "identification", "log", "none", "P1", "P2", "S1", "S2", "S3", "S4", "S5"
@@ -25,10 +25,10 @@ RUN_SCHEMES = (
 
 def _run_schemes() -> tuple[str, ...]:
     """Those that a run takes, and what installed packages add (docs/extending.md)."""
-    return (*RUN_SCHEMES, *registered("rw_ekf.compensations", {}))
+    return (*RUN_SCHEMES, *added("rw_ekf.compensations", RUN_SCHEMES))
 
 
-CompensationScheme = Annotated[str, one_of(_run_schemes, usual=RUN_SCHEMES)]
+CompensationScheme = Annotated[str, one_of(_run_schemes)]
 CompensationRequest = Literal["socket", "profile", "log"]
 StribeckLaw = Literal["gauss", "tustin", "lorentz"]
 

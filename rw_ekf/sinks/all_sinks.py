@@ -13,7 +13,7 @@ from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.logs.parts import part_path
 from rw_ekf.logs.record_print import RecordPrint
 from rw_ekf.logs.writer import EstimateWriter, SampleWriter
-from rw_ekf.plugins import loaded, refused, registered
+from rw_ekf.plugins import added, loaded_as, refused
 from rw_ekf.records import LinkCounters, Sink, StateNow
 from rw_ekf.settings.schema import OutputSection
 from rw_ekf.sinks.events import EventsSink
@@ -126,14 +126,9 @@ SINKS: dict[str, SinkKind] = {
 
 def _all_sinks() -> dict[str, SinkKind]:
     """Those of rw_ekf and of installed packages, which never keep the loop waiting. Raises ConfigError."""
-    own = dict.fromkeys(SINKS, f"{__name__}:SINKS")
     found = dict(SINKS)
-    for name, point in registered("rw_ekf.sinks", own).items():
-        if name in SINKS:
-            continue
-        kind = loaded(point)
-        if not isinstance(kind, SinkKind):
-            raise refused(point, f"must be a SinkKind of {__name__}; found {type(kind).__name__}")
+    for name, point in added("rw_ekf.sinks", SINKS).items():
+        kind = loaded_as(SinkKind, point)
         found[name] = kind._replace(make=_queued(point, kind.make))
     return found
 

@@ -28,7 +28,7 @@ from rw_ekf.control.compensation.unmodelled_drag import SpeedNoise
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.friction import Stribeck
 from rw_ekf.model.state import FrictionParameters
-from rw_ekf.plugins import loaded, refused, registered
+from rw_ekf.plugins import added, loaded_as, refused
 
 
 @dataclass(frozen=True)
@@ -210,15 +210,11 @@ OWN_SCHEMES: dict[str, SchemeEntry] = {
 
 def _added_schemes() -> dict[str, SchemeEntry]:
     """What installed packages register (entry points rw_ekf.compensations). Raises ConfigError."""
-    own = dict.fromkeys(OWN_SCHEMES, f"{__name__}:OWN_SCHEMES")
     found = {}
-    for name, point in registered("rw_ekf.compensations", own).items():
-        if name in OWN_SCHEMES:
-            continue
-        entry = loaded(point)
-        if not isinstance(entry, SchemeEntry) or entry.id != name:
-            raise refused(point, f"must be a SchemeEntry of {__name__} with the id {name!r}")
-        found[name] = entry
+    for name, point in added("rw_ekf.compensations", OWN_SCHEMES).items():
+        found[name] = loaded_as(SchemeEntry, point)
+        if found[name].id != name:
+            raise refused(point, f"must have the id {name!r}; found {found[name].id!r}")
     return found
 
 
