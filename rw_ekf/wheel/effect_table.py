@@ -74,6 +74,10 @@ class EffectSet:
         """The ids, each once, in order of use."""
         return tuple(dict.fromkeys(term.id for term in self.terms))
 
+    def beyond(self, other: EffectSet) -> tuple[str, ...]:
+        """The ids that another set does not have, in order of use."""
+        return tuple(name for name in self.ids if name not in other.ids)
+
     @property
     def coefficient_ids(self) -> tuple[str, ...]:
         """The effect's id of every coefficient of the state, (m,)."""

@@ -48,9 +48,7 @@ def checks(
 ) -> Iterator[Check]:
     """Every check of every effect of a fitted model, what costs most last: whoever asks may stop at one that fails."""
     for name in effects:
-        yield _of_possible_size(search, fit, name)
-        yield _matters(search, fit, name)
-        yield _of_known_size(fit, name)
+        yield from of_size(search, fit, name)
         if not CATALOGUE[name].local_in_time:
             yield _missed(search, fit, name, [other for other in effects if other != name])
     for name in effects:
@@ -59,6 +57,13 @@ def checks(
     for name in reversed(effects):  # the last to enter first
         trial = selection.trials.get(name)
         yield _held_out(prepared, fit, name, 1.0 if trial is None else trial.p_value)
+
+
+def of_size(search: Search, fit: Fit, name: str) -> Iterator[Check]:
+    """What is asked of an effect's size."""
+    yield _matters(search, fit, name)
+    yield _of_known_size(fit, name)
+    yield _of_possible_size(search, fit, name)
 
 
 def _of_possible_size(search: Search, fit: Fit, name: str) -> Check:
@@ -83,7 +88,7 @@ def _of_known_size(fit: Fit, name: str) -> Check:
 def _missed(search: Search, fit: Fit, name: str, others: list[str]) -> Check:
     """Whether the record asks for it beside all else: an offset that friction by direction explains is not missed."""
     effect = CATALOGUE[name]
-    statistic = 2.0 * (fit.likelihood.value - search.without(fit, name).likelihood.value)
+    statistic, _ = search.loss_without(fit, name)
     why = explained_by(*others) if others else Decision(Reason.NOT_SIGNIFICANT)
     stands = p_value(effect, statistic, search.facts) < SIGNIFICANT_P
     limit = threshold(effect, search.facts)

@@ -12,12 +12,11 @@ from dataclasses import replace
 from rw_ekf.diagnosis.hypotheses.candidates import Score, p_value, threshold
 from rw_ekf.diagnosis.hypotheses.confounding import beside_motion, deferred, event_scores, may_confound, quantity_of
 from rw_ekf.diagnosis.hypotheses.event import fitted_at, fitted_event, settled_event
-from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
 from rw_ekf.diagnosis.hypotheses.other_places import possible_fit
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
-from rw_ekf.diagnosis.thresholds import LEAST_SIGMAS, MOST_EFFECTS, SIGNIFICANT_P, WORTH_A_FIT_P
+from rw_ekf.diagnosis.thresholds import MOST_EFFECTS, SIGNIFICANT_P, WORTH_A_FIT_P
 from rw_ekf.effects.catalogue import CATALOGUE, STRIBECK
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import ROOM_SIGMAS, Fit
@@ -120,12 +119,6 @@ class Search:
             fit = possible_fit(current, fit, score, self.facts)
         return fit, max(2.0 * (fit.likelihood.value - current.likelihood.value), 0.0)
 
-    def refusal(self, fit: Fit, name: str) -> Reason | None:
-        """Why a significant effect does not stand for all that."""
-        if not (fit.may_matter(name, self.facts) and knows_size(fit, name, LEAST_SIGMAS)):
-            return Reason.TOO_SMALL
-        return None if fit.model.possible(name, self.facts) else Reason.IMPOSSIBLE
-
     def with_known(self, fit: Fit, name: str) -> Fit:
         """The record fitted with an effect that is known to be there; unchanged where the log cannot show it."""
         effect = CATALOGUE[name]
@@ -134,19 +127,14 @@ class Search:
             return fit
         return fitted_event(fit, score, self.facts) if effect.local_in_time else fitted_at(fit, score)
 
-    def pruned(self, fit: Fit, selection: Selection, least: int = 1) -> tuple[Fit, Selection]:
-        """Leave out, one by one, what is no longer missed or no longer matters, down to `least` effects."""
-        while len(fit.model.effects.ids) > least:
-            losses = []
-            for name in fit.model.effects.ids:
-                if CATALOGUE[name].local_in_time:
-                    continue
-                less = self.without(fit, name)
-                statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
-                losses.append((statistic, name, less))
-            if not losses:
+    def pruned(self, fit: Fit, selection: Selection) -> tuple[Fit, Selection]:
+        """Leave out, one by one, what is no longer missed or no longer matters, down to one effect."""
+        while len(fit.model.effects.ids) > 1:
+            names = [name for name in fit.model.effects.ids if not CATALOGUE[name].local_in_time]
+            if not names:
                 break
-            statistic, name, less = min(losses, key=lambda item: item[0])
+            losses = [(*self.loss_without(fit, name), name) for name in names]
+            statistic, less, name = min(losses, key=lambda item: item[0])
             missed = p_value(CATALOGUE[name], statistic, self.facts) < SIGNIFICANT_P
             if missed and fit.may_matter(name, self.facts):
                 break
@@ -155,6 +143,11 @@ class Search:
                 selection = selection.decided(name, explained_by(*left) if left else Decision(Reason.NOT_SIGNIFICANT))
             fit = less
         return fit, selection
+
+    def loss_without(self, fit: Fit, name: str) -> tuple[float, Fit]:
+        """Twice what the log-likelihood loses when an effect is left out, and the fit without it."""
+        less = self.without(fit, name)
+        return 2.0 * (fit.likelihood.value - less.likelihood.value), less
 
     def without(self, fit: Fit, name: str) -> Fit:
         """The same without an effect; where nobody gave a Stribeck speed, the likeliest one by the base model's law."""

@@ -60,7 +60,6 @@ class Selection:
     final: Fit
     trials: Mapping[str, Trial] = field(default_factory=dict)
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)  # by the id that was chosen
-    unjudged: tuple[str, ...] = ()  # chosen ids of which no held-out figure says anything
     searched: tuple[tuple[Fit, Mapping[str, Score]], ...] = ()  # scores beside each model of the search
     set_aside: bool = False  # something that goes with time had to wait
 
@@ -99,5 +98,4 @@ class Selection:
 
     def new_in(self, fit: Fit) -> list[str]:
         """Effects of another fit's model that the base did not have."""
-        before = set(self.base.model.effects.ids)
-        return [name for name in fit.model.effects.ids if name not in before]
+        return list(fit.model.effects.beyond(self.base.model.effects))

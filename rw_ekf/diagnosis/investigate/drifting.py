@@ -34,11 +34,11 @@ def drifts_otherwise(found: Found) -> bool:
     base, facts, less = found.selection.base, found.prepared.facts, found.fit
     for name in passing:
         less = less.without(name)
-    without = log_evidence(base, (), facts)
+    without = found.ledger.row(base).log_evidence
     others = tuple(name for name in found.new_ids if name not in passing)
     beside = log_evidence(less, others, facts) - without if others else 0.0
     walks = {name: beside + factor for name, factor in _walks(less).items()}
-    own = max(walks.pop(_DRY), log_evidence(found.fit, tuple(found.new_ids), facts) - without)
+    own = max(walks.pop(_DRY), found.ledger.row(found.fit).log_evidence - without)
     if others:
         alone = _walks(base)
         walks = {name: max(factor, alone[name]) for name, factor in walks.items()}

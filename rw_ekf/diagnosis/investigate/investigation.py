@@ -92,7 +92,7 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
 def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advance) -> Found:
     """What stands when the ledger has grown on by another search, if that leaves no structure; else as it was."""
     ledger = replace(found.ledger.unasked(), facts=prepared.facts)
-    selection = replace(found.selection, final=found.ledger.base, rivals={}, unjudged=())
+    selection = replace(found.selection, final=found.ledger.base, rivals={})
     other = _searched(prepared, search, ledger, selection, advance)
     return other if other.new_ids and not other.left else found
 

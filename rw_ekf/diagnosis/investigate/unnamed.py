@@ -19,7 +19,6 @@ from rw_ekf.diagnosis.hypotheses.profiled import Profiled
 from rw_ekf.diagnosis.hypotheses.wander import followed_finely
 from rw_ekf.diagnosis.investigate.drifting import drifts_otherwise
 from rw_ekf.diagnosis.investigate.found import Found
-from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import MAP_P, UNNAMED_LOG_ODDS
 from rw_ekf.likelihood.fitting import Fit
@@ -65,8 +64,8 @@ def weighed_against_unnamed(found: Found, advance: Advance) -> Found:
     if followed_finely(found.fit) is not None:
         return found
     base, facts = found.selection.base, found.prepared.facts
-    without = log_evidence(base, (), facts)
-    named = log_evidence(found.fit, tuple(found.new_ids), facts) - without
+    without = found.ledger.row(base).log_evidence
+    named = found.ledger.row(found.fit).log_evidence - without
     unnamed = unnamed_law(base, facts)
     if unnamed is None:
         return found

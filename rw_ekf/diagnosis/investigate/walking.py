@@ -68,7 +68,7 @@ def _as_likely(found: Found, walk: Found, trials: list[Trial]) -> Iterator[tuple
     if not trials:
         return
     facts = found.prepared.facts
-    least = log_evidence(walk.fit, tuple(walk.new_ids), facts)
+    least = walk.ledger.row(walk.fit).log_evidence
     for trial in trials:
         fit = found.fit.refitted(found.fit.model.with_terms(trial.terms[0]))
         if log_evidence(fit, (*found.new_ids, trial.effect.id), facts) >= least:
@@ -112,7 +112,7 @@ def _or_a_walk(found: Found, law: str) -> Found:
     prepared, selection = found.prepared, found.selection
     facts, less = prepared.facts, selection.without(law)
     rest = tuple(name for name in found.new_ids if name != law)
-    own = log_evidence(found.fit, tuple(found.new_ids), facts)
+    own = found.ledger.row(found.fit).log_evidence
     ahead = log_evidence_with_walk(less, rest, pieces(prepared), facts) - own
     tried = wandering(prepared, less, SIGNIFICANT_P) if ahead > -INDISTINGUISHABLE else None
     if tried is None or not tried.fit.may_matter(WANDERING.id, facts):

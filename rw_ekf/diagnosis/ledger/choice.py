@@ -28,8 +28,6 @@ def chosen(prepared: Prepared, search: Search, ledger: Ledger, selection: Select
             if not check.passed:
                 break
         ledger = ledger.with_checks(row.fit, *results)
-        unsettled = tuple(check.effect for check in results if not check.settled)
-        selection = replace(selection, unjudged=(*selection.unjudged, *unsettled))
         failed = next((check for check in results if not check.passed), None)
         if failed is None or failed.decision is None:
             return ledger, _with_rivals(ledger, row, selection)

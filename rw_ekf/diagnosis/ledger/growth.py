@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rw_ekf.diagnosis.checks.checks import of_size
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
@@ -13,7 +14,7 @@ from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
 from rw_ekf.diagnosis.hypotheses.valleys import in_deepest_valleys
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
-from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.diagnosis.thresholds import ALIAS_SHARE, BEAM, MOST_GROWN, MOST_TRIED, SIGNIFICANT_P
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood import work
@@ -96,13 +97,13 @@ def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) 
             continue
         fit = by_likeliest_law(row.fit, fit, name, search.facts)
         fit = search.with_open_speed(likelier_along_filter(fit, row.fit, fit.model))
-        refused = search.refusal(fit, name)
+        refused = next((check.decision for check in of_size(search, fit, name) if check.decision is not None), None)
         if refused is not None:
-            selection = selection.decided(name, Decision(refused))
-            if refused is Reason.IMPOSSIBLE:
+            selection = selection.decided(name, refused)
+            if refused.reason is Reason.IMPOSSIBLE:
                 continue
         if effect.local_in_time:
             fit = with_other_laws(fit, name, search.facts)
-        less = [search.without(fit, other) for other in ledger.row(fit).effects if other != name]
+        less = [search.without(fit, other) for other in selection.new_in(fit) if other != name]
         ledger = ledger.with_rows([fit, *less])
     return ledger, selection

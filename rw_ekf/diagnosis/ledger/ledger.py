@@ -61,9 +61,11 @@ class Ledger:
     rows: tuple[Row, ...] = ()
 
     def row(self, fit: Fit, *, constructed: bool = False, waits: bool = False) -> Row:
-        """A fitted model as a row."""
-        before = set(self.base.model.effects.ids)
-        effects = tuple(name for name in fit.model.effects.ids if name not in before)
+        """A fitted model as a row: that which it has already, or a new one."""
+        known = next((row for row in self.rows if row.fit is fit), None)
+        if known is not None:
+            return known
+        effects = fit.model.effects.beyond(self.base.model.effects)
         odds = sum(_ONE_RECORD_ODDS for name in effects if CATALOGUE[name].of_one_record)
         return Row(effects, fit, log_evidence(fit, effects, self.facts), odds, constructed, waits)
 
@@ -85,6 +87,12 @@ class Ledger:
     def unasked(self) -> Ledger:
         """With what no row was asked yet: whatever a check stands on has changed."""
         return replace(self, rows=tuple(replace(row, checks=()) for row in self.rows))
+
+    @property
+    def unsettled(self) -> list[str]:
+        """Effects of which no held-out figure says anything, as they were asked."""
+        asked = (check for row in self.rows for check in row.checks)
+        return list(dict.fromkeys(check.effect for check in asked if not check.settled))
 
     def document(self, stands: Fit | None) -> list[dict[str, Any]]:
         """The likeliest rows, the one that stands, the base model, and all that were asked anything."""

@@ -10,6 +10,7 @@ from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.diagnosis.report.rows import added_parameters, candidate_rows, friction_rows, hypothesis_rows
 from rw_ekf.diagnosis.report.steps import commands, excitation_of, next_steps
 from rw_ekf.diagnosis.report.words import Units, figure_pairs, headline_of, verdict_of
+from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.documents import inertia_text
 from rw_ekf.numbers import number_text
 
@@ -55,6 +56,7 @@ def page(
         "figures": figure_pairs(document, units),
         "candidates": candidates,
         "hypotheses": hypothesis_rows(document),
+        "alike": number_text(INDISTINGUISHABLE),
         "parameters": added_parameters(candidates),
         "friction": friction_rows(document),
         "split": document.get("split"),

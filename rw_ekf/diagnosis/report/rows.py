@@ -17,11 +17,11 @@ from rw_ekf.diagnosis.report.words import (
     untestable_reasons,
 )
 from rw_ekf.diagnosis.standing import Reason, Standing, standing_of
+from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.numbers import MISSING, Rounded, number_of, number_text, rounded
 
 _STUB = 1.04  # evidence that is less is drawn as that: the scale is logarithmic, from one
 _LEAST_SCALE, _ROOM = 20.0, 1.6
-_ALIKE = 4.5  # of the log-likelihood, as the search has it
 
 
 @dataclass(frozen=True)
@@ -199,4 +199,4 @@ def _became(row: Mapping[str, Any], behind: float) -> str:
         return f"stands: passes {len(checks)} checks" if checks else "stands: nothing that is likelier passes"
     if row["as_one_by_construction"]:
         return "one with what stands by the record's construction"
-    return "hardly to be told from what stands" if behind < _ALIKE else "less likely"
+    return "hardly to be told from what stands" if behind < INDISTINGUISHABLE else "less likely"

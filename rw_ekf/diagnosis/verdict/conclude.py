@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,9 +25,6 @@ from rw_ekf.effects.catalogue import GRID
 from rw_ekf.filter.evenness import unevenness
 from rw_ekf.units import RAD_S_PER_RPM
 from rw_ekf.wheel.model_file import refusal_of
-
-if TYPE_CHECKING:
-    pass
 
 Advance = Callable[[str], object]
 
@@ -84,7 +80,7 @@ def judgement(found: Found, advance: Advance) -> Judged:
     refusal = None if model is None else refusal_of(model)
     uneven = None if rounded else unevenness(white, stands.trajectory.speed)
     kept = None if refusal is not None else model
-    return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
+    return Judged(found, before, after, lattice, weighed, noise, noisy, tests, uneven, verdict, kept, refusal)
 
 
 def _over_log(values: Float64Array, kept: BoolArray) -> Float64Array:

@@ -59,9 +59,9 @@ def document_of(judged: Judged) -> dict[str, Any]:
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}
             for d in found.dependences
         ],
-        "torque_noise": None
-        if noise is None
-        else {**noise.document(in_rpm=prepared.in_rpm), "sentence": noise.sentence(in_rpm=prepared.in_rpm)},
+        "torque_noise": (
+            None if noise is None else {**noise.document(in_rpm=prepared.in_rpm), "sentence": judged.noisy}
+        ),
         "shapes": shapes_of(found, prepared.setup.inertia_kg_m2, in_rpm=prepared.in_rpm),
         "residual_tests": {"before": residual_tests(left_over(base)), "after": judged.tests},
         "warnings": _warnings(judged),
@@ -71,9 +71,7 @@ def document_of(judged: Judged) -> dict[str, Any]:
 
 def _warnings(judged: Judged) -> list[str]:
     prepared, found = judged.found.prepared, judged.found
-    noisy = None
-    if judged.noise is not None and judged.verdict.kind == "effect":
-        noisy = f"{judged.noise.sentence(in_rpm=prepared.in_rpm)}."
+    noisy = None if judged.noisy is None or judged.verdict.kind != "effect" else f"{judged.noisy}."
     return [
         *prepared.source.notes,
         *prepared.source.log.warnings,

@@ -26,6 +26,7 @@ class Judged:
     lattice: Lattice | None  # None: no grid that is named
     weighed: list[Explanation]
     noise: NoiseFinding | None
+    noisy: str | None  # the same in words
     tests: dict[str, Any]  # of the residual
     uneven: str | None
     verdict: Verdict

@@ -47,7 +47,7 @@ def posterior_of(
 
 def something_else(found: Found, noise: NoiseFinding | None, residual_p: float) -> float:
     """Probability that the record holds what is in no catalogue, by what its map, noise or residual still show."""
-    decades = max(_decades(min([item.p_value for item in found.dependences] + [residual_p])), 0.0)
+    decades = _decades(min([residual_p, *(item.p_value for item in found.dependences)]))
     if noise is not None:
         decades = max(decades, NOISE_COUNTS * _decades(noise.p_value))
     odds = ELSE_BIAS + ELSE_SLOPE * min(decades, _MOST_DECADES)

@@ -33,7 +33,7 @@ _BLURRED = 0.25  # share by which squared errors held out grow for want of knowl
 
 def measured_by_little(found: Found, names: list[str]) -> str:
     """A sentence where held-out errors are those of numbers that the other part hardly knows, else nothing."""
-    unjudged = [name for name in found.selection.unjudged if name in names]
+    unjudged = [name for name in found.ledger.unsettled if name in names]
     if unjudged:
         return (
             f" The held-out error is no measure of {', '.join(unjudged)}: either part of this record alone knows too"

@@ -50,7 +50,7 @@ class Evidence:
     after: Performance
     heldout_s: float  # how long that is
     failed: Mapping[str, float]  # what tests of the residual found that noise does not have, in words, with its p
-    uneven: str | None  # where torque noise is larger than elsewhere, in words
+    noisy: str | None  # where torque noise is larger than elsewhere, in words
 
 
 def verdict_on(shown: Evidence) -> Verdict:
@@ -65,14 +65,11 @@ def verdict_on(shown: Evidence) -> Verdict:
         text += f" noise of {noise_text(shown.found)}."
         return Verdict("unexplained", posterior=shown.posterior, statement=text)
     if shown.failed:
-        text = (
-            f"What is left is not noise: {_told(shown.failed)}. No effect of the catalogue explains it; the estimates"
-        )
-        return Verdict(
-            "unexplained", posterior=shown.posterior, statement=f"{text} may be off by more than their sigmas say."
-        )
-    if shown.uneven is not None and shown.posterior.get(SOMETHING_ELSE, 0.0) > 0.5:
-        text = f"What is left is not the same noise everywhere: {shown.uneven}. No effect of the catalogue explains it."
+        text = f"What is left is not noise: {_told(shown.failed)}. No effect of the catalogue explains it;"
+        text += " the estimates may be off by more than their sigmas say."
+        return Verdict("unexplained", posterior=shown.posterior, statement=text)
+    if shown.noisy is not None and shown.posterior.get(SOMETHING_ELSE, 0.0) > 0.5:
+        text = f"What is left is not the same noise everywhere: {shown.noisy}. No effect of the catalogue explains it."
         return Verdict("unexplained", posterior=shown.posterior, statement=text)
     return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
 
@@ -96,7 +93,7 @@ def _adequate(shown: Evidence) -> str:
     note = " (nothing was added to the model given)" if given else ""
     if given - kept:
         note = f" (of the model given, {', '.join(sorted(given - kept))} is not missed)"
-    doubt = _doubt(selection, shown.posterior) + ("" if shown.uneven is None else f"; but {shown.uneven}")
+    doubt = _doubt(selection, shown.posterior) + ("" if shown.noisy is None else f"; but {shown.noisy}")
     return f"The model explains this log: what is left is noise of {noise_text(shown.found)}{note}{doubt}."
 
 
