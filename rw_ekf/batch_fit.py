@@ -27,7 +27,7 @@ from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.logs.record_print import made_of, print_of
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
-from rw_ekf.second_record import as_of_another_record
+from rw_ekf.second_record import as_of_another_record, for_log
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 from rw_ekf.units import rpm_from_rad_s
@@ -143,10 +143,11 @@ def fit_record(
         prior = without_effects(prior)
     if prior is not None:
         again = made_of(prior.source, log)
+        prior = for_log(prior, log)
         ignored += [*prior.remarks, *([] if again is None else [again])]
     record = print_of(log)
     log, sampling = without_repeats(log)
-    course = Course.of_log(log)
+    course = Course.of_log(log, () if prior is None else prior.effects.columns)
     readings = int(np.count_nonzero(np.isfinite(course.speed_rad_s)))
     if readings < _LEAST_READINGS:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")

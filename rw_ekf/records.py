@@ -144,6 +144,7 @@ class Conditions(NamedTuple):
 
     temperature_degC: float
     angle_rad: float
+    columns: tuple[float, float, float] = (0.0, 0.0, 0.0)  # that learned laws of the model are functions of
 
 
 class FilterTrouble(StrEnum):

@@ -23,11 +23,14 @@ from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.second_look import log_likelihood, was_reset
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.hindsight import filtered
+from rw_ekf.logs.record_print import made_of
+from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.effect_table import EffectSet
+from rw_ekf.wheel.model_file import WheelModel
 
 _TURNS = 6
 _GAINED = 0.02  # log-likelihood: with less a step was the last
@@ -45,6 +48,17 @@ def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
     (`rw_ekf.learning.carry`).
     """
     return with_prior_that_holds(course, with_shapes_of_record(course, setup))
+
+
+def for_log(model: WheelModel, log: WheelLog) -> WheelModel:
+    """The model with laws of time as they were at the end of their record, for any log but that one."""
+    if made_of(model.source, log) is not None:
+        return model
+    terms = tuple(
+        replace(term, law=term.law.as_it_ended()) if term.law is not None and term.law.quantity == "time" else term
+        for term in model.effects.terms
+    )
+    return replace(model, effects=EffectSet(terms))
 
 
 def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:

@@ -43,4 +43,9 @@ def with_conditions(course: Course) -> Course:
     angle, turned = filled(course.angle_rad, 0.0)
     if not turned:
         angle = integrated_angle(course, bridged(course.speed_rad_s))
-    return course._replace(temperature_degC=temperature, angle_rad=angle)
+    return course._replace(temperature_degC=temperature, angle_rad=angle, columns=filled_columns(course.columns))
+
+
+def filled_columns(columns: Float64Array) -> Float64Array:
+    """Columns (n, 3), or (0, 3), each with its gaps filled by the value before; NaN all through where there is none."""
+    return np.array([filled(values, np.nan)[0] if values.size else values for values in columns.T]).T.copy()

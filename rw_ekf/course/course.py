@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array, by_identity
 from rw_ekf.course.current_schedule import pieces_of_log
 from rw_ekf.errors import LogError
+from rw_ekf.model.law import MOST_COLUMNS
 from rw_ekf.wheel.interval import Pieces
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ class Course(NamedTuple):
     pieces: Pieces
     piece_start: Int64Array  # (n,) those between samples i and i + 1 are piece_start[i] <= j < piece_start[i + 1]
     first_piece: Int64Array  # (n,) earliest piece of the sample's segment
+    columns: Float64Array  # (n, 3) that learned laws of a model are functions of, or (0, 3); NaN: not known
 
     @classmethod
     def of(
@@ -41,6 +44,7 @@ class Course(NamedTuple):
         segment: Int64Array | None = None,
         temperature_degC: Float64Array | None = None,
         angle_rad: Float64Array | None = None,
+        columns: Float64Array | None = None,
     ) -> Course:
         """Build from columns (n,); delay and segment default to zero, temperature and angle to not known."""
         n = time_s.size
@@ -57,11 +61,15 @@ class Course(NamedTuple):
             pieces=pieces,
             piece_start=start,
             first_piece=_first_pieces(start, part),
+            columns=np.zeros((0, MOST_COLUMNS)) if columns is None else columns,
         )
 
     @classmethod
-    def of_log(cls, log: WheelLog) -> Course:
-        """Take what filters read from a log. Raises LogError for a value that no machine can have."""
+    def of_log(cls, log: WheelLog, columns: Sequence[str] = ()) -> Course:
+        """Take what filters read from a log. Raises LogError for a value that no machine can have.
+
+        columns: names of those that learned laws are functions of, three at most.
+        """
         for name, values in (("speed", log.speed_rad_s), ("current", log.current_A)):
             wild = np.abs(values) > WILD
             if wild.any():
@@ -78,6 +86,7 @@ class Course(NamedTuple):
             log.segment,
             log.channels.get("temperature_degC"),
             log.channels.get("angle_rad"),
+            columns_of(log, columns),
         )
 
     @property
@@ -111,6 +120,7 @@ class Course(NamedTuple):
             pieces=Pieces(*(values[begin:end] for values in self.pieces)),
             piece_start=self.piece_start[here] - begin,
             first_piece=np.maximum(self.first_piece[here] - begin, 0),
+            columns=self.columns[here],
         )
 
     def only(self, part: BoolArray) -> Course:
@@ -126,6 +136,16 @@ class Course(NamedTuple):
         edge = np.minimum(self.piece_start, duration.size)
         passed = np.diff(length[edge], prepend=0.0)
         return np.where(passed > 0.0, np.diff(charge[edge], prepend=0.0) / np.where(passed > 0.0, passed, 1.0), 0.0)
+
+
+def columns_of(log: WheelLog, names: Sequence[str]) -> Float64Array:
+    """Columns of a log by name as a course has them, (n, 3), NaN where one is missing; (0, 3) without names."""
+    found = np.full((len(log) if names else 0, MOST_COLUMNS), np.nan)
+    for slot, name in enumerate(names):
+        values = log.numbers(name)
+        if values is not None:
+            found[:, slot] = values
+    return found
 
 
 def _first_pieces(piece_start: Int64Array, segment: Int64Array) -> Int64Array:

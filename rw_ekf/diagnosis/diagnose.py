@@ -11,8 +11,8 @@ from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
+from rw_ekf.diagnosis.investigate.learned import with_laws
 from rw_ekf.diagnosis.investigate.rounding import investigated
-from rw_ekf.diagnosis.investigate.unnamed import weighed_against_unnamed
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
@@ -23,6 +23,7 @@ from rw_ekf.diagnosis.verdict.document import SCHEMA
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.second_record import for_log
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -48,7 +49,8 @@ def diagnose_log(
     BadInputError for one with which the filter runs away.
     """
     logs = [log] if isinstance(log, WheelLog) else log
-    source = source_of(logs)
+    source = source_of(logs, () if model is None else model.effects.columns)
+    model = model if model is None or len(logs) > 1 else for_log(model, logs[0])
     described = configuration is not None or model is not None
     misread = [(one.name, text) for one in logs for text in misreadings(one, described=described)]
     if misread:
@@ -63,7 +65,7 @@ def diagnose_log(
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.record.work.start_clock()
-    found = weighed_against_unnamed(investigated(prepared, advance), advance)
+    found = with_laws(investigated(prepared, advance), advance)
     advance("judging on the held-out part")
     return conclude(found, advance)
 

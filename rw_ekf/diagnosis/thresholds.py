@@ -65,6 +65,7 @@ ALIAS_SHARE = _number(
 )
 MOST_TRIED = int(_number("MOST_TRIED", 3, "", "candidates that are fitted in full beside a row", "chosen"))
 MOST_EFFECTS = int(_number("MOST_EFFECTS", 4, "", "effects in a row", "chosen"))
+MOST_LAWS = int(_number("MOST_LAWS", 3, "", "laws without a formula in a row", "chosen"))
 BEAM = int(_number("BEAM", 2, "", "rows from which others are grown", "chosen"))
 MOST_GROWN = int(_number("MOST_GROWN", 7, "", "rows that are grown from", "chosen"))
 OWN_GAIN = _number(
@@ -100,6 +101,10 @@ TIE = _number("TIE", 0.5, "log", "rows within it are equally likely: the catalog
 UNNAMED_LOG_ODDS = _number(
     "UNNAMED_LOG_ODDS", -3.0, "log", "a law, or a walk, that no catalogue has, beforehand", "one wheel in twenty"
 )
+CHOSEN_LOG = _number(
+    "CHOSEN_LOG", 4.0, "log", "what a law pays for its quantity, kind, size and smoothness, chosen by likelihood",
+    "twenty kinds and a few sizes: log 20 + 1",
+)  # fmt: skip
 TEMPERATURE = _number(
     "TEMPERATURE", 1.5, "", "evidence is too sure of itself by it", "fitted to simulated wheels, tried on others"
 )

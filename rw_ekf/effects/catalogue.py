@@ -12,7 +12,7 @@ from typing import Any
 import rw_ekf.effects
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.effect import Effect
-from rw_ekf.model.effect_kinds import ReadingEffect, StribeckEffect, WanderingEffect
+from rw_ekf.model.effect_kinds import LawEffect, ReadingEffect, StribeckEffect, WanderingEffect
 from rw_ekf.plugins import added, loaded, refused
 
 # Order of the table in docs/contract.md; what is not here comes behind, by alphabet.
@@ -26,7 +26,7 @@ CONTRACT_IDS = (
 MACHINERY = frozenset({"catalogue"})
 
 
-_ONE_OF_A_KIND = (ReadingEffect, StribeckEffect, WanderingEffect)
+_ONE_OF_A_KIND = (ReadingEffect, StribeckEffect, WanderingEffect, LawEffect)
 
 
 def _own_modules() -> list[ModuleType]:
@@ -93,3 +93,4 @@ TORQUE = CATALOGUE["offset_torque"]
 (STRIBECK,) = of_kind(StribeckEffect)
 (GRID,) = of_kind(ReadingEffect)
 (WANDERING,) = of_kind(WanderingEffect)
+LEARNED, CHANGE = CATALOGUE["learned_law"], CATALOGUE["change"]

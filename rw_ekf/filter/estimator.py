@@ -35,6 +35,7 @@ from rw_ekf.records import (
 )
 from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet
 from rw_ekf.wheel.friction_torque import FrictionTorque, current_for
+from rw_ekf.wheel.pieces import Moment
 from rw_ekf.wheel.window import lateness
 
 OUTCOMES = {
@@ -71,7 +72,8 @@ class Estimator:
         start = Belief(self.mean, self.covariance)
         self.points = OperatingPoints.of_wheel(start.parameters, constants.stribeck.omega_s)
         self._validity = Validity(start)
-        self._gatherer = Gatherer(remembers=max(self.ekf.table.delay_at, self.ekf.table.window_at) != ABSENT)
+        remembers = max(self.ekf.table.delay_at, self.ekf.table.window_at) != ABSENT
+        self._gatherer = Gatherer(remembers=remembers, columns=effects.columns)
         self._last: WheelSample | None = None
         self._effect_names = effects.state_names
 
@@ -178,7 +180,8 @@ class Estimator:
         given = self._gatherer.given
         conditions = given.conditions
         current_A = self._gatherer.current_A(sample.time_s - lateness(values, table))
-        at = (current_A, conditions.temperature_degC, conditions.angle_rad, sample.time_s)
+        warmth, angle, columns = conditions
+        at = Moment(0.0, current_A, warmth, angle, sample.time_s, 0.0, columns)
         mean, covariance, stribeck = ekf.x.copy(), ekf.P.copy(), self.constants.stribeck
         return Estimate(
             time_s=sample.time_s,

@@ -40,7 +40,7 @@ from rw_ekf.model.state import SPEED, STATE_SIZE
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectTable
 from rw_ekf.wheel.effect_transition import open_past
 from rw_ekf.wheel.equations import EQUATIONS
-from rw_ekf.wheel.interval import Interval
+from rw_ekf.wheel.interval import Interval, columns_at, last_known
 
 make_jitable(
     [
@@ -106,6 +106,7 @@ def _filter_each(
     keep_state = states.shape[0] > 0
     keep_all = history.predicted.shape[0] > 0
     temperature, angle = REFERENCE_DEGC, 0.0  # until known: effects of temperature are relative to it
+    columns = (math.nan, math.nan, math.nan)
     opens = False
     last = 0  # the sample the state belongs to
     for i in range(time_s.size):
@@ -130,7 +131,7 @@ def _filter_each(
                 open_past(x, P, table, current_A[first_piece[last]])  # only now: online the first command comes later
                 opens = False
             interval = Interval(
-                time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i]
+                time_s[last], time_s[i], temperature, angle, first_piece[i], piece_start[last], piece_start[i], columns
             )
             what = advance(x, P, memory, constants, table, sample, pieces, interval)
             if table is not None:
@@ -159,6 +160,7 @@ def _filter_each(
                     temperature = course.temperature_degC[i]
                 if not math.isnan(course.angle_rad[i]):
                     angle = course.angle_rad[i]
+                columns = last_known(columns, columns_at(course.columns, i))
         outcome[i] = what
         if keep_state:
             for j in range(x.size):

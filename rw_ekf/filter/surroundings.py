@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.current_schedule import CurrentSchedule, GivenCurrents, pieces_between
 from rw_ekf.model.effect import REFERENCE_DEGC
 from rw_ekf.model.friction import Stribeck
+from rw_ekf.model.law import MOST_COLUMNS
 from rw_ekf.records import Conditions, WheelSample
 from rw_ekf.wheel.effect_table import EffectTable
 from rw_ekf.wheel.interval import Interval, Pieces
@@ -44,7 +46,8 @@ def outlook(
     durations, currents = pieces_between(given.currents.in_force_A, given.currents.pending, time_s, to_s)
     begins = [time_s + sum(durations[:i]) for i in range(len(durations))]
     rows = [*given.past, *zip(begins, durations, currents, strict=True)]  # past ones only where the model looks back
-    interval = Interval(time_s, to_s, *given.conditions, 0, len(given.past), len(rows))
+    warmth, angle, columns = given.conditions
+    interval = Interval(time_s, to_s, warmth, angle, 0, len(given.past), len(rows), columns)
     pieces = Pieces(*(list(column) for column in zip(*rows, strict=True)))
     return WheelOutlook(x, table, stribeck, interval, pieces, speed_rad_s)
 
@@ -52,18 +55,24 @@ def outlook(
 class Gatherer:
     """Collects, sample by sample, what the compiled pass over a log reads from its columns."""
 
-    def __init__(self, *, remembers: bool) -> None:
-        """remembers: keep past pieces of current, which only a delay and a window look back at."""
+    def __init__(self, *, remembers: bool, columns: Sequence[str] = ()) -> None:
+        """remembers: keep past pieces of current, which only a delay and a window look back at.
+
+        columns: of samples, that learned laws are functions of.
+        """
         self.schedule = CurrentSchedule()
         self.angle_rad = 0.0
         self._remembers = remembers
+        self._names = columns
+        self._columns = [math.nan] * MOST_COLUMNS
         self._temperature_degC = REFERENCE_DEGC  # effects of temperature are relative to it: none until it is read
         self._past: list[tuple[float, float, float]] = []
 
     @property
     def conditions(self) -> Conditions:
         """At the last sample."""
-        return Conditions(self._temperature_degC, self.angle_rad)
+        first, second, third = self._columns
+        return Conditions(self._temperature_degC, self.angle_rad, (first, second, third))
 
     def current_A(self, time_s: float) -> float:
         """In force at a time up to that of the last sample, as far back as is remembered."""
@@ -83,7 +92,8 @@ class Gatherer:
         """Forget the currents: a new segment, whose clock says nothing about the old one's, and no interval before."""
         self.schedule.restart()
         self._past.clear()
-        return Surroundings(Interval(0.0, 0.0, *self.conditions, 0, 0, 0), Pieces([], [], []))
+        warmth, angle, columns = self.conditions
+        return Surroundings(Interval(0.0, 0.0, warmth, angle, 0, 0, 0, columns), Pieces([], [], []))
 
     def interval(self, from_s: float, to_s: float) -> Surroundings:
         """Describe the interval; commands that came to act within it are used up."""
@@ -103,6 +113,7 @@ class Gatherer:
                 first=0,
                 start=len(past),
                 stop=len(past) + len(durations),
+                columns=self.conditions.columns,
             ),
             Pieces(
                 [piece[0] for piece in past] + begins,
@@ -123,3 +134,7 @@ class Gatherer:
             self.angle_rad = sample.angle_rad
         if sample.temperature_degC is not None and not math.isnan(sample.temperature_degC):
             self._temperature_degC = sample.temperature_degC
+        for slot, name in enumerate(self._names):
+            value = getattr(sample, name, None)
+            if value is not None and not math.isnan(value):
+                self._columns[slot] = value

@@ -190,6 +190,8 @@ class Fit:
                 continue
             for item in self.terms_of(name):
                 values = item.term.values
+                if item.term.law is not None and item.term.law.prior_std:
+                    continue
                 if local:  # one coefficient
                     mean, std = values[0], _LOOSER * math.sqrt(max(float(item.covariance[0, 0]), 0.0))
                 else:

@@ -146,9 +146,10 @@ def prior_rows(prior: Belief, model: Model) -> tuple[Float64Array, Float64Array]
     """What an a priori says of a model's vector x (p,) as W x = aim, each row of unit variance: W (k, p), aim (k,).
 
     Coefficients are found by the effect they belong to, several of one in their order; those of effects that the model
-    has not are left out.
+    has not are left out. Those of a law that is still to be found have its own.
     """
-    unmatched = [(place, term.id) for term, at in model.placed for place in range(at.start, at.stop)]
+    found_elsewhere = [(term, at) for term, at in model.placed if term.law is None or not term.law.prior_std]
+    unmatched = [(place, term.id) for term, at in found_elsewhere for place in range(at.start, at.stop)]
     states, places = list(range(MOTOR_GAIN, STATE_SIZE)), list(range(PARAMETER_COUNT))
     for state, effect_id in enumerate(prior.effect_ids, start=STATE_SIZE):
         found = next((item for item in unmatched if item[1] == effect_id), None)
@@ -157,9 +158,14 @@ def prior_rows(prior: Belief, model: Model) -> tuple[Float64Array, Float64Array]
             states.append(state)
             places.append(found[0])
     root = np.linalg.cholesky(np.linalg.inv(prior.covariance[np.ix_(states, states)])).T
-    rows = np.zeros((len(states), model.vector.size))
-    rows[:, places] = root
-    return rows, root @ prior.mean[states]
+    laws = [(term.law.prior_std, at) for term, at in model.placed if term.law is not None and term.law.prior_std]
+    rows = np.zeros((len(states) + sum(len(stds) for stds, _ in laws), model.vector.size))
+    rows[: len(states), places] = root
+    row = len(states)
+    for stds, at in laws:
+        rows[row : row + len(stds), at] = np.diag(1.0 / np.array(stds))
+        row += len(stds)
+    return rows, np.concatenate((root @ prior.mean[states], np.zeros(row - len(states))))
 
 
 def _with(shape: Shape, at: int, value: float) -> Shape:

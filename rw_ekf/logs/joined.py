@@ -55,13 +55,22 @@ def joined(logs: Sequence[WheelLog]) -> Joined:
         command_delay_s=np.concatenate([log.command_delay_s for log in logs]),
         segment=np.concatenate(segments),
         channels={name: np.concatenate([log.channels[name] for log in logs]) for name in sorted(names)},
-        other={},
+        other=_further(logs),
         rows_read=sum(log.rows_read for log in logs),
         skipped_rows=sum(log.skipped_rows for log in logs),
         warnings=tuple(f"{log.name}: {text}" for log in logs for text in log.warnings),
     )
     log_of = np.repeat(np.arange(len(logs)), [len(log) for log in logs]).astype(np.int64)
     return Joined(whole, log_of, tuple(parts), (*notes, *_unlike(logs)))
+
+
+def _further(logs: Sequence[WheelLog]) -> dict[str, Any]:
+    """Logged numbers of no name of ours that every log has."""
+    import pyarrow as pa
+
+    names = set.intersection(*(set(log.other) & set(log.further_columns) for log in logs))
+    columns = {name: [values for log in logs if (values := log.numbers(name)) is not None] for name in sorted(names)}
+    return {name: pa.array(np.concatenate(values)) for name, values in columns.items()}
 
 
 def _part(log: WheelLog, begin_s: float) -> dict[str, Any]:

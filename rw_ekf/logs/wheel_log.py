@@ -44,6 +44,7 @@ CHANNELS = (
     "angle_rad",
     "status",
 )
+_FURTHER = ("bus_voltage_V", "pressure_Pa")
 READABLE_COLUMNS = (*LOG_COLUMNS, "speed_rpm")  # what a reader understands; anything else is carried along
 
 
@@ -115,6 +116,25 @@ class WheelLog:
         from rw_ekf.logs.log_picture import log_figure
 
         return log_figure(self)
+
+    @property
+    def further_columns(self) -> tuple[str, ...]:
+        """Names of logged numbers that are neither time, motion nor drive: what a law may be a function of."""
+        own = [name for name in _FURTHER if name in self.channels]
+        return (*own, *(name for name in self.other if self.numbers(name) is not None))
+
+    def numbers(self, name: str) -> Float64Array | None:
+        """A column by name as numbers (n,), NaN where one is missing; None where there is none, or it is text."""
+        if name in self.channels:
+            return self.channels[name]
+        values = self.other.get(name)
+        if values is None:
+            return None
+        try:
+            numbers = np.array(values.to_numpy(zero_copy_only=False), dtype=np.float64)
+        except (TypeError, ValueError):
+            return None
+        return numbers if numbers.size == len(self) else None
 
     @property
     def rate_hz(self) -> float:

@@ -6,8 +6,9 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
+from rw_ekf.model.law import Law
 from rw_ekf.model.state import FrictionParameters
 
 if TYPE_CHECKING:
@@ -215,6 +216,16 @@ class Effect(ABC):
         """`described` from all coefficients of a term and their covariance (m, m)."""
         return cls.described(*cls.amplitude(values, covariance), shape)
 
+    @classmethod
+    def parameters_of(cls, term: Term, covariance: Matrix) -> dict[str, dict[str, Any]]:
+        """`parameters` of a term of this effect."""
+        return cls.parameters(term.values, covariance, term.shape)
+
+    @classmethod
+    def sentence_of(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:
+        """`sentence` of a term of this effect."""
+        return cls.sentence(*cls.amplitude(term.values, covariance), term.shape, facts)
+
 
 @dataclass(frozen=True)
 class Term:
@@ -225,6 +236,7 @@ class Term:
     stds: tuple[float, ...]
     shape: Shape = NO_SHAPE
     settled: bool = False  # shape constants that were fitted elsewhere stay as they are
+    law: Law | None = None  # of a learned law: what it is a function of, and its functions
 
     @classmethod
     def of(cls, effect: type[Effect], shape: Shape = NO_SHAPE, value: float = 0.0, std: float = 0.0) -> Term:
@@ -246,13 +258,13 @@ class Term:
         """Length of the coefficients: the amplitude of a sine and a cosine."""
         return math.hypot(*self.values)
 
-    def described(self, covariance: Matrix) -> dict[str, dict[str, float | str | None]]:
+    def described(self, covariance: Matrix) -> dict[str, dict[str, Any]]:
         """The parameters of the diagnosis document, from the covariance (m, m) of the coefficients."""
-        return self.effect.parameters(self.values, covariance, self.shape)
+        return self.effect.parameters_of(self, covariance)
 
     def sentence(self, covariance: Matrix, facts: RecordFacts) -> str:
         """What was found, for a person, without the final stop."""
-        return self.effect.sentence(*self.effect.amplitude(self.values, covariance), self.shape, facts)
+        return self.effect.sentence_of(self, covariance, facts)
 
 
 def size_of(terms: Sequence[Term]) -> float:

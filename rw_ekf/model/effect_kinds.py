@@ -139,3 +139,9 @@ class ReadingEffect(Effect):
     @abstractmethod
     def variance(a: float) -> float:
         """Added variance of one reading [rad^2/s^2]."""
+
+
+class LawEffect(Effect):
+    """A law without a formula: every term has its own `law`, and enters as a static effect does."""
+
+    repeats = True

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from rw_ekf.model.effect_kinds import (
     StribeckEffect,
     WindowEffect,
 )
+from rw_ekf.model.law import KINDS, Law, sums_of
 from rw_ekf.model.state import STATE_SIZE
 
 ABSENT = -1
@@ -51,6 +52,15 @@ class EffectTable(NamedTuple):
     stribeck_at: int
     stribeck_law: int
     drift: Float64Array  # (coefficients,) variance rate of each coefficient [unit^2 per s]
+    law_at: Int64Array  # (l,) every function of every learned law
+    law_kind: Int64Array  # (l,)
+    law_over: Int64Array  # (l,)
+    law_start: Int64Array  # (l,) where its knots begin in the values
+    law_count: Int64Array  # (l,)
+    law_first: Float64Array  # (l,)
+    law_per: Float64Array  # (l,) knots per unit of the quantity
+    law_values: Float64Array  # all knots of all functions
+    law_sums: Float64Array
 
 
 @dataclass(frozen=True)
@@ -77,6 +87,12 @@ class EffectSet:
     def beyond(self, other: EffectSet) -> tuple[str, ...]:
         """The ids that another set does not have, in order of use."""
         return tuple(name for name in self.ids if name not in other.ids)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the log that learned laws are functions of, by their slots."""
+        named = {term.law.slot: term.law.column for term in self.terms if term.law is not None and term.law.column}
+        return tuple(named.get(slot, "") for slot in range(max(named, default=-1) + 1))
 
     @property
     def coefficient_ids(self) -> tuple[str, ...]:
@@ -111,11 +127,14 @@ class EffectSet:
         shapes: dict[str, Shape] = dict.fromkeys(("lag", "memory"), NO_SHAPE)
         codes: dict[str, int] = dict.fromkeys(("lag", "memory", "law"), ABSENT)
         static: list[tuple[int, int, Shape]] = []
+        laws: list[tuple[int, Law, tuple[float, ...]]] = []
         size = STATE_SIZE
         for term in terms:
             kind, at = term.effect, size
             size += len(term.values)
-            if issubclass(kind, StaticEffect):
+            if term.law is not None:
+                laws += [(at + i, term.law, values) for i, values in enumerate(term.law.functions)]
+            elif issubclass(kind, StaticEffect):
                 code = STATIC_EFFECTS.index(kind)
                 static += [(at + i, code, kind.component_shape(term.shape, i)) for i in range(len(term.values))]
             elif issubclass(kind, DelayEffect):
@@ -155,6 +174,7 @@ class EffectSet:
             stribeck_at=places["stribeck"],
             stribeck_law=codes["law"],
             drift=np.zeros(hidden - STATE_SIZE) if drift is None else np.array(drift, dtype=np.float64),
+            **_law_columns(laws),
         )
 
     def with_values(self, values: Sequence[float] | Float64Array, stds: Sequence[float] | Float64Array) -> EffectSet:
@@ -169,6 +189,27 @@ class EffectSet:
             else:
                 terms.append(term)
         return EffectSet(tuple(terms))
+
+
+def _law_columns(laws: list[tuple[int, Law, tuple[float, ...]]]) -> dict[str, Any]:
+    """The table's part of learned laws: (place in the state, law, values on its knots) of each function."""
+    values = [np.array(knots, dtype=np.float64) for _, _, knots in laws]
+    counts = np.array([knots.size for knots in values], dtype=np.int64)
+    nothing = np.zeros(0)
+    return {
+        "law_at": np.array([at for at, _, _ in laws], dtype=np.int64),
+        "law_kind": np.array([KINDS.index(law.acts_as) for _, law, _ in laws], dtype=np.int64),
+        "law_over": np.array([law.over for _, law, _ in laws], dtype=np.int64),
+        "law_start": np.cumsum(counts) - counts,
+        "law_count": counts,
+        "law_first": np.array([law.first for _, law, _ in laws], dtype=np.float64),
+        "law_per": np.array(
+            [(knots.size - 1) / (law.last - law.first) for (_, law, _), knots in zip(laws, values, strict=True)],
+            dtype=np.float64,
+        ),
+        "law_values": np.concatenate([nothing, *values]),
+        "law_sums": np.concatenate([nothing, *(sums_of(knots) for knots in values)]),
+    }
 
 
 NO_EFFECTS = EffectSet()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 
 from rw_ekf.compiled import make_jitable
-from rw_ekf.model import averages, flow, friction, state
+from rw_ekf.model import averages, flow, friction, law, state
 from rw_ekf.wheel import dispatch, effect_table, effect_transition, interval, pieces, transition, window
 
 make_jitable([flow.slip, flow.flow, dispatch.contribution_slope, pieces.effect_interval], inlined=True)
@@ -22,6 +22,12 @@ make_jitable(
         flow._exp_small,
         flow._time_to_stop,
         interval.interval_after,
+        interval.columns_at,
+        interval.last_known,
+        law.law_value,
+        law._integral,
+        law.periodic_mean,
+        law.law_contribution,
         transition.factor_covariance,
         transition.reflection,
         transition._rests_for_sure,
@@ -34,6 +40,7 @@ make_jitable(
         dispatch.memory_flow,
         window.lateness,
         window.rounding,
+        pieces._of_law,
         pieces._gather,
         pieces.stribeck_of,
         pieces.driven_by,
@@ -53,6 +60,6 @@ make_jitable(
 
 # Everything that is compiled into a pass with them: its cache is stale when one of them changes.
 EQUATIONS: list[ModuleType] = [
-    state, averages, friction, flow, interval, transition, dispatch, window, pieces, effect_transition, effect_table,
-    *dispatch.MODULES,
+    state, averages, friction, flow, law, interval, transition, dispatch, window, pieces, effect_transition,
+    effect_table, *dispatch.MODULES,
 ]  # fmt: skip

@@ -25,6 +25,8 @@ _INSTANT_S = 1.0e-7  # over which a friction with a memory is followed
 class FrictionTorque(NamedTuple):
     """Friction per unit inertia [rad/s^2] at a moment; above zero it slows a wheel that turns forward.
 
+    at: the current in force [A], temperature [degC], angle [rad], time [s] and columns of the moment.
+
     It is k I less the acceleration, with I the current in the winding after the effects that change it: torques from
     outside count as friction, and at rest it is the drive that is held. x (n,), P (n, n): belief. at: the current in
     force [A], temperature [degC], angle [rad] and time [s].
@@ -34,14 +36,14 @@ class FrictionTorque(NamedTuple):
     P: Float64Array
     table: EffectTable
     stribeck: Stribeck
-    at: tuple[float, float, float, float]
+    at: Moment
 
     def value_rad_s2(self, speed_rad_s: float | None = None) -> float:
         """At the believed speed, or at another one; hidden states stay."""
         values = self.x.tolist()
         if speed_rad_s is not None:
             values[SPEED] = speed_rad_s
-        return _friction(values, self.table, self.stribeck, Moment(0.0, *self.at, 0.0))
+        return _friction(values, self.table, self.stribeck, self.at)
 
     def believed_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
         """The same with its standard deviation, by divided differences (docs/filter.md eq. 7).
@@ -54,10 +56,9 @@ class FrictionTorque(NamedTuple):
             x[SPEED], spread[SPEED, :], spread[:, SPEED] = speed_rad_s, 0.0, 0.0
         root = np.zeros_like(spread)
         factor_covariance(spread, root)
-        moment = Moment(0.0, *self.at, 0.0)
 
         def friction(state: Float64Array) -> float:
-            return _friction(state.tolist(), self.table, self.stribeck, moment)
+            return _friction(state.tolist(), self.table, self.stribeck, self.at)
 
         differences = [friction(x + step) - friction(x - step) for step in math.sqrt(3.0) * root.T]
         return Believed(friction(x), math.hypot(*differences) / math.sqrt(12.0))
@@ -67,7 +68,7 @@ def current_for(
     x: Float64Array,
     table: EffectTable,
     stribeck: Stribeck,
-    at: tuple[float, float, float, float],
+    at: Moment,
     drive_rad_s2: float,
 ) -> float:
     """The current [A] whose drive k I, after a dead zone, saturation and the gain's temperature, is drive_rad_s2.
@@ -77,7 +78,7 @@ def current_for(
     """
     values = x.tolist()
     needed: float = drive_rad_s2 / values[MOTOR_GAIN]
-    moment = Moment(0.0, *at, 0.0)._replace(omega=values[SPEED])
+    moment = at._replace(omega=values[SPEED])
     current: float = needed
     for _ in range(_TURNS):
         terms, _, _ = driven_by(values, table, stribeck_of(values, table, stribeck), moment._replace(current=current))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from rw_ekf.arrays import by_identity
+
+Columns = tuple[float, float, float]
+NO_COLUMNS: Columns = (0.0, 0.0, 0.0)
 
 
 @by_identity
@@ -26,6 +30,7 @@ class Interval(NamedTuple):
     first: int
     start: int
     stop: int
+    columns: Columns = NO_COLUMNS  # of the log, that laws of the model are functions of; at from_s
 
 
 def interval_after(course: Any, i: int) -> Interval:
@@ -38,4 +43,21 @@ def interval_after(course: Any, i: int) -> Interval:
         course.first_piece[i],
         course.piece_start[i],
         course.piece_start[i + 1],
+        columns_at(course.columns, i),
     )
+
+
+def last_known(before: Columns, now: Columns) -> Columns:
+    """Each of them as it is, or as it was where it is not known."""
+    return (
+        before[0] if math.isnan(now[0]) else now[0],
+        before[1] if math.isnan(now[1]) else now[1],
+        before[2] if math.isnan(now[2]) else now[2],
+    )
+
+
+def columns_at(columns: Any, i: int) -> Columns:
+    """Those of a course, (n, 3), or (0, 3) where no law asks for one."""
+    if columns.shape[0] == 0:
+        return math.nan, math.nan, math.nan
+    return columns[i, 0], columns[i, 1], columns[i, 2]

@@ -16,8 +16,9 @@ from rw_ekf.checking.wording import suggestion
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.model import bounds as model_bounds
 from rw_ekf.model.effect import Coefficient, Shape, Term
-from rw_ekf.model.effect_kinds import StaticEffect
+from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.model.friction import LAW_CODES
+from rw_ekf.model.law import KINDS, MOST_COLUMNS, QUANTITIES, Law
 from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import number_of
 from rw_ekf.wheel.effect_table import EffectSet
@@ -87,18 +88,56 @@ class _Coefficient(_Loose):
     unit: str = Key(description="as the catalogue has it")
 
 
+_Finite = Annotated[float, Key(allow_inf_nan=False)]
+
+
+class _Law(Section):
+    """A law without a formula, by its values on even knots."""
+
+    quantity: Annotated[str, one_of(QUANTITIES)] = Key(description="what it is a function of")
+    column: str = Key("", description="of the log, where the quantity is `column`")
+    acts_as: Annotated[str, one_of(KINDS)] = Key(description="how it acts")
+    unit: str = Key("", description="of its values, for people")
+    range: Annotated[list[_Finite], Key(min_length=2, max_length=2)] = Key(description="first and last knot")
+    values: Annotated[list[_Finite], Key(min_length=2, max_length=2000)] = Key(description="on even knots")
+    std: list[_Finite] = Key([], description="of the values, for people")
+
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        mistakes: list[Mistake] = []
+        if not self.range[1] > self.range[0]:
+            mistakes.append((("range",), f"is {self.range}; the last knot must lie beyond the first"))
+        if (self.quantity == "column") != bool(self.column):
+            mistakes.append((("column",), "names the log's column of a law of quantity `column`, and of no other"))
+        if len(self.std) > 1 and len(self.std) != len(self.values):
+            mistakes.append((("std",), f"has {len(self.std)} numbers, the law {len(self.values)} values"))
+        refuse(mistakes)
+        return self
+
+    def law(self, slot: int) -> Law:
+        """The same as a filter has it."""
+        return Law(
+            QUANTITIES[QUANTITIES.index(self.quantity)], KINDS[KINDS.index(self.acts_as)], self.range[0], self.range[1],
+            (tuple(self.values),), (), self.column, slot, tuple(self.std),
+        )  # fmt: skip
+
+
 class _Entry(Section):
     """One coefficient of an effect, with the shape constants that it enters with."""
 
     effect: Annotated[str, one_of(CATALOGUE)] = Key(description="its id in the catalogue")
     coefficient: _Coefficient = Key(description="value, std and unit")
     constants: Annotated[dict[str, float], BeforeValidator(lambda value: value or {})] = Key({}, description="by name")
+    law: _Law | None = Key(None, description="of a law without a formula: its knots and values")
 
     @model_validator(mode="after")
     def _holds(self) -> Self:
         effect, found = CATALOGUE[self.effect], self.coefficient
         low, high, unit = effect.coefficient.lower, effect.coefficient.upper, effect.coefficient.unit
         mistakes: list[Mistake] = []
+        if issubclass(effect, LawEffect) != (self.law is not None):
+            words = "is missing" if self.law is None else f"is of a learned law; {self.effect} has a formula"
+            mistakes.append((("law",), words))
         if found.unit != unit:
             mistakes.append((("coefficient", "unit"), f"is {found.unit!r}; the one of {self.effect} is {unit!r}"))
         if not low <= found.value <= high:
@@ -129,17 +168,21 @@ class _Entry(Section):
         effect = CATALOGUE[self.effect]
         numbers = [self.constants[constant.name] for constant in effect.constants]
         shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
-        return Term(effect, (self.coefficient.value,), (self.coefficient.std,), shape)
+        law = None if self.law is None else self.law.law(0)
+        return Term(effect, (self.coefficient.value,), (self.coefficient.std,), shape, law=law)
 
 
 def _one_of_a_kind(entries: list[_Entry]) -> list[_Entry]:
-    """A model holds one effect of some kinds."""
+    """A model holds one effect of some kinds, and laws of three columns of a log."""
+    columns = list(dict.fromkeys(entry.law.column for entry in entries if entry.law is not None and entry.law.column))
+    if len(columns) > MOST_COLUMNS:
+        refuse([((), f"are of {len(columns)} columns of a log ({', '.join(columns)}); {MOST_COLUMNS} are the most")])
     terms = [entry.term for entry in entries]
     refuse(
         ((i,), f"is {term.id} beside {other.id}; a model holds one of the kind")
         for i, term in enumerate(terms)
         for other in terms[:i]
-        if (term.effect is other.effect and not issubclass(term.effect, StaticEffect))
+        if (term.effect is other.effect and not issubclass(term.effect, (StaticEffect, LawEffect)))
         or (term.effect.flow_kind and other.effect.flow_kind)
     )
     return entries
@@ -243,4 +286,9 @@ def _effect_set(entries: list[_Entry] | None) -> EffectSet:
             found[-1] = replace(last, values=(*last.values, *term.values), stds=(*last.stds, *term.stds))
         else:
             found.append(term)
-    return EffectSet(tuple(found))
+    columns = list(dict.fromkeys(term.law.column for term in found if term.law is not None and term.law.column))
+    return EffectSet(tuple(
+        term if term.law is None or not term.law.column
+        else replace(term, law=replace(term.law, slot=columns.index(term.law.column)))
+        for term in found
+    ))  # fmt: skip

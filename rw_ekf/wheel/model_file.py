@@ -17,6 +17,7 @@ from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
 from rw_ekf.model.effect import Term
+from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.wheel_tag import WheelTag
@@ -95,9 +96,20 @@ def _effect_documents(term: Term) -> list[dict[str, Any]]:
             "constants": {
                 constant.name: float(number) for constant, number in zip(effect.constants, shape, strict=False)
             },
+            **({} if term.law is None else {"law": _law_document(term.law)}),
         }
         for value, std, shape in zip(term.values, term.stds, shapes, strict=True)
     ]
+
+
+def _law_document(law: Law) -> dict[str, Any]:
+    """A law by its values on even knots, with what it is a function of and how it acts."""
+    column = {"column": law.column} if law.column else {}
+    spread = {"std": list(law.spread)} if law.spread else {}
+    return {
+        "quantity": law.quantity, **column, "acts_as": law.acts_as, "unit": law.own_unit,
+        "range": [law.first, law.last], "values": list(law.functions[0]), **spread,
+    }  # fmt: skip
 
 
 def read_model(path: Path) -> WheelModel:

@@ -54,7 +54,7 @@ class WheelOutlook:
             before = values[SPEED]
             values = self._followed(values, interval._replace(to_s=to_s), pieces)
             angle = interval.angle_rad + 0.5 * (before + values[SPEED]) * (to_s - interval.from_s)
-            self._next = Interval(to_s, to_s, interval.temperature_degC, angle, 0, 0, 1)
+            self._next = Interval(to_s, to_s, interval.temperature_degC, angle, 0, 0, 1, interval.columns)
             self._given_s = interval.to_s
         self._x = values
         self.begin_rad_s: float = values[SPEED]

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 from rw_ekf.model.flow import flow
 from rw_ekf.model.friction import FrictionCurve, Stribeck
+from rw_ekf.model.law import law_contribution
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
 from rw_ekf.wheel.effect_table import EffectTable
-from rw_ekf.wheel.interval import Interval, Pieces
+from rw_ekf.wheel.interval import NO_COLUMNS, Columns, Interval, Pieces
 from rw_ekf.wheel.window import lateness, rounding
 
 _HELD = 0.05  # of the Stribeck speed
@@ -30,6 +31,7 @@ class Moment(NamedTuple):
     angle: float  # rad, where the step begins
     time: float  # s
     duration: float  # s
+    columns: Columns = NO_COLUMNS  # of the log
 
 
 class Terms(NamedTuple):
@@ -41,6 +43,15 @@ class Terms(NamedTuple):
     viscous_factor: float
     dry_factor: float
     dry: float  # rad/s^2
+
+
+def _of_law(table: EffectTable, j: int, at: Moment) -> tuple[float, float, float, float, float, float]:
+    """What the j-th learned function adds to a step for a coefficient of 1."""
+    return law_contribution(
+        table.law_values, table.law_sums, table.law_start[j], table.law_count[j], table.law_first[j], table.law_per[j],
+        table.law_over[j], table.law_kind[j],
+        at.omega, at.current, at.temperature, at.angle, at.time, at.duration, at.columns,
+    )  # fmt: skip
 
 
 def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
@@ -61,6 +72,15 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
         viscous_factor += part[3]
         dry_factor += part[4]
         dry += part[5]
+    for j in range(table.law_at.shape[0]):
+        a = x[table.law_at[j]]
+        if a == 0.0:
+            continue
+        part = _of_law(table, j, at)
+        amperes += a * part[0]
+        external += a * part[1]
+        viscous += a * part[2]
+        dry += a * part[5]
     return Terms(amperes, external, viscous, viscous_factor, dry_factor, dry)
 
 
@@ -83,7 +103,7 @@ def driven_by(x: Any, table: EffectTable, stribeck: Stribeck, at: Moment) -> tup
 def _chain_static(
     x: Any, table: EffectTable, row: Any, to: int, at: Moment, of_drive: float, of_b: float, of_dry: float
 ) -> None:
-    """Add the slopes by the coefficients of the static effects to a row that begins at `to`.
+    """Add the slopes by the coefficients of the static effects, learned laws among them, to a row that begins at `to`.
 
     of_drive, of_b, of_dry: slopes of the step by drive, viscous and all dry friction. Called only where there are any:
     to hand all this over for nothing would take the base model's pass two thirds as long again.
@@ -96,6 +116,9 @@ def _chain_static(
         )  # fmt: skip
         row[to + place] += of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * (x[VISCOUS] * part[3] + part[2])
         row[to + place] += of_dry * (x[COULOMB] * part[4] + part[5])
+    for j in range(table.law_at.shape[0]):
+        place, part = table.law_at[j], _of_law(table, j, at)
+        row[to + place] += of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * part[2] + of_dry * part[5]
 
 
 def _chain(
@@ -112,7 +135,7 @@ def _chain(
     row[VISCOUS] += of_b * (1.0 + terms.viscous_factor)
     row[COULOMB] += of_c * (1.0 + terms.dry_factor) + of_s * terms.dry_factor
     row[STATIC] += of_s
-    if table.static_at.shape[0] > 0:
+    if table.static_at.shape[0] + table.law_at.shape[0] > 0:
         _chain_static(x, table, row, 0, at, of_drive, of_b, of_c + of_s)
 
 
@@ -182,7 +205,7 @@ def _chain_memory(
         row[to + COULOMB] += row[of + 4] * (1.0 + terms.dry_factor) + row[of + 5] * terms.dry_factor
         row[to + STATIC] += row[of + 5]
         row[to + table.memory_at] += row[of + 6]
-        if table.static_at.shape[0] > 0:
+        if table.static_at.shape[0] + table.law_at.shape[0] > 0:
             _chain_static(x, table, row, to, at, row[of + 2], row[of + 3], row[of + 4] + row[of + 5])
 
 
@@ -197,7 +220,7 @@ def effect_interval(
     touched.
     The coefficients in `end` are those of x.
     """
-    from_s, to_s, temperature, angle, first, start, stop = interval
+    from_s, to_s, temperature, angle, first, start, stop, columns = interval
     stribeck = stribeck_of(x, table, stribeck)
     begins, durations, currents = pieces
     n = table.size
@@ -232,7 +255,7 @@ def effect_interval(
                 current, end[table.lag_state_at] = lagged(
                     table.lag_code, tau, q[0], q[1], q[2], end[table.lag_state_at], current, h
                 )
-            moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h)
+            moment = Moment(omega, current, temperature, angle, at + 0.5 * h, h, columns)
             terms, drive, curve = driven_by(x, table, stribeck, moment)
             before = omega
             if table.memory_at >= 0:
@@ -246,7 +269,7 @@ def effect_interval(
                     table.memory_code, omega, held, drive, curve, x[table.memory_at], q[0], q[1], q[2], h
                 )
                 if slopes:
-                    moment = Moment(start_omega, current, temperature, angle, at + 0.5 * h, h)
+                    moment = Moment(start_omega, current, temperature, angle, at + 0.5 * h, h, columns)
                     _chain_memory(x, table, row, moment, terms, held, drive, curve, omega, end[table.memory_state_at])
             else:
                 omega, keep, of_drive, of_b, of_c, of_s = flow(omega, drive, curve, h, slopes)

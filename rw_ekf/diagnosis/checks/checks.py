@@ -90,9 +90,15 @@ def _missed(search: Search, fit: Fit, name: str, others: list[str]) -> Check:
     effect = CATALOGUE[name]
     statistic, _ = search.loss_without(fit, name)
     why = explained_by(*others) if others else Decision(Reason.NOT_SIGNIFICANT)
-    stands = p_value(effect, statistic, search.facts) < SIGNIFICANT_P
+    stands = p_value(effect, statistic, search.facts, _freedom(fit, name)) < SIGNIFICANT_P
     limit = threshold(effect, search.facts)
     return Check("is missed without it", name, statistic, limit, None if stands else why)
+
+
+def _freedom(fit: Fit, name: str) -> int:
+    """Coefficients of a law; of any other effect as many as one term has."""
+    terms = fit.model.of(name)
+    return sum(len(term.values) for term in terms if term.law is not None) or CATALOGUE[name].components
 
 
 def _agreed(prepared: Prepared, fit: Fit, name: str) -> Check:

@@ -27,7 +27,7 @@ from rw_ekf.likelihood.one_step import predict
 from rw_ekf.likelihood.whitening import adjoint
 from rw_ekf.likelihood.work import screening_units
 from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Term
-from rw_ekf.model.effect_kinds import StaticEffect
+from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.wheel.effect_table import EffectSet
 
 _USUAL_SIZE = 10.0  # of the smallest that matters: as large as effects of wheels are, to an order of magnitude
@@ -40,11 +40,11 @@ _FEW_PLACES = 16  # of a block: with less of them the rest is not worked out
 _EVEN = 1.0e-9  # of their spacing
 
 
-def p_value(effect: type[Effect], statistic: float, facts: RecordFacts) -> float:
-    """Probability that a wheel without the effect shows as much."""
+def p_value(effect: type[Effect], statistic: float, facts: RecordFacts, freedom: int | None = None) -> float:
+    """Probability that a wheel without the effect shows as much; freedom: coefficients, where they vary."""
     if statistic <= 0.0:
         return 1.0
-    single = chi_square_tail(statistic / INFLATION, effect.components)
+    single = chi_square_tail(statistic / INFLATION, freedom or effect.components)
     return float(-math.expm1(_places(effect, facts) * math.log1p(-single))) if single < 1.0 else 1.0
 
 
@@ -141,7 +141,7 @@ def hypotheses(
 def analytic(linearised: Linearisation, places: list[tuple[type[Effect], Candidate]]) -> list[Hypothesis]:
     """Slopes of all places at once. Effects without written slopes are left out of the model meanwhile."""
     model = linearised.model
-    kept = [term for term in model.terms if issubclass(term.effect, StaticEffect)]
+    kept = [term for term in model.terms if issubclass(term.effect, (StaticEffect, LawEffect))]
     tried = [Term.of(effect, candidate.shape) for effect, candidate in places]
     effects = EffectSet((*kept, *tried))
     coefficients = np.array([*model.parameters, *effects.values])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,16 +100,25 @@ def evidence_of_random(profiled: Profiled, regressors: Float64Array) -> float:
 
     Their size is anybody's guess from what is not seen at all upwards; noises have the prior of eq. 6b.
     """
+    sums = [profiled.sums(i, regressors) for i in range(len(profiled.ratios))]
+    return evidence_of_drawn(profiled, [(one.gram, one.products) for one in sums])[0]
+
+
+def evidence_of_drawn(profiled: Profiled, sums: Sequence[tuple[Float64Array, Float64Array]]) -> tuple[float, float]:
+    """The same from gram (m, m) and products (m,) at each ratio, and the likeliest deviation of the coefficients."""
     signals = np.geomspace(_SIGNALS[0], _GREATEST, _SIGNAL_STEPS)
     logs = np.log(np.array(profiled.ratios))
     spacing = np.log(np.gradient(logs) if logs.size > 1 else np.ones(1))
     without, merits = np.empty(logs.size), np.empty((logs.size, signals.size))
+    deviations = np.empty(merits.shape)
     for i in range(logs.size):
-        gains, found, _ = _drawn(profiled, i, regressors, signals)
+        gains, found, unit = _drawn_of(profiled, i, *sums[i], signals)
+        deviations[i] = signals / unit * np.sqrt(profiled.left(i, gains))
         flat = spacing[i] + 0.5 * logs[i]  # in sqrt(q), as far as nothing is known
         without[i] = profiled.restricted(i, 0.0, 0, 0.0) + flat + 0.5 * np.log(profiled.left(i, 0.0))
         merits[i] = found + flat + 0.5 * np.log(profiled.left(i, gains))
-    return float(np.logaddexp.reduce(merits, axis=None) - math.log(signals.size) - np.logaddexp.reduce(without))
+    factor = np.logaddexp.reduce(merits, axis=None) - math.log(signals.size) - np.logaddexp.reduce(without)
+    return float(factor), float(deviations.ravel()[np.argmax(merits)])
 
 
 def _drawn(
@@ -119,6 +129,13 @@ def _drawn(
     signals (k,): deviations of the coefficients times the length of the regressor best seen, which comes third.
     """
     _, gram, products = profiled.sums(i, regressors)
+    return _drawn_of(profiled, i, gram, products, signals)
+
+
+def _drawn_of(
+    profiled: Profiled, i: int, gram: Float64Array, products: Float64Array, signals: Float64Array
+) -> tuple[Float64Array, Float64Array, float]:
+    """The same from squares and products of the regressors beside the model's own."""
     squares, V = np.linalg.eigh(gram)
     squares, unit = np.maximum(squares, 0.0), math.sqrt(max(float(squares[-1]), 1.0e-300))
     scale = (signals[:, None] / unit) ** 2

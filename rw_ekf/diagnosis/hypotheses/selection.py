@@ -9,6 +9,7 @@ from rw_ekf.diagnosis.hypotheses.candidates import Score, p_value
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import INFLATION
+from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Effect, RecordFacts, Term
 
@@ -34,6 +35,15 @@ class Trial:
         return cls(
             score.effect, score.statistic, score.p_value, score.screening_gain, score.size, score.std, score.starts[:1]
         )
+
+    @classmethod
+    def of_law(cls, term: Term, less: Fit, fit: Fit) -> Trial:
+        """A law without a formula, fitted beside a model."""
+        statistic = 2.0 * (fit.likelihood.value - less.likelihood.value)
+        found = fit.model.of(term.id)[-1]
+        p = chi_square_tail(max(statistic, 0.0) / INFLATION, len(term.values))
+        size, std = fit.size_of(term.id)
+        return cls(term.effect, statistic, p, 0.5 * statistic, size, std, (found,))
 
     def found_by(self, statistic: float, facts: RecordFacts) -> Trial:
         """The same, fitted in full."""

@@ -17,6 +17,7 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import EXPLAINED_SHARE, MAP_P
 from rw_ekf.effects.catalogue import GRID
+from rw_ekf.likelihood.carried import carried
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_COUNT
@@ -102,6 +103,8 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)
     variance = fit.noise.variance
+    effects, covariance = carried(fit.model, covariance)
+    stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))[PARAMETER_COUNT:]
     return WheelModel(
         parameters=fit.model.parameters,
         covariance=tuple(tuple(float(v) for v in row) for row in covariance),
@@ -117,5 +120,5 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
             "record": print_of(prepared.source.log),
             "rw_ekf": __version__,
         },
-        effects=fit.model.effects.with_values(fit.model.effects.values, fit.std[PARAMETER_COUNT:known]),
+        effects=effects.with_values(effects.values, stds),
     )

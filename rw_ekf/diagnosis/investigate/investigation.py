@@ -34,8 +34,12 @@ Advance = Callable[[str], object]
 
 def investigate(prepared: Prepared, advance: Advance) -> Found:
     """Search the record; keep what both its parts agree on; map what is left; say how well the numbers are known."""
-    found = _named(prepared, advance)
-    reported = found.fit
+    return with_widths(_named(prepared, advance), advance)
+
+
+def with_widths(found: Found, advance: Advance) -> Found:
+    """The same, its numbers as uncertain as what was not fitted leaves them."""
+    prepared, reported = found.prepared, found.fit
     orders: dict[float, float] = {}
     laws: dict[str, float] = {}
     for name in found.new_ids:

@@ -9,12 +9,15 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.hypotheses.wander import evidence_of_wandering
+from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, UNNAMED_LOG_ODDS
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, MOST_RATIO, at_ratio
 from rw_ekf.model.effect import Effect, RecordFacts, Term
+from rw_ekf.model.effect_kinds import LawEffect
+from rw_ekf.model.law import Law
 
 _KNOWN = 30.0  # sigmas: a size known better meets one density only
 _GRID = 2000
@@ -54,7 +57,10 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
         if term.id in effects:
             total += 0.5 * len(term.values) * math.log(2.0 * math.pi)
             total += _log_prior(term, values[at], covariance[at, at], model.seen_by(term.effect, facts))
-    return total - len(effects) * math.log(max(len(testable(facts)), 1))
+    named = [
+        name for name in effects if not issubclass(CATALOGUE[name], LawEffect)
+    ]  # a law pays for its kind by itself
+    return total - len(named) * math.log(max(len(testable(facts)), 1))
 
 
 def log_evidence_with_walk(less: Fit, effects: tuple[str, ...], pieces: list[Term], facts: RecordFacts) -> float:
@@ -80,6 +86,14 @@ def _integrated(linearised: Linearisation, fit: Fit) -> tuple[float, Float64Arra
     return total, mean, covariance
 
 
+def log_law_prior(law: Law) -> float:
+    """Log of the prior density of a law's coefficients but for their squares, which the likelihood has already.
+
+    With the odds of a law that no catalogue has, and those of its size and smoothness, which were chosen by likelihood.
+    """
+    return UNNAMED_LOG_ODDS - CHOSEN_LOG - sum(0.5 * math.log(2.0 * math.pi) + math.log(std) for std in law.prior_std)
+
+
 def _log_prior(term: Term, values: Float64Array, covariance: Float64Array, facts: RecordFacts) -> float:
     """Log of the prior density of a term's coefficients, its mean over what the data say of them (eq. 2)."""
     effect = term.effect
@@ -87,6 +101,8 @@ def _log_prior(term: Term, values: Float64Array, covariance: Float64Array, facts
     high = max(effect.largest(facts), 10.0 * low)
     places = math.log(effect.places(facts)) if effect.linear else 0.0
     size, sigma = float(np.linalg.norm(values)), math.sqrt(max(float(np.trace(covariance)) / values.size, 1.0e-300))
+    if term.law is not None:
+        return log_law_prior(term.law)
     if values.size > 1:  # a sine: its phase is anybody's guess
         around = max(size, sigma, low)
         return -math.log(2.0 * math.pi * around**2 * math.log(high / low)) - places

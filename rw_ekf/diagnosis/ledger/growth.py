@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from rw_ekf.diagnosis.checks.checks import of_size
@@ -9,18 +10,27 @@ from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
 from rw_ekf.diagnosis.hypotheses.laws import by_likeliest_law
+from rw_ekf.diagnosis.hypotheses.nameless import LAW_LOG_ODDS, likeliest_laws, settled_change
 from rw_ekf.diagnosis.hypotheses.other_places import lower_valley
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
 from rw_ekf.diagnosis.hypotheses.valleys import in_deepest_valleys
 from rw_ekf.diagnosis.ledger.ledger import Key, Ledger, Row
 from rw_ekf.diagnosis.standing import Reason
-from rw_ekf.diagnosis.thresholds import ALIAS_SHARE, BEAM, MOST_GROWN, MOST_TRIED, SIGNIFICANT_P
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.diagnosis.thresholds import (
+    ALIAS_SHARE,
+    BEAM,
+    MOST_GROWN,
+    MOST_LAWS,
+    MOST_TRIED,
+    SIGNIFICANT_P,
+)
+from rw_ekf.effects.catalogue import CATALOGUE, CHANGE
 from rw_ekf.likelihood import work
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect_kinds import LawEffect
 
 _MOST_EXCHANGES = 2  # while another row becomes the likeliest
 
@@ -51,6 +61,42 @@ def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger,
         ledger, selection = _exchanged(search, top, ledger, selection)
         if ledger.rows[0].key == top.key:
             break
+    return ledger, selection
+
+
+def grown_with_laws(
+    search: Search, ledger: Ledger, selection: Selection, columns: Sequence[str]
+) -> tuple[Ledger, Selection]:
+    """The ledger grown on by laws without a formula, up to three in a row, and by what is found beside them."""
+    done: set[Key] = set()
+    waiting = [row for row in ledger.rows if not row.effects][:1]
+    for _ in range(MOST_GROWN):
+        row = next((row for row in [*waiting, *ledger.rows[:BEAM]] if row.key not in done), None)
+        if row is None:
+            break
+        done.add(row.key)
+        count = sum(term.law is not None for term in row.fit.model.terms)
+        if count < MOST_LAWS:
+            search.advance("fitting laws without a formula")
+            ledger, selection = _with_laws(search, row, ledger, selection, columns)
+        if count:
+            ledger, selection = _grown_from(search, row, ledger, selection)
+    return ledger, selection
+
+
+def _with_laws(
+    search: Search, row: Row, ledger: Ledger, selection: Selection, columns: Sequence[str]
+) -> tuple[Ledger, Selection]:
+    """With the likeliest laws beside a row, and each of those without every named effect of the row."""
+    for law in likeliest_laws(row.fit, search.facts, columns)[:MOST_TRIED]:
+        if law.log_factor + LAW_LOG_ODDS <= 0.0:
+            break
+        fit = row.fit.refitted(row.fit.model.with_terms(law.term))
+        if law.term.effect is CHANGE:
+            fit = settled_change(row.fit, fit)
+        selection = selection.tried(Trial.of_law(law.term, row.fit, fit))
+        named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
+        ledger = ledger.with_rows([fit, *(search.without(fit, name) for name in named)])
     return ledger, selection
 
 

@@ -15,7 +15,7 @@ from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
-from rw_ekf.model.effect import RecordFacts
+from rw_ekf.model.effect import RecordFacts, Term
 
 _MOST_TOLD = 8  # rows that a document has, whatever became of them
 _ONE_RECORD_ODDS = -INDISTINGUISHABLE  # log, of what only this record's clock tells, beside what holds at any time
@@ -26,7 +26,13 @@ Key = frozenset[tuple[str, float]]
 def key_of(fit: Fit) -> Key:
     """What is in a model: ids, each order or frequency of a periodic effect for itself."""
     terms = fit.model.terms
-    return frozenset((term.id, round(term.shape[0], 6) if term.effect.repeats else 0.0) for term in terms)
+    return frozenset((term.id, _number_of(term)) for term in terms)
+
+
+def _number_of(term: Term) -> float:
+    if term.law is not None:
+        return term.law.number
+    return round(term.shape[0], 6) if term.effect.repeats else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +73,8 @@ class Ledger:
             return known
         effects = fit.model.effects.beyond(self.base.model.effects)
         odds = sum(_ONE_RECORD_ODDS for name in effects if CATALOGUE[name].of_one_record)
+        laws = [term.law for term in fit.model.terms if term.law is not None and term.law.prior_std]
+        odds += sum(_ONE_RECORD_ODDS for law in laws if law.quantity == "time" and len(law.functions) > 1)
         return Row(effects, fit, log_evidence(fit, effects, self.facts), odds, constructed, waits)
 
     def with_rows(self, fits: Iterable[Fit], *, constructed: bool = False, waits: bool = False) -> Ledger:

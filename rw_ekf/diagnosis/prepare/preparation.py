@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.course.conditions import filled, integrated_angle
+from rw_ekf.course.conditions import filled, filled_columns, integrated_angle
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
@@ -108,7 +108,9 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
         notes += ("the current is zero throughout: the motor gain cannot be identified and keeps its prior",)
     temperature, warm = filled(course.temperature_degC, REFERENCE_DEGC)
     logged_angle, turned = filled(course.angle_rad, 0.0)
-    course = course._replace(temperature_degC=temperature, angle_rad=logged_angle)
+    course = course._replace(
+        temperature_degC=temperature, angle_rad=logged_angle, columns=filled_columns(course.columns)
+    )
     parameters, free_run = setup.prior.parameters, np.zeros(0)
     if model is None:
         nearly = None if setup.lowest_loss is None else [setup.lowest_loss]
@@ -282,6 +284,7 @@ def part_of(course: Course, current_A: Float64Array, delay_s: Float64Array, part
         segment,
         course.temperature_degC[part],
         course.angle_rad[part],
+        course.columns[part] if course.columns.size else None,
     )
 
 

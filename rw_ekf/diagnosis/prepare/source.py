@@ -27,8 +27,10 @@ from rw_ekf.identify.record_scale import noise_beside_motion
 from rw_ekf.logs.joined import joined
 from rw_ekf.logs.sampling import evenly_stamped, mended, sampling_of
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.law import MOST_COLUMNS
 
 _NOISE_OF_MEDIAN = 1.0 / 0.6745
+_LEAST_LOGGED, _LEAST_VALUES = 0.5, 8  # of a column that a law may be a function of
 _MISSING = 1.0e300  # in place of a speed, where rows are compared
 
 
@@ -46,6 +48,7 @@ class Source:
     said_first: str  # sentences in front of the verdict, or nothing
     notes: tuple[str, ...]
     timing_doubt_s: float  # by which a reading may be older than its row says
+    columns: tuple[str, ...] = ()  # of the log, that the course has and a law may be a function of
 
     def document(self) -> dict[str, Any]:
         """The first keys of the diagnosis document; `logs` only where there are several."""
@@ -53,8 +56,8 @@ class Source:
         return found if len(self.parts) == 1 else found | {"logs": list(self.parts)}
 
 
-def source_of(logs: Sequence[WheelLog]) -> Source:
-    """Look at the rows of each log, mend what is lost, and join them.
+def source_of(logs: Sequence[WheelLog], given: Sequence[str] = ()) -> Source:
+    """Look at the rows of each log, mend what is lost, and join them. given: columns that a model asks for.
 
     Raises LogError for wild values, and for a log that is given twice.
     """
@@ -72,7 +75,8 @@ def source_of(logs: Sequence[WheelLog]) -> Source:
     parts = tuple(part | {"samples": len(log)} for part, log in zip(whole.parts, logs, strict=True))
     doubts = [s.period_s for s in seen if s.refresh_s is not None]
     log = whole.log
-    course = Course.of_log(_with_running_time(log))
+    columns = _columns(log, given)
+    course = Course.of_log(_with_running_time(log), columns)
     return Source(
         log=log,
         course=course,
@@ -84,7 +88,23 @@ def source_of(logs: Sequence[WheelLog]) -> Source:
         said_first="".join(first),
         notes=(*notes, *whole.notes),
         timing_doubt_s=max(doubts, default=0.0),
+        columns=columns,
     )
+
+
+def _columns(log: WheelLog, given: Sequence[str]) -> tuple[str, ...]:
+    """Columns that a law may be a function of: those that a model asks for, then others that move, three at most."""
+    moving = [name for name in log.further_columns if name not in given and _moves(log.numbers(name))]
+    return tuple([*given, *moving][:MOST_COLUMNS])
+
+
+def _moves(values: Float64Array | None) -> bool:
+    """Whether a column is a quantity that goes up and down: mostly there, of many values, no clock and no counter."""
+    if values is None or np.isfinite(values).mean() < _LEAST_LOGGED:
+        return False
+    known = values[np.isfinite(values)]
+    steps = np.diff(known)
+    return bool(np.unique(known).size >= _LEAST_VALUES and (steps > 0.0).any() and (steps < 0.0).any())
 
 
 def _refuse_twice(logs: Sequence[WheelLog]) -> None:

@@ -112,7 +112,7 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
                 entry["decision"] = Decision(Reason.ADDED)
                 less = performance(found.prepared, selection.final)
                 entry["heldout_gain_percent"] = percent_better(less.figures, after.figures)
-        elif (why := effect.untestable(facts)) is not None:
+        elif trial is None and (why := effect.untestable(facts)) is not None:
             entry["decision"] = Decision(Reason.UNTESTABLE, why)
         elif trial is not None:
             entry |= {"statistic": trial.statistic, "p_value": trial.p_value, "decision": trial.decision}

@@ -1,0 +1,76 @@
+"""Laws without a formula as rows of the ledger, where a record asks for one (docs/likelihood.md).
+
+A law of the catalogue makes a definite prediction and pays for one or two numbers. A law of which no more is known than
+that it is smooth pays for its freedom, and for being rarer. Where it makes the record likelier all the same, what was
+named is an alias of it: the ledger then grows on by such laws, and the likeliest row that passes its checks stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from rw_ekf.diagnosis.checks.residual_map import residual_map
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.nameless import LAW_LOG_ODDS, likeliest_laws
+from rw_ekf.diagnosis.investigate.found import Found, mapped
+from rw_ekf.diagnosis.investigate.investigation import with_widths
+from rw_ekf.diagnosis.ledger.choice import chosen
+from rw_ekf.diagnosis.ledger.growth import grown_with_laws
+from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import MAP_P
+from rw_ekf.likelihood import work
+
+Advance = Callable[[str], object]
+
+
+def with_laws(found: Found, advance: Advance) -> Found:
+    """What stands when laws without a formula are rows too; the same where none is worth a row."""
+    if not found.prepared.record.work.has(work.RIVALS):
+        return found
+    advance("weighing laws without a formula")
+    prepared = found.prepared if found.corrected is None else found.corrected
+    base, facts, columns = found.selection.base, prepared.facts, prepared.source.columns
+    own = found.ledger.row(found.fit).weight - found.ledger.row(base).weight
+    alone = max((law.log_factor + LAW_LOG_ODDS for law in likeliest_laws(base, facts, columns)), default=0.0)
+    ahead, beside = alone - own, alone
+    if found.new_ids:
+        found = replace(found, unnamed_odds=ahead)
+        beside = max((law.log_factor for law in likeliest_laws(found.fit, facts, columns)), default=0.0) + LAW_LOG_ODDS
+    if max(ahead, beside) <= 0.0:
+        return found
+    search = Search(prepared.record, facts, advance)
+    ledger = found.ledger.unasked().with_rows([found.fit])
+    selection = replace(found.selection, final=ledger.base, rivals={})
+    ledger, selection = grown_with_laws(search, ledger, selection, columns)
+    ledger, selection = chosen(prepared, search, ledger, selection)
+    advance("mapping the residual")
+    other = mapped(prepared, selection, ledger)
+    if not other.new_ids:
+        return _unexplained(found) if ahead > 0.0 else found
+    if other.is_unexplained and found.is_unexplained:
+        return found
+    lattice, corrected = found.lattice, found.corrected
+    other = with_widths(other, advance)
+    return replace(other, prepared=found.prepared, lattice=lattice, corrected=corrected, unnamed_odds=None)
+
+
+def _unexplained(found: Found) -> Found:
+    """The same with nothing named; as it was where nothing would be left without."""
+    if not found.new_ids or found.is_unexplained:
+        return found
+    base, facts = found.selection.base, found.prepared.facts
+    dependences = residual_map(base, facts)
+    left = [item for item in dependences if item.p_value < MAP_P]
+    if not left:
+        return found
+    selection = replace(found.selection, final=base, rivals={})
+    for name in found.new_ids:
+        selection = selection.decided(name, Decision(Reason.PARTIAL))
+    explained = 2.0 * (found.fit.likelihood.value - base.likelihood.value)
+    there = max(item.statistic for item in left)
+    share = min(max(explained, 0.0) / max(there, 1.0e-12), 1.0)
+    return replace(
+        found, selection=selection, fit=base, reported=base, dependences=dependences, left=left, new_ids=[],
+        is_unexplained=True, share=share, nearest=found.fit,
+    )  # fmt: skip

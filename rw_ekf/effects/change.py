@@ -1,0 +1,91 @@
+"""Something that begins: from one time on a parameter, or a torque, is another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf.effects.learned_law import WORDS, size_text, torque_per_unit
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, largest_torque
+from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
+from rw_ekf.model.effect_kinds import LawEffect
+from rw_ekf.numbers import plus_minus
+
+if TYPE_CHECKING:
+    from rw_ekf.model.effect import Matrix
+
+
+_ABRUPT_S = 1.0
+
+
+class Change(LawEffect):
+    """f(t) = size x (0 before, 1 after), as a drag, a torque, a viscous drag, a motor gain or a loss of current."""
+
+    id = "change"
+    equation = "f = a (0 before begins_s, 1 after it has come)"
+    source = "step in a regression at an unknown time: Quandt 1958; Chow & Lin 1971"
+    coefficient = Coefficient("size", "1", -1.0e6, 1.0e6, "of the change, in the unit of what changes")
+    excitation = "a record that goes on long after it, and is as varied before and after"
+    of_one_record = True
+
+    @staticmethod
+    def smallest(facts: RecordFacts) -> float:
+        """Half a percent of Coulomb friction."""
+        return STEADY_SHARE * dry_scale(facts)
+
+    @staticmethod
+    def largest(facts: RecordFacts) -> float:
+        """What the motor can just hold, or three times the friction."""
+        return largest_torque(facts)
+
+    @classmethod
+    def matters(cls, terms: Sequence[Term], facts: RecordFacts) -> bool:
+        """Whether one of them is large enough."""
+        return any(_size(term, facts) >= cls.smallest(facts) for term in terms)
+
+    @classmethod
+    def possible(cls, terms: Sequence[Term], facts: RecordFacts, coulomb: float) -> bool:
+        """Whether none is larger than what a machine can have."""
+        return all(_size(term, facts) <= cls.largest(facts) for term in terms)
+
+    @staticmethod
+    def candidates(facts: RecordFacts) -> list[Candidate]:
+        """None: it is sought where nothing that has a formula explains a record."""
+        return []
+
+    @classmethod
+    def untestable(cls, facts: RecordFacts) -> str | None:
+        """Not among the effects that have a formula."""
+        return "sought where no effect with a formula explains the record"
+
+    @classmethod
+    def parameters_of(cls, term: Term, covariance: Matrix) -> dict[str, dict[str, Any]]:
+        """What changes, when, over how long, by how much."""
+        assert term.law is not None
+        law, (size, std) = term.law, cls.amplitude(term.values, covariance)
+        when = {"value": law.first, "std": law.spread[0] if law.spread else None, "unit": "s"}
+        takes = {"value": law.last - law.first, "std": None, "unit": "s"}
+        return {
+            "size": {"value": size, "std": std, "unit": law.own_unit},
+            "what": {"value": law.acts_as, "std": None, "unit": None}, "begins_at": when, "takes_s": takes,
+        }  # fmt: skip
+
+    @classmethod
+    def sentence_of(cls, term: Term, covariance: Matrix, facts: RecordFacts) -> str:
+        """From 280 +- 2 s on the motor gain is 5.0 +- 0.1 % lower."""
+        assert term.law is not None
+        law, (size, std) = term.law, cls.amplitude(term.values, covariance)
+        when = plus_minus(law.first, law.spread[0]) if law.spread else f"{law.first:.4g}"
+        slowly = "" if law.last - law.first < _ABRUPT_S else f", within {law.last - law.first:.3g} s,"
+        what = f"{WORDS[law.acts_as][:1].lower()}{WORDS[law.acts_as][1:]}"
+        return f"From {when} s on{slowly} {what} changes by {size_text(law, size, std, facts)}"
+
+    @staticmethod
+    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
+        """Of a change that is not at hand."""
+        return "Something changes"
+
+
+def _size(term: Term, facts: RecordFacts) -> float:
+    assert term.law is not None
+    return abs(torque_per_unit(term.law, facts) * term.values[0])

@@ -1,0 +1,186 @@
+"""A law without a formula: a function of one quantity, by its values on even knots (docs/effects.md, "Learned laws").
+
+Between knots it is straight, and beyond them it stays as it was at the last: what was not seen is not made up. A law
+may have several functions, one for each coefficient of its term; it is their sum.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+
+Quantity = Literal[
+    "speed", "speed_size", "angle", "current_along_motion", "current_size", "temperature", "time", "column"
+]
+ActsAs = Literal["drag", "torque", "viscous_drag", "windage", "motor_gain", "current_loss"]
+
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
+KINDS: tuple[ActsAs, ...] = get_args(ActsAs)
+MOST_COLUMNS = 3  # of a log that laws of one model may be functions of
+UNITS = {
+    "speed": "rad/s", "speed_size": "rad/s", "angle": "rad", "current_along_motion": "A", "current_size": "A",
+    "temperature": "degC", "time": "s",
+}  # fmt: skip
+KIND_UNITS = {
+    "drag": "rad/s^2",
+    "torque": "rad/s^2",
+    "viscous_drag": "1/s",
+    "windage": "1/rad",
+    "motor_gain": "1",
+    "current_loss": "A",
+}
+
+_SPEED, _SPEED_SIZE, _ANGLE, _CURRENT_ALONG, _CURRENT_SIZE, _TEMPERATURE, _TIME, _COLUMN = range(len(QUANTITIES))
+_DRAG, _TORQUE, _VISCOUS, _WINDAGE, _GAIN, _LOSS = range(len(KINDS))
+TURN = 2.0 * math.pi
+_POINT = 1.0e-3  # rad: over less a mean is the value
+
+
+@dataclass(frozen=True)
+class Law:
+    """What a law is a function of, how it acts, and its functions by their values on even knots."""
+
+    quantity: Quantity
+    acts_as: ActsAs
+    first: float  # the first knot, in the quantity's unit
+    last: float
+    functions: tuple[tuple[float, ...], ...]  # (m, knots), in the unit of `acts_as` for coefficients of 1
+    prior_std: tuple[float, ...] = ()  # (m,) of the coefficients about 0, where they are found; () where they are known
+    column: str = ""  # the log's, of a law of one
+    slot: int = 0  # which of the model's columns that is
+    spread: tuple[float, ...] = ()  # (knots,) standard deviation of the sum, where it was found; () meanwhile
+
+    @property
+    def knots(self) -> Float64Array:
+        """Where its functions have their values, (knots,)."""
+        return np.linspace(self.first, self.last, len(self.functions[0]))
+
+    @property
+    def over(self) -> int:
+        """The quantity's code in a table; a column's slot is in it."""
+        return QUANTITIES.index(self.quantity) + (self.slot if self.quantity == "column" else 0)
+
+    @property
+    def name(self) -> str:
+        """The quantity as a person calls it: a column by its own name."""
+        return self.column if self.quantity == "column" else self.quantity
+
+    @property
+    def unit(self) -> str:
+        """Of the quantity; a column's is not known."""
+        return UNITS.get(self.quantity, "")
+
+    @property
+    def own_unit(self) -> str:
+        """Of the law."""
+        return KIND_UNITS[self.acts_as]
+
+    @property
+    def number(self) -> float:
+        """One number for what it is of and how it acts: a model has one law of each."""
+        return float(1 + KINDS.index(self.acts_as) + len(KINDS) * self.over)
+
+    def as_it_ended(self) -> Law:
+        """A law of time as it holds from the end of the record it was found in."""
+        return replace(self, functions=tuple((values[-1], values[-1]) for values in self.functions), spread=())
+
+    def values(self, coefficients: Any) -> Float64Array:
+        """The law on its knots for coefficients (m,)."""
+        values: Float64Array = np.asarray(coefficients, dtype=np.float64) @ np.array(self.functions)
+        return values
+
+    def std(self, covariance: Any) -> Float64Array:
+        """Its standard deviation on its knots from the covariance (m, m) of the coefficients."""
+        functions = np.array(self.functions)
+        variance = np.einsum("ik,ij,jk->k", functions, np.asarray(covariance), functions)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def sums_of(functions: Float64Array) -> Float64Array:
+    """Integrals from the first knot to each, in knots, of straight pieces; (knots,)."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * (functions[1:] + functions[:-1]))))
+
+
+def law_value(values: Any, start: int, count: int, first: float, per: float, at: float) -> tuple[float, float]:
+    """The function whose knots are values[start:start + count], and its slope; per: knots per unit of the quantity."""
+    place = (at - first) * per
+    if not place > 0.0:
+        return values[start], 0.0
+    if place >= count - 1:
+        return values[start + count - 1], 0.0
+    knot = int(place)
+    rise = values[start + knot + 1] - values[start + knot]
+    return values[start + knot] + (place - knot) * rise, rise * per
+
+
+def _integral(values: Any, sums: Any, start: int, count: int, angle: float) -> float:
+    """Of a periodic function from angle 0 [knots]."""
+    turns = math.floor(angle / TURN)
+    place = (angle / TURN - turns) * (count - 1)
+    knot = min(int(place), count - 2)
+    share = place - knot
+    rise = values[start + knot + 1] - values[start + knot]
+    within = sums[start + knot] + share * (values[start + knot] + 0.5 * share * rise)
+    return float(turns * sums[start + count - 1] + within)
+
+
+def periodic_mean(values: Any, sums: Any, start: int, count: int, angle: float, turned: float) -> float:
+    """Mean of a periodic function over the angle [rad] turned from `angle`; one turn has all knots."""
+    if abs(turned) < _POINT:
+        middle = (angle + 0.5 * turned) / TURN
+        return float(law_value(values, start, count, 0.0, float(count - 1), middle - math.floor(middle))[0])
+    both = _integral(values, sums, start, count, angle + turned) - _integral(values, sums, start, count, angle)
+    return both * TURN / ((count - 1) * turned)
+
+
+def law_contribution(
+    values: Any, sums: Any, start: int, count: int, first: float, per: float, over: int, kind: int,
+    omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    columns: tuple[float, float, float],
+) -> tuple[float, float, float, float, float, float]:  # fmt: skip
+    """What a law adds to a piece for a coefficient of 1: the six contributions of a static effect (effects.md eq. 1).
+
+    A drag over speed enters by its tangent at the piece's start; one over the angle by its mean over the angle turned.
+    A wheel at rest takes the direction of its current, for that way it would move.
+    """
+    along = 1.0 if omega > 0.0 or (omega == 0.0 and current > 0.0) else -1.0
+    slope = 0.0
+    if over == _ANGLE:
+        size = periodic_mean(values, sums, start, count, angle, omega * duration)
+    else:
+        at = omega
+        if over == _SPEED_SIZE:
+            at = abs(omega)
+        elif over == _CURRENT_ALONG:
+            at = current * along
+        elif over == _CURRENT_SIZE:
+            at = abs(current)
+        elif over == _TEMPERATURE:
+            at = temperature
+        elif over == _TIME:
+            at = time
+        elif over >= _COLUMN:
+            at = columns[over - _COLUMN]
+        if math.isnan(at):  # a column that was not logged
+            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        size, slope = law_value(values, start, count, first, per, at)
+        if over == _SPEED_SIZE:
+            slope *= along  # by the speed itself
+        elif over != _SPEED:
+            slope = 0.0
+    if kind == _DRAG:  # sgn(omega) (size + slope (omega - omega_0))
+        return 0.0, 0.0, along * slope, 0.0, 0.0, size - slope * omega
+    if kind == _TORQUE:
+        return 0.0, slope * omega - size, slope, 0.0, 0.0, 0.0
+    if kind == _VISCOUS:
+        return 0.0, 0.0, size, 0.0, 0.0, 0.0
+    if kind == _WINDAGE:  # size omega |omega| by its tangent
+        return 0.0, size * omega * abs(omega), 2.0 * size * abs(omega), 0.0, 0.0, 0.0
+    if kind == _GAIN:
+        return current * size, 0.0, 0.0, 0.0, 0.0, 0.0
+    return -math.copysign(size, current) if current != 0.0 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
