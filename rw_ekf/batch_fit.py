@@ -27,7 +27,7 @@ from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.logs.record_print import made_of, print_of
 from rw_ekf.logs.sampling import without_repeats
 from rw_ekf.numbers import plus_minus
-from rw_ekf.second_record import as_of_another_record, for_log
+from rw_ekf.second_record import as_of_another_record
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import model_of, setup_of_record, without_effects
 from rw_ekf.units import rpm_from_rad_s
@@ -143,7 +143,6 @@ def fit_record(
         prior = without_effects(prior)
     if prior is not None:
         again = made_of(prior.source, log)
-        prior = for_log(prior, log)
         ignored += [*prior.remarks, *([] if again is None else [again])]
     record = print_of(log)
     log, sampling = without_repeats(log)

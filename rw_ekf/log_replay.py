@@ -40,7 +40,7 @@ from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import plus_minus
 from rw_ekf.pictures import run_figure
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
-from rw_ekf.second_record import as_of_another_record, for_log
+from rw_ekf.second_record import as_of_another_record
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import (
     FilterSetup,
@@ -154,7 +154,6 @@ def replay_log(
     began_s = time.perf_counter()
     noise_from = None if setup is not None or configuration is not None else "the model" if model else "the record"
     again = None if model is None else made_of(model.source, log)
-    model = None if model is None else for_log(model, log)
     # A run goes on from its own start just as it went: every reading that it took then.
     log, sampling = without_repeats(log) if setup is None else (log, sampling_of(log))
     known = setup if setup is not None else model

@@ -23,14 +23,11 @@ from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.second_look import log_likelihood, was_reset
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.hindsight import filtered
-from rw_ekf.logs.record_print import made_of
-from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
 from rw_ekf.model.state import PARAMETER_NAMES, PARAMETERS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.starting_point import FilterSetup
 from rw_ekf.wheel.effect_table import EffectSet
-from rw_ekf.wheel.model_file import WheelModel
 
 _TURNS = 6
 _GAINED = 0.02  # log-likelihood: with less a step was the last
@@ -47,18 +44,33 @@ def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
     For a filter and for a fit alike; a run, which goes forward, does without what belonged to one record
     (`rw_ekf.learning.carry`).
     """
-    return with_prior_that_holds(course, with_shapes_of_record(course, setup))
+    return with_prior_that_holds(course, with_shapes_of_record(course, with_times_of_record(course, setup)))
 
 
-def for_log(model: WheelModel, log: WheelLog) -> WheelModel:
-    """The model with laws of time as they were at the end of their record, for any log but that one."""
-    if made_of(model.source, log) is not None:
-        return model
-    terms = tuple(
-        replace(term, law=term.law.as_it_ended()) if term.law is not None and term.law.quantity == "time" else term
-        for term in model.effects.terms
-    )
-    return replace(model, effects=EffectSet(terms))
+def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
+    """The setup with laws of time as this log makes them likeliest: as they were found, or as they began or ended.
+
+    What changed in the record that a model was found in has changed before the next one, or not yet; a change that
+    comes at the same time of every run does so again.
+    """
+    if not any(_passes(term) for term in setup.effects.terms):
+        return setup
+    steady = replace(setup, constants=without_drift(setup.constants))
+    ways = [setup.effects, *(_held(setup.effects, end) for end in (-1, 0))]
+
+    def value(effects: EffectSet) -> float:
+        return log_likelihood(filtered(course, replace(steady, effects=effects)), setup.constants.gate)
+
+    return replace(setup, effects=max(ways, key=value))
+
+
+def _passes(term: Term) -> bool:
+    return term.law is not None and term.law.quantity == "time"
+
+
+def _held(effects: EffectSet, end: int) -> EffectSet:
+    terms = (replace(t, law=t.law.held(end)) if t.law is not None and _passes(t) else t for t in effects.terms)
+    return EffectSet(tuple(terms))
 
 
 def with_shapes_of_record(course: Course, setup: FilterSetup) -> FilterSetup:

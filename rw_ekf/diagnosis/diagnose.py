@@ -23,7 +23,6 @@ from rw_ekf.diagnosis.verdict.document import SCHEMA
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.wheel_log import WheelLog
-from rw_ekf.second_record import for_log
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -50,7 +49,6 @@ def diagnose_log(
     """
     logs = [log] if isinstance(log, WheelLog) else log
     source = source_of(logs, () if model is None else model.effects.columns)
-    model = model if model is None or len(logs) > 1 else for_log(model, logs[0])
     described = configuration is not None or model is not None
     misread = [(one.name, text) for one in logs for text in misreadings(one, described=described)]
     if misread:

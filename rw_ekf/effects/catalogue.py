@@ -87,6 +87,8 @@ def of_kind(kind: Any) -> list[type[Any]]:
     return [effect for effect in CATALOGUE.values() if issubclass(effect, kind)]
 
 
+FORMULAS = [effect for effect in CATALOGUE.values() if not issubclass(effect, LawEffect)]
+
 # What stands for torque as such, for a Stribeck curve that is fitted, for a reading on a grid, for dry friction that
 # wanders in no particular shape: the rest of the package asks for these, and knows no effect by name.
 TORQUE = CATALOGUE["offset_torque"]

@@ -27,6 +27,7 @@ class Change(LawEffect):
     coefficient = Coefficient("size", "1", -1.0e6, 1.0e6, "of the change, in the unit of what changes")
     excitation = "a record that goes on long after it, and is as varied before and after"
     of_one_record = True
+    shown_against = "time"
 
     @staticmethod
     def smallest(facts: RecordFacts) -> float:

@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, largest_torque, top_drive, top_speed
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import LawEffect
@@ -55,7 +53,8 @@ def torque_per_unit(law: Law, facts: RecordFacts) -> float:
 def rms_torque(term: Term, facts: RecordFacts) -> float:
     """Root of a law's mean square over its knots, as a torque per inertia [rad/s^2]."""
     assert term.law is not None
-    return torque_per_unit(term.law, facts) * float(np.sqrt(np.mean(term.law.values(term.values) ** 2)))
+    values = term.law.values(term.values)
+    return torque_per_unit(term.law, facts) * math.sqrt(float(values @ values) / values.size)
 
 
 def _plain(value: Any, unit: str | None = None) -> dict[str, Any]:
@@ -88,6 +87,7 @@ class LearnedLaw(LawEffect):
     equation = "f = a g(z), g by its values on knots, straight between them and level beyond"
     source = "Gaussian-process regression: Rasmussen & Williams 2006, ch. 2 and 5.4.1"
     coefficient = Coefficient("amplitude", "1", -1.0e6, 1.0e6, "factor of the law as it was found")
+    shown_against = "speed"  # where nobody asks a term what it is a law of
     excitation = "all values of the quantity, each at several speeds, both ways round: `rw-ekf excite identification`"
 
     @staticmethod
@@ -140,10 +140,11 @@ class LearnedLaw(LawEffect):
         """What follows what, from its lowest to its highest."""
         assert term.law is not None
         law = term.law
-        values, std = law.values(term.values), np.array(law.spread) if law.spread else law.std(covariance)
-        seen = std <= _SEEN * max(float(np.median(std)), 1.0e-300)
-        low, high = (int(np.argmin(np.where(seen, values, np.inf))), int(np.argmax(np.where(seen, values, -np.inf))))
-        ends = [f"{size_text(law, float(values[i]), float(std[i]), facts)} {place_text(law, i)}" for i in (low, high)]
+        values, stds = law.values(term.values).tolist(), list(law.spread) or law.std(covariance).tolist()
+        usual = sorted(stds)[len(stds) // 2]
+        seen = [i for i, std in enumerate(stds) if std <= _SEEN * usual]
+        low, high = min(seen, key=lambda i: float(values[i])), max(seen, key=lambda i: float(values[i]))
+        ends = [f"{size_text(law, values[i], stds[i], facts)} {place_text(law, i)}" for i in (low, high)]
         return f"{WORDS[law.acts_as]} follows {QUANTITY_WORDS.get(law.quantity, law.column)}: {ends[0]}, {ends[1]}"
 
     @staticmethod

@@ -41,7 +41,7 @@ def carried_over(model: WheelModel) -> tuple[WheelModel, list[str]]:
     for term in model.effects.state_terms:
         at, end = range(end, end + len(term.values)), end + len(term.values)
         if term.law is not None and term.law.quantity == "time":
-            term = replace(term, law=term.law.as_it_ended())  # noqa: PLW2901
+            term = replace(term, law=term.law.held(-1))  # noqa: PLW2901
             notes.append(f"{term.id} over time: this run begins with it as it was at the end of its record")
         elif term.effect.of_one_record:
             notes += [f"{term.id} belongs to the record it was found in and is not carried into this run"] * len(at)

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-import numpy as np
-
-from rw_ekf.arrays import Float64Array
+if TYPE_CHECKING:
+    from rw_ekf.arrays import Float64Array
 
 Quantity = Literal[
     "speed", "speed_size", "angle", "current_along_motion", "current_size", "temperature", "time", "column"
@@ -58,6 +57,8 @@ class Law:
     @property
     def knots(self) -> Float64Array:
         """Where its functions have their values, (knots,)."""
+        import numpy as np  # here: the catalogue is read by programs that reckon nothing
+
         return np.linspace(self.first, self.last, len(self.functions[0]))
 
     @property
@@ -85,17 +86,21 @@ class Law:
         """One number for what it is of and how it acts: a model has one law of each."""
         return float(1 + KINDS.index(self.acts_as) + len(KINDS) * self.over)
 
-    def as_it_ended(self) -> Law:
-        """A law of time as it holds from the end of the record it was found in."""
-        return replace(self, functions=tuple((values[-1], values[-1]) for values in self.functions), spread=())
+    def held(self, end: int) -> Law:
+        """A law of time as it was at the begin (0) or the end (-1) of the record it was found in, for good."""
+        return replace(self, functions=tuple((values[end], values[end]) for values in self.functions), spread=())
 
     def values(self, coefficients: Any) -> Float64Array:
         """The law on its knots for coefficients (m,)."""
+        import numpy as np
+
         values: Float64Array = np.asarray(coefficients, dtype=np.float64) @ np.array(self.functions)
         return values
 
     def std(self, covariance: Any) -> Float64Array:
         """Its standard deviation on its knots from the covariance (m, m) of the coefficients."""
+        import numpy as np
+
         functions = np.array(self.functions)
         variance = np.einsum("ik,ij,jk->k", functions, np.asarray(covariance), functions)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
@@ -103,6 +108,8 @@ class Law:
 
 def sums_of(functions: Float64Array) -> Float64Array:
     """Integrals from the first knot to each, in knots, of straight pieces; (knots,)."""
+    import numpy as np
+
     return np.concatenate(([0.0], np.cumsum(0.5 * (functions[1:] + functions[:-1]))))
 
 

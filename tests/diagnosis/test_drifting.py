@@ -1,4 +1,4 @@
-"""What drifts: only dry friction is called a drift of dry friction."""
+"""What drifts: only dry friction is called a drift of dry friction, and what changes is called a change."""
 
 from __future__ import annotations
 
@@ -35,13 +35,18 @@ def changed(first: PlantParameters, second: PlantParameters, seed: int) -> Wheel
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("what", ["viscous", "offset_rad_s2"])
-def test_a_change_of_something_else_is_no_drift_of_dry_friction(what: str, seed: int) -> None:
-    """Viscous friction that trebles, or a torque of 8 % that sets in: unexplained, as the catalogue has neither."""
+@pytest.mark.parametrize(("what", "kind"), [("viscous", "viscous_drag"), ("offset_rad_s2", "torque")])
+def test_a_change_of_something_else_is_no_drift_of_dry_friction(what: str, kind: str, seed: int) -> None:
+    """Viscous friction that trebles, or a torque of 8 % that sets in, is told with its time and its size."""
     wheel = PlantParameters()
-    after = {"viscous": 3.0 * wheel.viscous, "offset_rad_s2": 0.08 * wheel.coulomb}[what]
-    verdict = diagnose_log(changed(wheel, wheel._replace(**{what: after}), seed)).document()["verdict"]
-    assert verdict["kind"] == "unexplained", verdict["statement"]
+    size = {"viscous": 2.0 * wheel.viscous, "offset_rad_s2": 0.08 * wheel.coulomb}[what]
+    log = changed(wheel, wheel._replace(**{what: getattr(wheel, what) + size}), seed)
+    document = diagnose_log(log).document()
+    assert document["verdict"]["effects"] == ["change"], document["verdict"]["statement"]
+    found = next(item for item in document["candidates"] if item["effect"] == "change")["parameters"]
+    assert found["what"]["value"] == kind
+    assert found["begins_at"]["value"] == pytest.approx(log.time_s[3 * len(log) // 10], abs=3.0)
+    assert found["size"]["value"] == pytest.approx(size, abs=5.0 * found["size"]["std"])
 
 
 def test_dry_friction_that_changes_is_named() -> None:

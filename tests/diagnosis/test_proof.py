@@ -98,7 +98,7 @@ def test_of_a_pair_both_must_be_named(paired: Case) -> None:
 
 
 def test_a_healthy_wheel_is_accused_by_any_finding_and_the_unknown_must_stay_unknown() -> None:
-    """Healthy: an effect and "unexplained" both accuse. Outside the catalogue: only "unexplained" is right."""
+    """Both accuse a healthy wheel. Outside the catalogue that is right, or a law that predicts better and no name."""
     healthy, outside = cases_of("healthy", 1, SEED)[0], cases_of("outside", 1, SEED)[0]
     assert [judge(healthy, verdict(kind)) for kind in ("adequate", "effect", "unexplained")] == [
         "right", "accused", "accused",
@@ -106,6 +106,9 @@ def test_a_healthy_wheel_is_accused_by_any_finding_and_the_unknown_must_stay_unk
     assert [judge(outside, verdict(kind)) for kind in ("adequate", "effect", "unexplained")] == [
         "missed", "wrong", "right",
     ]  # fmt: skip
+    assert judge(outside, verdict("effect", "learned_law"), gains=True) == "right"
+    assert judge(outside, verdict("effect", "learned_law"), gains=False) == "wrong"
+    assert judge(outside, verdict("effect", "learned_law", "cubic_drag"), gains=True) == "wrong"
 
 
 def test_the_proof_covers_the_catalogue_at_every_size() -> None:
@@ -196,9 +199,11 @@ def test_the_foreign_plant_agrees_with_ours_where_nothing_is_wrong() -> None:
 
 @pytest.mark.slow
 def test_a_motor_gain_that_falls_with_speed_is_neither_a_torque_with_a_clock_nor_process_noise() -> None:
-    """A current that reverses every 30 s makes it nearly periodic in time; it depends on speed, unexplained."""
+    """A current that reverses every 30 s makes it nearly periodic in time; it is a law of the speed, without a name."""
     document = diagnose_log(log_of(case_called("outside-004", 3))).document()
-    assert document["verdict"]["kind"] == "unexplained", document["verdict"]["statement"]
-    assert document["map"][0]["dependence"] == "speed"
+    assert document["verdict"]["effects"] == ["learned_law"], document["verdict"]["statement"]
+    law = next(item for item in document["candidates"] if item["effect"] == "learned_law")["parameters"]
+    assert (law["quantity"]["value"], law["kind"]["value"]) == ("speed_size", "motor_gain")
+    assert document["after"]["free_run_rms_rpm"] < 0.5 * document["before"]["free_run_rms_rpm"]
     torque = next(item for item in document["candidates"] if item["effect"] == "external_torque")
     assert torque["decision"] == "nothing beside smooth laws of the motion"

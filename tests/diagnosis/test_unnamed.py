@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from rw_ekf.diagnosis.checks.residual_map import covers_of, residual_map
+from rw_ekf.diagnosis.checks.residual_map import residual_map
 from rw_ekf.diagnosis.diagnose import diagnose_log
-from rw_ekf.diagnosis.investigate.unnamed import unnamed_law
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.nameless import likeliest_laws
+from rw_ekf.diagnosis.ledger.evidence import log_evidence
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from tests.diagnosis.simulated import log_of, simulated
@@ -18,26 +18,21 @@ def prepared_of(effect: str, seed: int, noise_rpm: float = 1.0) -> Prepared:
 
 
 def test_a_weak_law_that_is_in_no_catalogue_is_no_saturating_motor() -> None:
-    """Friction loaded by the torque at 5 rpm: the nearest name explains half of it, and is only said to be near."""
+    """Friction loaded by the torque at 5 rpm: a law of the current that has no formula, and nothing with a name."""
     run = simulated(["acceleration_friction:ratio=0.005"], seed=37, noise_rpm=5.0)
     verdict = diagnose_log(log_of(run)).document()["verdict"]
-    assert verdict["kind"] == "unexplained", verdict["statement"]
-    assert "depends on current" in verdict["statement"]
-    assert verdict["posterior"]["something_else"] > 0.5
+    assert verdict["kind"] == "unexplained" or verdict["effects"] == ["learned_law"], verdict["statement"]
 
 
-def test_a_law_of_the_catalogue_is_in_no_law_without_a_name() -> None:
-    """Neither curves of a constant torque are left over the speed nor those of a saturating motor over the current."""
+def test_a_law_of_the_catalogue_is_likelier_than_one_without_a_formula() -> None:
+    """What a constant torque is needs no curve: the law pays for its freedom."""
     prepared = prepared_of("offset_torque:torque_rad_s2=0.03", 3)
-    covers = covers_of(prepared.base, prepared.facts)
-    torque = next(cover for cover in covers["speed"] if cover.kind == "torque")
-    weights = np.sum(torque.regressors**2, axis=0)
-    curves = np.linalg.lstsq(torque.regressors, torque.smooth(unnamed=True), rcond=None)[0]
-    np.testing.assert_allclose(weights @ curves, 0.0, atol=1.0e-6 * float(weights.sum()))
-    law = unnamed_law(prepared.base, prepared.facts)
-    assert law is not None
-    offset = next(item for item in residual_map(prepared.base, prepared.facts) if item.name == "speed")
-    assert law.log_factor < 0.25 * offset.statistic
+    search = Search(prepared.record, prepared.facts, lambda text: None)
+    named = search.with_known(prepared.base, "offset_torque")
+    gained = log_evidence(named, ("offset_torque",), prepared.facts) - log_evidence(prepared.base, (), prepared.facts)
+    best = likeliest_laws(prepared.base, prepared.facts)[0]
+    assert gained > best.weight + 3.0
+    assert likeliest_laws(named, prepared.facts)[0].weight < 0.0
 
 
 def test_smooth_curves_show_what_drowns_among_all_hats() -> None:

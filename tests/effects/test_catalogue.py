@@ -29,7 +29,7 @@ from rw_ekf.drivers.sim.plant_terms import (
     spike_acceleration,
 )
 from rw_ekf.effects import catalogue
-from rw_ekf.effects.catalogue import CATALOGUE, CONTRACT_IDS, MACHINERY
+from rw_ekf.effects.catalogue import CATALOGUE, CONTRACT_IDS, FORMULAS, MACHINERY
 from rw_ekf.effects.measures import dry_scale
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.speed_quantisation import SpeedQuantisation
@@ -55,7 +55,7 @@ OMEGA_S = 4.0 * RAD_S_PER_RPM
 KINDS = (
     StaticEffect, CurrentEffect, DelayEffect, WindowEffect, FrictionMemoryEffect, StribeckEffect, ReadingEffect,
 )  # fmt: skip
-ALL = list(CATALOGUE.values())
+ALL = FORMULAS
 STATIC = [effect for effect in ALL if issubclass(effect, StaticEffect)]
 CHANNELS = frozenset({"temperature_degC", "angle_rad"})
 DRAWS = 40

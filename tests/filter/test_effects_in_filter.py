@@ -13,7 +13,7 @@ from rw_ekf.course.course import Course
 from rw_ekf.drivers.sim.plant_batch import simulate_run
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE
 from rw_ekf.filter.estimator import Estimator
@@ -50,7 +50,7 @@ def assert_same(results: list[Estimate], run: FilterRun) -> None:
     assert np.max(np.abs(stds / run.stds[:, :shown] - 1.0)) < 1e-12
 
 
-@pytest.mark.parametrize("ids", [*((name,) for name in CATALOGUE), TOGETHER], ids="+".join)
+@pytest.mark.parametrize("ids", [*((effect.id,) for effect in FORMULAS), TOGETHER], ids="+".join)
 def test_online_and_compiled_are_one_filter(ids: tuple[str, ...]) -> None:
     """Every effect, and three at once, on a rough log: the same numbers and the same decisions at every sample."""
     log, temperature, angle = rough_log(5)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
 from rw_ekf.errors import ConfigError
 from rw_ekf.learning.carry import carried_over
 from rw_ekf.model.effect import NO_SHAPE, Shape, Term
@@ -66,7 +66,7 @@ def read_text(tmp_path: Path, text: str) -> WheelModel:
     return read_model(path)
 
 
-@pytest.mark.parametrize("name", list(CATALOGUE))
+@pytest.mark.parametrize("name", [effect.id for effect in FORMULAS])
 def test_every_effect_comes_back_as_it_was(tmp_path: Path, name: str) -> None:
     """Coefficient, sigma, constants and covariance survive the file to the last bit; a reading effect is no state."""
     model = model_with(effect(name, 1.0 / 3.0, 1.0 / 7.0))

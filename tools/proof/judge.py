@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from tools.proof.cases import Case
 
+LAWS = ("learned_law", "change")  # what has no formula
 Outcome = Literal["right", "right+extra", "half", "wrong", "unexplained", "missed", "accused", "insufficient", "failed"]
 OUTCOMES: tuple[Outcome, ...] = (
     "right", "right+extra", "half", "wrong", "unexplained", "missed", "accused", "insufficient", "failed",
@@ -53,12 +54,13 @@ class Record:
         return float(found) / self.told_free_run_rpm
 
 
-def judge(case: Case, verdict: dict[str, Any]) -> Outcome:
-    """Outcome of a verdict.
+def judge(case: Case, verdict: dict[str, Any], gains: bool = False) -> Outcome:
+    """Outcome of a verdict; gains: whether the free run over the held-out part is nearer with the model it gives.
 
     An injected effect counts as named where it stands in `effects`, or in a group of `indistinguishable` together with
     a named one. right: all injected effects and nothing else; right+extra: others too; half: of several injected
-    effects not all. A healthy wheel is accused by a named effect and by "unexplained" alike.
+    effects not all. What is in no catalogue is right as unexplained, and as a law without a formula that predicts
+    better. A healthy wheel is accused by a named effect and by "unexplained" alike.
     """
     kind = verdict["kind"]
     if kind == "insufficient_excitation":
@@ -66,6 +68,8 @@ def judge(case: Case, verdict: dict[str, Any]) -> Outcome:
     if case.expects == "adequate":
         return "right" if kind == "adequate" else "accused"
     if case.expects == "unexplained":
+        if gains and kind == "effect" and all(name in LAWS for name in verdict["effects"]):
+            return "right"
         return {"unexplained": "right", "adequate": "missed"}.get(kind, "wrong")  # type: ignore[return-value]
     if kind == "adequate":
         return "missed"
@@ -75,6 +79,11 @@ def judge(case: Case, verdict: dict[str, Any]) -> Outcome:
     if len(found) == len(case.expected):
         return "right+extra" if extra else "right"
     return "half" if found else "wrong"
+
+
+def _gains(document: dict[str, Any]) -> bool:
+    old, new = ((document.get(key) or {}).get("free_run_rms_rpm") for key in ("before", "after"))
+    return old is not None and new is not None and new < old
 
 
 def matched(expected: tuple[str, ...], named: list[str], groups: list[list[str]]) -> tuple[dict[str, str], list[str]]:
@@ -99,7 +108,7 @@ def record_of(case: Case, document: dict[str, Any], seconds: float, **more: Any)
     """The record of a case that was diagnosed."""
     verdict = document["verdict"]
     return Record(
-        outcome=judge(case, verdict),
+        outcome=judge(case, verdict, _gains(document)),
         kind=verdict["kind"],
         named=list(verdict["effects"]),
         indistinguishable=[list(group) for group in verdict["indistinguishable"]],

@@ -86,6 +86,7 @@ LAWS: dict[str, Law] = {  # and those of one quantity each, of 3 to 10 % of Coul
     "pressure, viscous": lambda m: Made(drag=0.15 * C * (m.pressure / 800.0) * abs(m.omega) / TOP_RAD_S),
 }
 ALL = {**FAMILIES, **LAWS}
+_LATER: dict[str, Law] = {"gain for good": lambda m: Made(gain=-0.05)}  # of a wheel after something began
 
 
 @dataclass(frozen=True)
@@ -97,9 +98,18 @@ class Nameless:
     seconds: float = 420.0
     noise_rpm: float = 1.0
 
+    @property
+    def law(self) -> Law:
+        """What the wheel has beyond the base model; nothing for a name that is none."""
+        return (ALL | _LATER).get(self.name, lambda met: Made())
+
+    def run(self) -> tuple[WheelLog, Float64Array]:
+        """The log as it would be read, and the true speeds (n,)."""
+        return _simulated(self)
+
     def log(self) -> WheelLog:
-        """The log as it would be read."""
-        return _simulated(ALL.get(self.name, lambda met: Made()), self.seed, self.seconds, self.noise_rpm, self.name)
+        """The log alone."""
+        return self.run()[0]
 
 
 def conditions(time_s: Float64Array, seed: int) -> dict[str, Float64Array]:
@@ -136,16 +146,17 @@ def travels(time_s: Float64Array, seed: int) -> Float64Array:
     return current_A
 
 
-def _simulated(law: Law, seed: int, seconds: float, noise_rpm: float, name: str) -> WheelLog:
-    time_s = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+def _simulated(case: Nameless) -> tuple[WheelLog, Float64Array]:
+    seed = case.seed
+    time_s = np.arange(round(case.seconds * RATE_HZ)) / RATE_HZ
     current_A = travels(time_s, seed)
     channels = conditions(time_s, seed)
-    speed, angle = _run(law, time_s, current_A, channels)
+    speed, angle = _run(case.law, time_s, current_A, channels)
     random = np.random.default_rng([seed, 11])
-    return WheelLog(
-        name=f"{name.replace(', ', '-').replace(' ', '_')}_{seed}.csv",
+    log = WheelLog(
+        name=f"{case.name.replace(', ', '-').replace(' ', '_')}_{seed}.csv",
         time_s=time_s,
-        speed_rad_s=speed + noise_rpm * RAD_S_PER_RPM * random.standard_normal(time_s.size),
+        speed_rad_s=speed + case.noise_rpm * RAD_S_PER_RPM * random.standard_normal(time_s.size),
         current_A=current_A,
         drive="current_command_A",
         command_delay_s=np.zeros(time_s.size),
@@ -153,6 +164,7 @@ def _simulated(law: Law, seed: int, seconds: float, noise_rpm: float, name: str)
         channels={"current_command_A": current_A, **channels, "angle_rad": angle},
         rows_read=time_s.size,
     )
+    return log, speed
 
 
 def _run(

@@ -52,7 +52,6 @@ class Cover:
     at: Float64Array  # (k,) places at which a curve of them is told, in the quantity's own SI unit, the angle in rad
     functions: Float64Array  # (k, m) what they are there
     followed: Float64Array  # (m, j) coefficients of what the four parameters follow: no curve has them
-    named: Float64Array  # (m, j) coefficients of what laws of the catalogue are
 
     def unfollowed(self) -> Float64Array:
         """Projection (m, m) of coefficients that leaves what the four parameters do not follow, weighed by the record.
@@ -61,15 +60,14 @@ class Cover:
         """
         return self._without(self.followed)
 
-    def smooth(self, *, unnamed: bool = False) -> Float64Array:
+    def smooth(self) -> Float64Array:
         """Regressors (n, j) of smooth curves, independent of each other, the smoothest first.
 
         Coefficients of unit variance give a curve of unit variance that bends over half of the quantity's range.
-        unnamed: without what laws of the catalogue are.
         """
         place = self.at[: self.functions.shape[1]] / max(float(np.ptp(self.at)), 1.0e-300)
         alike = np.exp(-0.5 * ((place[:, None] - place) / _SMOOTHNESS) ** 2)
-        free = self._without(np.concatenate((self.followed, self.named), axis=1) if unnamed else self.followed)
+        free = self._without(self.followed)
         sizes, curves = np.linalg.eigh(free @ alike @ free.T)
         order = np.argsort(-sizes)
         order = order[sizes[order] > _LEAST_SMOOTH * sizes[order[0]]]
@@ -100,7 +98,7 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
         curves = np.eye(count)[:, :kept]
         return [
             Cover(kind, np.where(record.follows[:, None], slope[:, None] * shapes, 0.0), at, curves,
-                  *_known(kind, at[:kept], "speed" if values is size else "current" if values is weak else ""))
+                  _followed(kind, at[:kept], "speed" if values is size else "current" if values is weak else ""))
             for kind, slope in kinds
         ]  # fmt: skip
 
@@ -125,30 +123,19 @@ def covers_of(fit: Fit, facts: RecordFacts) -> dict[str, list[Cover]]:
         waves = np.concatenate((drive[:, None] * np.sin(phases), drive[:, None] * np.cos(phases)), axis=1)
         curves = np.concatenate((np.sin(np.outer(turn, orders)), np.cos(np.outer(turn, orders))), axis=1)
         covers["angle"] = [
-            Cover(
-                "torque", np.where(record.follows[:, None], waves, 0.0), turn, curves, *[np.zeros((2 * _ORDERS, 0))] * 2
-            )
+            Cover("torque", np.where(record.follows[:, None], waves, 0.0), turn, curves, np.zeros((2 * _ORDERS, 0)))
         ]
     return covers
 
 
-def _known(kind: Kind, at: Float64Array, over: str) -> tuple[Float64Array, Float64Array]:
-    """Coefficients of hats at `at` (m,) that the four parameters follow (m, j), and those of laws of the catalogue.
-
-    over: `speed`, `current`, or neither.
-    """
-    level, nothing = np.ones((at.size, 1)), np.zeros((at.size, 0))
-    line, square, cube = at[:, None], at[:, None] ** 2, at[:, None] ** 3
-    by_speed, by_current = over == "speed", over == "current"
+def _followed(kind: Kind, at: Float64Array, over: str) -> Float64Array:
+    """Coefficients of hats at `at` (m,) that the four parameters follow, (m, j). over: `speed`, or another quantity."""
+    level, line = np.ones((at.size, 1)), at[:, None]
     if kind == "drag":
-        if by_speed:  # dry and viscous friction; windage
-            return np.concatenate((level, line), axis=1), np.concatenate((square, cube), axis=1)
-        return level, nothing if by_current else line
+        return np.concatenate((level, line), axis=1) if over == "speed" else level  # dry and viscous friction
     if kind == "motor gain":
-        return level, nothing if by_speed else line
-    if kind == "torque along the current":
-        return line, square  # a motor that saturates
-    return nothing, np.concatenate((level, line), axis=1) if by_speed else level  # viscous friction by direction
+        return level
+    return line if kind == "torque along the current" else np.zeros((at.size, 0))
 
 
 def residual_map(fit: Fit, facts: RecordFacts, beside: Float64Array | None = None) -> list[Dependence]:

@@ -9,6 +9,7 @@ from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same, quantity_o
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.laws import has_laws
 from rw_ekf.diagnosis.hypotheses.lost_angle import with_open_order
+from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.investigate.open_law import with_open_law
@@ -102,7 +103,7 @@ def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advan
 
 
 def _searched(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection, advance: Advance) -> Found:
-    ledger, selection = grown(search, ledger, selection)
+    ledger, selection = grown(search, ledger, selection, lambda fit: laws_beside(prepared, fit))
     ledger, selection = chosen(prepared, search, ledger, selection)
     advance("mapping the residual")
     return mapped(prepared, selection, ledger)

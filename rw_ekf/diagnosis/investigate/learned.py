@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from rw_ekf.diagnosis.checks.residual_map import residual_map
 from rw_ekf.diagnosis.hypotheses.contenders import Search
-from rw_ekf.diagnosis.hypotheses.nameless import LAW_LOG_ODDS, likeliest_laws
+from rw_ekf.diagnosis.hypotheses.nameless import Nameless, laws_beside
 from rw_ekf.diagnosis.investigate.found import Found, mapped
 from rw_ekf.diagnosis.investigate.investigation import with_widths
 from rw_ekf.diagnosis.ledger.choice import chosen
@@ -20,6 +20,7 @@ from rw_ekf.diagnosis.ledger.growth import grown_with_laws
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import MAP_P
 from rw_ekf.likelihood import work
+from rw_ekf.likelihood.fitting import Fit
 
 Advance = Callable[[str], object]
 
@@ -30,19 +31,23 @@ def with_laws(found: Found, advance: Advance) -> Found:
         return found
     advance("weighing laws without a formula")
     prepared = found.prepared if found.corrected is None else found.corrected
-    base, facts, columns = found.selection.base, prepared.facts, prepared.source.columns
+    base, facts = found.selection.base, prepared.facts
+
+    def laws(fit: Fit) -> list[Nameless]:
+        return laws_beside(prepared, fit)
+
     own = found.ledger.row(found.fit).weight - found.ledger.row(base).weight
-    alone = max((law.log_factor + LAW_LOG_ODDS for law in likeliest_laws(base, facts, columns)), default=0.0)
+    alone = max((law.weight for law in laws(base)), default=0.0)
     ahead, beside = alone - own, alone
     if found.new_ids:
         found = replace(found, unnamed_odds=ahead)
-        beside = max((law.log_factor for law in likeliest_laws(found.fit, facts, columns)), default=0.0) + LAW_LOG_ODDS
+        beside = max((law.weight for law in laws(found.fit)), default=0.0)
     if max(ahead, beside) <= 0.0:
         return found
     search = Search(prepared.record, facts, advance)
     ledger = found.ledger.unasked().with_rows([found.fit])
     selection = replace(found.selection, final=ledger.base, rivals={})
-    ledger, selection = grown_with_laws(search, ledger, selection, columns)
+    ledger, selection = grown_with_laws(search, ledger, selection, laws)
     ledger, selection = chosen(prepared, search, ledger, selection)
     advance("mapping the residual")
     other = mapped(prepared, selection, ledger)

@@ -13,6 +13,7 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import explained_by
 from rw_ekf.diagnosis.thresholds import INDISTINGUISHABLE, TIE
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.model.effect_kinds import LawEffect
 
 
 def chosen(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
@@ -65,7 +66,8 @@ def _with_rivals(ledger: Ledger, row: Row, selection: Selection) -> Selection:
     for name in row.effects:
         for other, item in ledger.in_place(row, name):
             ahead = item.weight - row.weight
-            is_time_as_one = item.constructed and quantity_of(CATALOGUE[other]) == "time"
+            lawful = issubclass(CATALOGUE[name], LawEffect)  # what a record has as one with a law was not asked
+            is_time_as_one = item.constructed and quantity_of(CATALOGUE[other]) == "time" and not lawful
             if is_time_as_one or ahead > -INDISTINGUISHABLE:
                 rival = Rival(other, item.fit, ahead, item.constructed or row.constructed)
                 rivals.setdefault(name, []).append(rival)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 from rw_ekf.diagnosis.checks.checks import of_size
@@ -10,7 +10,7 @@ from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
 from rw_ekf.diagnosis.hypotheses.laws import by_likeliest_law
-from rw_ekf.diagnosis.hypotheses.nameless import LAW_LOG_ODDS, likeliest_laws, settled_change
+from rw_ekf.diagnosis.hypotheses.nameless import Nameless, settled_change
 from rw_ekf.diagnosis.hypotheses.other_places import lower_valley
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
@@ -32,6 +32,8 @@ from rw_ekf.likelihood.robust_fit import likelier_along_filter
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.effect_kinds import LawEffect
 
+Laws = Callable[[Fit], list[Nameless]]
+
 _MOST_EXCHANGES = 2  # while another row becomes the likeliest
 
 
@@ -40,8 +42,14 @@ def begun(base: Fit, facts: RecordFacts) -> tuple[Ledger, Selection]:
     return Ledger(base, facts).with_rows([base]), Selection(base, base)
 
 
-def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
-    """The ledger grown, and what became of each effect on the way."""
+def grown(
+    search: Search, ledger: Ledger, selection: Selection, laws: Laws = lambda fit: []
+) -> tuple[Ledger, Selection]:
+    """The ledger grown, and what became of each effect on the way.
+
+    laws: beside a fit. Where one of the base model is likelier than all that was found beside that, it is a row from
+    then on: what else is searched for is asked beside it as well.
+    """
     done: set[Key] = set()
     for turn in range(MOST_GROWN):
         row = next((row for row in ledger.rows[:BEAM] if row.key not in done), None)
@@ -54,6 +62,8 @@ def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger,
         done.add(row.key)
         search.advance("searching the catalogue")
         ledger, selection = _grown_from(search, row, ledger, selection)
+        if turn == 0 and len(ledger.rows) > 1 and not row.effects:
+            ledger, selection = _with_laws(search, row, ledger, selection, laws, most=1, ahead_of=ledger.rows[0])
     for _ in range(_MOST_EXCHANGES):
         top = ledger.rows[0]
         if not top.effects:
@@ -64,9 +74,7 @@ def grown(search: Search, ledger: Ledger, selection: Selection) -> tuple[Ledger,
     return ledger, selection
 
 
-def grown_with_laws(
-    search: Search, ledger: Ledger, selection: Selection, columns: Sequence[str]
-) -> tuple[Ledger, Selection]:
+def grown_with_laws(search: Search, ledger: Ledger, selection: Selection, laws: Laws) -> tuple[Ledger, Selection]:
     """The ledger grown on by laws without a formula, up to three in a row, and by what is found beside them."""
     done: set[Key] = set()
     waiting = [row for row in ledger.rows if not row.effects][:1]
@@ -78,23 +86,30 @@ def grown_with_laws(
         count = sum(term.law is not None for term in row.fit.model.terms)
         if count < MOST_LAWS:
             search.advance("fitting laws without a formula")
-            ledger, selection = _with_laws(search, row, ledger, selection, columns)
+            ledger, selection = _with_laws(search, row, ledger, selection, laws)
         if count:
             ledger, selection = _grown_from(search, row, ledger, selection)
     return ledger, selection
 
 
 def _with_laws(
-    search: Search, row: Row, ledger: Ledger, selection: Selection, columns: Sequence[str]
-) -> tuple[Ledger, Selection]:
-    """With the likeliest laws beside a row, and each of those without every named effect of the row."""
-    for law in likeliest_laws(row.fit, search.facts, columns)[:MOST_TRIED]:
-        if law.log_factor + LAW_LOG_ODDS <= 0.0:
+    search: Search, row: Row, ledger: Ledger, selection: Selection, laws: Laws, *,
+    most: int = MOST_TRIED, ahead_of: Row | None = None,
+) -> tuple[Ledger, Selection]:  # fmt: skip
+    """With the likeliest laws beside a row, and each of those without every named effect of the row.
+
+    ahead_of: only such as are likelier than this row, and go with no clock: a drift, or a walk, is asked after them.
+    """
+    least = 0.0 if ahead_of is None else max(ahead_of.weight - row.weight, 0.0)
+    for law in [law for law in laws(row.fit) if ahead_of is None or not law.passes][:most]:
+        if law.weight <= least:
             break
         fit = row.fit.refitted(row.fit.model.with_terms(law.term))
         if law.term.effect is CHANGE:
             fit = settled_change(row.fit, fit)
-        selection = selection.tried(Trial.of_law(law.term, row.fit, fit))
+        trial, known = Trial.of_law(law.term, row.fit, fit), selection.trials.get(law.term.id)
+        if known is None or known.statistic < trial.statistic:
+            selection = selection.tried(trial)
         named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
         ledger = ledger.with_rows([fit, *(search.without(fit, name) for name in named)])
     return ledger, selection

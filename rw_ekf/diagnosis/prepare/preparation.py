@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
-from rw_ekf.course.conditions import filled, filled_columns, integrated_angle
+from rw_ekf.course.conditions import filled, filled_columns, integrated_angle, with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.diagnosis.prepare.source import Source, gross_errors
 from rw_ekf.diagnosis.prepare.split import Kind, Split, reversals, split_record
@@ -33,6 +33,7 @@ from rw_ekf.likelihood.work import Work
 from rw_ekf.log_replay import refuse_runaway_model
 from rw_ekf.model.effect import REFERENCE_DEGC, RecordFacts
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
+from rw_ekf.second_record import with_times_of_record
 from rw_ekf.starting_point import FilterSetup, setup_of_record
 from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.effect_table import EffectSet
@@ -182,7 +183,7 @@ def _set_up(
         notes += model.remarks
         if model.effects.terms:
             refuse_runaway_model(source.log.name, course, setup, model)
-        setup = replace(setup, prior=_aged(model))
+        setup = with_times_of_record(with_conditions(course), replace(setup, prior=_aged(model)))
     noise = setup.constants.speed_noise_rad_s
     own = setup if configuration is None and model is None else setup_of_record(course)
     top = float(np.nanquantile(np.abs(course.speed_rad_s), 0.999))

@@ -16,12 +16,13 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.report.binning import binned_means
 from rw_ekf.diagnosis.report.curves import Curve
 from rw_ekf.diagnosis.report.drawn_time import timeline
+from rw_ekf.diagnosis.report.law_curves import law_curves
 from rw_ekf.diagnosis.report.quantities import Quantity, correlation_of, quantities_of
 from rw_ekf.diagnosis.report.words import Units, plain_name
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.model.effect import REFERENCE_DEGC, Effect, Term
-from rw_ekf.model.effect_kinds import StaticEffect
+from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.numbers import number_text
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def cause_curves(diagnosis: Diagnosis, units: Units) -> list[Curve]:
     for name in (diagnosis.document().get("verdict") or {}).get("effects") or ():
         effect = CATALOGUE.get(name)
         quantity = None if effect is None else quantities.get(effect.shown_against)
-        if effect is None or quantity is None:
+        if effect is None or quantity is None or issubclass(effect, LawEffect):
             continue
         own = tuple(term for term in terms if term.id == name)
         cause = _Cause(effect, own, _folded(quantity, own, diagnosis), usual, correlation)
@@ -79,7 +80,7 @@ def cause_curves(diagnosis: Diagnosis, units: Units) -> list[Curve]:
             curves.append(_lawful(cause, after, model, diagnosis, units))
         else:
             curves.append(_remembered(cause, before, after, diagnosis, units))
-    return [curve for curve in curves if curve is not None]
+    return [*(curve for curve in curves if curve is not None), *law_curves(diagnosis, units)]
 
 
 def _lawful(cause: _Cause, after: ModelTrace, model: WheelModel, diagnosis: Diagnosis, units: Units) -> Curve | None:

@@ -41,6 +41,7 @@ class Curve:
     error: Float64Array  # two sigma
     law_x: Float64Array | None = None
     law_y: Float64Array | None = None
+    law_error: Float64Array | None = None  # (k,) two sigma, of a law that has no formula
 
 
 def shape_curves(shapes: Sequence[Mapping[str, Any]], time: Timeline) -> list[Curve]:
@@ -79,6 +80,10 @@ def curves_picture(curves: Sequence[Curve], *, left_over: bool = False) -> bytes
         if curve.law_x is not None:
             (law,) = axis.plot(curve.law_x, curve.law_y, color=AFTER, lw=2.2, zorder=3)
             entries.append((law, "the law that was added"))
+            if curve.law_error is not None:
+                assert curve.law_y is not None
+                edges = (curve.law_y - curve.law_error, curve.law_y + curve.law_error)
+                axis.fill_between(curve.law_x, *edges, color=AFTER, alpha=0.25, lw=0.0, zorder=2)
         else:
             entries = [(points, "best fit ± 2 sigma")]
         axis.margins(x=0.02)

@@ -133,13 +133,21 @@ def _marked(
     verdict = document.get("verdict") or {}
     if verdict.get("kind") == "adequate":
         return set()
-    named = {CATALOGUE[name].shown_against for name in verdict.get("effects") or () if name in CATALOGUE}
+    named = {_shown_against(document, name) for name in verdict.get("effects") or () if name in CATALOGUE}
     if verdict.get("kind") == "effect":
         return {number for number, quantity in enumerate(quantities) if quantity.title in named}
     fitted = [shape["dependence"] for shape in document.get("shapes") or ()][:1]
     titles = {"current", "drive"} if fitted == ["current"] else set(fitted)
     largest = {number for number, quantity in enumerate(quantities) if quantity.title in titles}
     return largest or {int(np.argmax([np.nan_to_num(row[0].structure) for row in means]))}
+
+
+def _shown_against(document: Mapping[str, Any], name: str) -> str:
+    """The quantity that an effect is a function of; of a law that which it was found over."""
+    entries: list[Any] = [entry for entry in document.get("candidates") or () if entry["effect"] == name]
+    parameters = (entries[0].get("parameters") or {}) if entries else {}
+    quantity = str((parameters.get("quantity") or {}).get("value", ""))
+    return quantity.partition("_")[0] or CATALOGUE[name].shown_against
 
 
 def _extent(means: Sequence[Sequence[BinnedMeans]]) -> float:

@@ -1,0 +1,84 @@
+"""Laws that have no formula, found on wheels of another integrator, and worth something on the next log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rw_ekf.diagnosis.diagnose import diagnose_log
+from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.log_replay import replay_log
+from rw_ekf.wheel.model_file import WheelModel, model_from_data
+from tools.measure.laws import measured
+from tools.proof.nameless import Nameless
+
+pytestmark = pytest.mark.slow
+
+
+def parameters_of(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
+    """What the document tells of an effect."""
+    found: dict[str, Any] = next(
+        item["parameters"] for item in diagnosis.document()["candidates"] if item["effect"] == name
+    )
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "kind"),
+    [
+        ("gain by bus voltage", "bus_voltage_V", "motor_gain"),
+        ("pressure, viscous", "pressure_Pa", "viscous_drag"),
+        ("current, square", "current_along_motion", "drag"),
+        ("speed, wave", "speed_size", "drag"),
+    ],
+)
+def test_a_law_without_a_formula_is_found_and_predicts_the_next_log(name: str, quantity: str, kind: str) -> None:
+    """Told by quantity and kind; its band holds the truth, and the next log is missed by hardly more than noise."""
+    diagnosis = diagnose_log(Nameless(name, 11).log())
+    assert diagnosis.verdict["effects"] == ["learned_law"], diagnosis.verdict["statement"]
+    assert diagnosis.verdict["posterior"]["learned_law"] > 0.9
+    found = parameters_of(diagnosis, "learned_law")
+    assert (found["quantity"]["value"], found["kind"]["value"]) == (quantity, kind)
+    assert len(found["knots"]["value"]) == len(found["values"]["value"]) == len(found["std"]["value"])
+    judged = measured(Nameless(name, 11))
+    assert judged.after_rpm < 1.2 * judged.noise_rpm < 0.9 * judged.before_rpm
+    assert judged.covered is not None
+    assert judged.covered > 0.8
+
+
+def test_something_that_begins_is_told_with_its_time_and_holds_in_the_next_log() -> None:
+    """A motor gain lower by 5 % from 280 s on; in a log that is lower throughout the model holds from its begin."""
+    case = Nameless("gain begins", 11)
+    diagnosis = diagnose_log(case.log())
+    assert diagnosis.verdict["effects"] == ["change"], diagnosis.verdict["statement"]
+    found = parameters_of(diagnosis, "change")
+    assert found["what"]["value"] == "motor_gain"
+    assert found["begins_at"]["value"] == pytest.approx(280.0, abs=1.0)
+    assert found["size"]["value"] == pytest.approx(-0.05, abs=0.001)
+    assert diagnosis.model is not None
+    weak = replace(Nameless("gain for good", 1011).log(), name="next.csv")
+    log = replay_log(weak, model=diagnosis.model).document()["logs"][0]
+    value, std = (log[key]["motor_gain"] for key in ("state", "std"))
+    assert value == pytest.approx(15.205, abs=5.0 * std)
+
+
+def test_a_model_with_a_law_is_adequate_for_its_wheel() -> None:
+    """Written, read again, given to the next log: nothing is left, and the amplitude is one within its sigmas."""
+    diagnosis = diagnose_log(Nameless("voltage, drag", 11).log())
+    assert diagnosis.model is not None
+    model: WheelModel = model_from_data(diagnosis.model.document(), lambda path: "model.yaml")
+    following = Nameless("voltage, drag", 1011).log()
+    assert diagnose_log(following, model=model).verdict["kind"] == "adequate"
+    amplitude = replay_log(following, model=model).document()["logs"][0]["effects"]["learned_law"]
+    assert abs(amplitude["value"] - 1.0) < 4.0 * amplitude["std"]
+
+
+@pytest.mark.parametrize("seed", [21, 22, 23, 24])
+def test_a_healthy_wheel_is_given_no_law(seed: int) -> None:
+    """Although voltage and pressure are logged, and go up and down."""
+    diagnosis = diagnose_log(Nameless("healthy", seed).log())
+    assert diagnosis.verdict["kind"] == "adequate", diagnosis.verdict["statement"]
+    assert np.isnan(diagnosis.verdict["posterior"].get("learned_law", np.nan))
