@@ -36,6 +36,7 @@ from rw_ekf.logs.run_directory import start_path
 from rw_ekf.logs.sampling import sampling_of, without_repeats
 from rw_ekf.logs.sums import changed
 from rw_ekf.logs.tables import table_of
+from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETER_NAMES
 from rw_ekf.numbers import plus_minus
 from rw_ekf.pictures import run_figure
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
 
 _JUDGED_SAMPLES = 8_000  # of a long log, so many in which the speed changes most decide whether the residual is noise
 _JUDGED_PLAIN = 2_000  # the same in plain Python
+_BEYOND = 0.02  # of a log, beyond a law's range, that is told
 _FEW_SAMPLES = 20
 _BREAKAGES = 3  # of the filter's arithmetic in one log: more is no accident
 
@@ -345,7 +347,36 @@ def _remarks(course: Course, log: WheelLog, setup: FilterSetup, statistics: RunS
         said.append(refused)
     if not np.any(log.current_A != 0.0):
         said.append("the current is zero throughout: the motor gain cannot be learned from this log")
+    return said + _beyond_laws(course, setup)
+
+
+def _beyond_laws(course: Course, setup: FilterSetup) -> list[str]:
+    """Where a log goes beyond what the model's laws were found over: they stay there as they are at the edge."""
+    said = []
+    for term in setup.effects.terms:
+        law = term.law
+        values = None if law is None else _values_of(law, course)
+        if law is None or values is None or not np.isfinite(values).any():
+            continue
+        share = float(np.mean((values < law.first) | (values > law.last)))
+        if share > _BEYOND:
+            said.append(
+                f"{law.name} is beyond what the learned law was found over ({law.first:.4g} to {law.last:.4g}) in "
+                f"{100.0 * share:.0f} % of this log: the law is held at its edge there, and the estimates may be off; "
+                "`rw-ekf diagnose LOG` finds it anew"
+            )
     return said
+
+
+def _values_of(law: Law, course: Course) -> Float64Array | None:
+    """What a law is a function of, along a course; None where it is held on purpose, or comes round again."""
+    if law.quantity == "column":
+        return course.columns[:, law.slot] if course.columns.size else None
+    return {
+        "temperature": course.temperature_degC,
+        "speed": course.speed_rad_s,
+        "speed_size": np.abs(course.speed_rad_s),
+    }.get(law.quantity)
 
 
 def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object]) -> FilterRun:

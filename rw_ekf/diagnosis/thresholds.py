@@ -131,6 +131,10 @@ ORDERS_COUNT = _number(
 
 # Checks
 LEAST_SIGMAS = _number("LEAST_SIGMAS", 2.5, "sigma", "a size must be known to it", "chosen")
+LAW_GAINS = _number(
+    "LAW_GAINS", 0.5, "%", "by which a law without a formula has to make the held-out error smaller",
+    "two steps that took off what a law held at its edge leaves: 0.0 %",
+)  # fmt: skip
 MOST_DISPUTED = _number(
     "MOST_DISPUTED", 1.0 / 3.0, "of chi-square", "two parts of a record that dispute more do not agree",
     "derived: each predicts the other with gain (eq. 10b)",

@@ -175,7 +175,7 @@ def _context(
         clock=clock,
         logger=logger,
         watched=watches.alarms is not None,
-        recent=RecentSink(configuration.loop.rate_hz),
+        recent=RecentSink(configuration.loop.rate_hz, start.setup.effects.columns),
         began=watches.states.now,
         link=lambda: live.link,
         learning=Learning(start, lambda: watches.wheel, lambda: watches.doubt),

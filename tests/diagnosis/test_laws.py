@@ -76,6 +76,15 @@ def test_a_model_with_a_law_is_adequate_for_its_wheel() -> None:
     assert abs(amplitude["value"] - 1.0) < 4.0 * amplitude["std"]
 
 
+def test_where_a_log_goes_beyond_a_law_that_is_said() -> None:
+    """The next log has voltages that the first had not: held at the edge, and told; no change is made up of it."""
+    diagnosis = diagnose_log(Nameless("gain by bus voltage", 11).log())
+    following = Nameless("gain by bus voltage", 1011).log()
+    warnings = replay_log(following, model=diagnosis.model).document()["logs"][0]["warnings"]
+    assert any("bus_voltage_V is beyond what the learned law was found over" in text for text in warnings)
+    assert diagnose_log(following, model=diagnosis.model).verdict["effects"] == []
+
+
 @pytest.mark.parametrize("seed", [21, 22, 23, 24])
 def test_a_healthy_wheel_is_given_no_law(seed: int) -> None:
     """Although voltage and pressure are logged, and go up and down."""

@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 from rw_ekf.diagnosis.checks.confirmation import veto
 from rw_ekf.diagnosis.checks.cross_fit import disputed_share
+from rw_ekf.diagnosis.checks.heldout import gain_over
 from rw_ekf.diagnosis.hypotheses.candidates import p_value, threshold
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.held_numbers import knows_size
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
-from rw_ekf.diagnosis.thresholds import LEAST_SIGMAS, MOST_DISPUTED, SIGNIFICANT_P
+from rw_ekf.diagnosis.thresholds import LAW_GAINS, LEAST_SIGMAS, MOST_DISPUTED, SIGNIFICANT_P
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect_kinds import LawEffect
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,9 @@ def checks(
     for name in effects:
         if not CATALOGUE[name].local_in_time:  # an event is in one part only
             yield _agreed(prepared, fit, name)
+    for name in effects:
+        if issubclass(CATALOGUE[name], LawEffect):
+            yield _predicts(prepared, fit, name)
     for name in reversed(effects):  # the last to enter first
         trial = selection.trials.get(name)
         yield _held_out(prepared, fit, name, 1.0 if trial is None else trial.p_value)
@@ -111,6 +116,14 @@ def _held_out(prepared: Prepared, fit: Fit, name: str, p: float) -> Check:
     worse, unjudged = veto(prepared, fit, name, p)
     why = None if worse is None else Decision(Reason.NOT_CONFIRMED, f"on the held-out part {worse}")
     return Check("held-out figures", name, None, None, why, settled=not unjudged)
+
+
+def _predicts(prepared: Prepared, fit: Fit, name: str) -> Check:
+    """Whether a law without a formula, which may be anything, makes the held-out error smaller at all."""
+    gained = gain_over(prepared, fit.without(name), fit)
+    why = Decision(Reason.NOT_CONFIRMED, "no held-out error is smaller for it")
+    stands = gained is None or gained >= LAW_GAINS
+    return Check("held-out error falls, percent", name, gained, LAW_GAINS, None if stands else why)
 
 
 def _unless(stands: bool, reason: Reason) -> Decision | None:

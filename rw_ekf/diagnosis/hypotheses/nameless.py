@@ -62,6 +62,8 @@ class Ground:
         if self.turned is not None:
             return 0.0, TURN
         most = float(np.max(np.abs(self.at)))
+        if self.quantity in {"speed_size", "current_size"}:
+            return 0.0, most
         return (-most, most) if self.quantity in _BOTH_SIDES else (float(self.at.min()), float(self.at.max()))
 
 

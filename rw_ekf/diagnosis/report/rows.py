@@ -56,10 +56,11 @@ def parameter_row(effect: str, name: str, parameter: Mapping[str, Any], start_s:
     value, std = parameter.get("value"), number_of(parameter.get("std"))
     number, note = number_of(value), ""
     if number is None:
-        digits = Rounded(value if isinstance(value, str) else MISSING)
+        ends = " to ".join(number_text(end, 4) for end in value) if isinstance(value, list) else MISSING
+        digits = Rounded(value if isinstance(value, str) else ends)
     else:
         digits = Rounded(number_text(number, 4)) if std is None else rounded(number, std)
-        if name.startswith("onset_s") and start_s != 0.0:
+        if name.startswith(("onset_s", "begins_at")) and start_s != 0.0:
             note = f"{number - start_s:.1f} s after the log's start"
     return ParameterRow(effect, name, digits, str(parameter.get("unit") or ""), parameter.get("std") is not None, note)
 
@@ -136,7 +137,11 @@ def _candidate_row(
         p_value_text(candidate.get("p_value")),
         gain_text(candidate),
         Reason.UNTESTABLE.value.format(reasons[effect]) if untested else str(candidate.get("decision") or ""),
-        tuple(parameter_row(effect, name, parameter, start_s) for name, parameter in parameters),
+        tuple(
+            parameter_row(effect, name, parameter, start_s)
+            for name, parameter in parameters
+            if not isinstance(parameter.get("value"), list) or name.startswith("range")  # a curve is a picture
+        ),
     )
 
 
