@@ -6,11 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rw_ekf.diagnosis.checks.checks import of_size
+from rw_ekf.diagnosis.hypotheses.changes import settled_change
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.event import with_other_laws
+from rw_ekf.diagnosis.hypotheses.grounds import Nameless
 from rw_ekf.diagnosis.hypotheses.laws import by_likeliest_law
-from rw_ekf.diagnosis.hypotheses.nameless import Nameless, settled_change
 from rw_ekf.diagnosis.hypotheses.other_places import lower_valley
 from rw_ekf.diagnosis.hypotheses.rivals import rivals_in_place
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial

@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
 from rw_ekf.diagnosis.thresholds import SIGNIFICANT_P
 from rw_ekf.diagnosis.verdict.explanations import explanation_entries, surviving
 from rw_ekf.diagnosis.verdict.judged import Judged
+from rw_ekf.diagnosis.verdict.reading import readings
 from rw_ekf.diagnosis.verdict.shapes import shapes_of
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.documents import inertia_document
@@ -178,6 +179,11 @@ def _described(fit: Fit, name: str) -> dict[str, Any]:
         parameters = dict(item.term.described(item.covariance))
         for constant, std in item.shape_std.items():
             parameters[constant] = {**parameters[constant], "std": std}
+        law = item.term.law
+        read = [] if law is None else readings(law, item.term.values, item.covariance)
+        if read:
+            chances = {formula.text: formula.probability for formula in read}
+            parameters["reading"] = {"value": read[0].text, "std": None, "unit": None, "probability": chances}
         found |= {key if count == 1 else f"{key}_{count}": value for key, value in parameters.items()}
     return found
 

@@ -13,8 +13,9 @@ from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
 from rw_ekf.diagnosis.hypotheses.laws import has_laws
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found
+from rw_ekf.diagnosis.verdict.reading import readings
 from rw_ekf.effects.catalogue import CATALOGUE
-from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.fitting import Fit, FittedTerm
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.effect_kinds import WanderingEffect
 from rw_ekf.numbers import chance_text, number_text
@@ -68,7 +69,14 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
         return effect.sentence_of_pieces([item.term for item in terms], facts)
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
-    return "; ".join(item.term.sentence(item.covariance, facts) for item in terms)
+    return "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in terms)
+
+
+def _as_read(item: FittedTerm) -> str:
+    """What a law without a formula may be, in a subclause."""
+    law = item.term.law
+    read = [] if law is None else readings(law, item.term.values, item.covariance)
+    return f" (within its band it is {read[0].text})" if read else ""
 
 
 def or_another_law(found: Found, name: str) -> str:

@@ -1,0 +1,121 @@
+"""Where a law without a formula may be: every quantity that a record moves, with every way in which a law may act."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.hypotheses.confounding import may_confound
+from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, INDISTINGUISHABLE, UNNAMED_LOG_ODDS
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.structure import slopes_by_torque
+from rw_ekf.model.effect import RecordFacts, Term
+from rw_ekf.model.law import TURN, ActsAs, Law, Quantity
+
+_LAW_LOG_ODDS = UNNAMED_LOG_ODDS - CHOSEN_LOG
+BOTH_SIDES = ("speed", "current_along_motion")  # of zero, where the law may bend at once, or jump
+_LEAST_RANGE = {"temperature": 1.0}  # K
+_LEAST_VALUES = 8  # that a quantity has to have
+
+
+@dataclass(eq=False, frozen=True)
+class Ground:
+    """One quantity that a law may be a function of, and one way it may act."""
+
+    quantity: Quantity
+    acts_as: ActsAs
+    at: Float64Array  # (n,) the quantity where each interval began
+    slope: Float64Array  # (n,) of each prediction by 1 of the law there
+    followed: tuple[int, ...] = (0,)  # powers of the quantity that the parameters, or a constant torque, follow
+    turned: Float64Array | None = None  # (n,) rad within each interval, of a law of the angle
+    column: str = ""
+    slot: int = 0
+
+    def law(self, low: float, high: float, functions: Float64Array, stds: Float64Array) -> Law:
+        """Functions (m, knots) from low to high as a law, with deviations (m,) of their coefficients beforehand."""
+        return Law(
+            self.quantity, self.acts_as, low, high,
+            tuple(tuple(float(value) for value in row) for row in functions), tuple(float(std) for std in stds),
+            self.column, self.slot,
+        )  # fmt: skip
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """From the least value to the greatest; of an angle one turn."""
+        if self.turned is not None:
+            return 0.0, TURN
+        most = float(np.max(np.abs(self.at)))
+        if self.quantity in {"speed_size", "current_size"}:
+            return 0.0, most
+        return (-most, most) if self.quantity in BOTH_SIDES else (float(self.at.min()), float(self.at.max()))
+
+
+@dataclass(eq=False, frozen=True)
+class Nameless:
+    """The likeliest law of one ground."""
+
+    ground: Ground
+    log_factor: float  # by how much the record is likelier with it
+    term: Term
+
+    @property
+    def passes(self) -> bool:
+        """Whether it belongs to the clock of its record."""
+        return self.ground.quantity == "time"
+
+    @property
+    def weight(self) -> float:
+        """Log of how much likelier it is than no law, what it is beforehand included."""
+        return self.log_factor + _LAW_LOG_ODDS - (INDISTINGUISHABLE if self.passes else 0.0)
+
+
+def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Ground]:
+    """Every quantity that the record moves, with every way in which a law of it may act."""
+    drive, dry = slopes_by_torque(fit)
+    record = fit.linearised.record
+    course, follows = record.course, record.follows
+    drive, dry = np.where(follows, drive, 0.0), np.where(follows, dry, 0.0)
+
+    def begun(values: Float64Array) -> Float64Array:
+        return np.concatenate((values[:1], values[:-1]))
+
+    speed, current = begun(fit.trajectory.speed), course.mean_current_A
+    along = current * np.sign(speed)
+    viscous = drive * speed
+    gain = drive * current * fit.model.parameters.motor_gain
+    loss = drive * np.sign(current) * fit.model.parameters.motor_gain
+    yield Ground("speed_size", "drag", np.abs(speed), dry, (0, 1))
+    yield Ground("speed_size", "torque", np.abs(speed), drive)
+    yield Ground("speed", "drag", speed, dry, (0, 1))
+    if facts.top_current_A > 0.0:
+        yield Ground("speed_size", "motor_gain", np.abs(speed), gain)
+        yield Ground("current_along_motion", "drag", along, dry, (1,))
+        yield Ground("current_size", "motor_gain", np.abs(current), gain)
+        yield Ground("current_size", "torque", np.abs(current), drive)
+    if "angle_rad" in facts.channels:
+        turned = np.diff(course.angle_rad, prepend=course.angle_rad[:1])
+        yield Ground("angle", "torque", begun(course.angle_rad), drive, (), turned)
+        yield Ground("angle", "drag", begun(course.angle_rad), dry, (0,), turned)
+    passing: list[tuple[Quantity, Float64Array, str, int]] = [("time", begun(course.time_s), "", 0)]
+    # Where temperature goes with time a law of it says no more than a drift, which the catalogue has.
+    if "temperature_degC" in facts.channels and not may_confound(fit, "time", "temperature"):
+        passing.append(("temperature", begun(course.temperature_degC), "", 0))
+    for slot, name in enumerate(columns):
+        values = course.columns[:, slot] if course.columns.size else np.zeros(0)
+        if values.size and np.isfinite(values).all():
+            passing.append(("column", begun(values), name, slot))
+    for quantity, values, name, slot in passing:
+        if np.ptp(values) <= _LEAST_RANGE.get(quantity, 0.0) or np.unique(values[:5000]).size < _LEAST_VALUES:
+            continue
+        if quantity != "time":  # a dry friction that goes with time is the catalogue's drift
+            yield Ground(quantity, "drag", values, dry, column=name, slot=slot)
+        yield Ground(quantity, "viscous_drag", values, viscous, column=name, slot=slot)
+        yield Ground(quantity, "windage", values, viscous * np.abs(speed), column=name, slot=slot)
+        yield Ground(quantity, "torque", values, drive, column=name, slot=slot)
+        if facts.top_current_A > 0.0:
+            yield Ground(quantity, "motor_gain", values, gain, column=name, slot=slot)
+            if quantity == "time":
+                yield Ground(quantity, "current_loss", values, loss, column=name, slot=slot)
