@@ -13,7 +13,7 @@ from rw_ekf.diagnosis.report.curves import Curve
 from rw_ekf.diagnosis.report.rendering import prose_parts
 from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.diagnosis.result import Diagnosis
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, FORMULAS
 from rw_ekf.model.effect import Term
 from rw_ekf.wheel.effect_table import EffectSet
 from tests.diagnosis.example import INERTIA_KG_M2, example
@@ -60,7 +60,7 @@ def test_waves_within_a_turn_are_laid_over_each_other() -> None:
     assert "one of 36 periods" in curve.x_label
 
 
-@pytest.mark.parametrize("effect", sorted(CATALOGUE))
+@pytest.mark.parametrize("effect", sorted(effect.id for effect in FORMULAS))
 def test_every_effect_of_the_catalogue_is_drawn(effect: str) -> None:
     """A curve with its errors for each that is a function of something, in the model by a term or not."""
     for term in (None, Term.of(CATALOGUE[effect], (1.0, 1.0, 1.0), value=1.0e-3)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same, quantity_of
+from rw_ekf.diagnosis.hypotheses.confounding import may_confound, one_and_the_same, quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.laws import has_laws
 from rw_ekf.diagnosis.hypotheses.lost_angle import with_open_order
@@ -103,7 +103,9 @@ def _or_further(found: Found, search: Search, prepared: Prepared, advance: Advan
 
 
 def _searched(prepared: Prepared, search: Search, ledger: Ledger, selection: Selection, advance: Advance) -> Found:
-    ledger, selection = grown(search, ledger, selection, lambda fit: laws_beside(prepared, fit))
+    # Where time goes with speed a curve of speed takes what an event does: it is asked when those have been.
+    early = not may_confound(ledger.base, "time", "speed")
+    ledger, selection = grown(search, ledger, selection, lambda fit: laws_beside(prepared, fit) if early else [])
     ledger, selection = chosen(prepared, search, ledger, selection)
     advance("mapping the residual")
     return mapped(prepared, selection, ledger)
