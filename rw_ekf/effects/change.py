@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.effects.learned_law import WORDS, size_text, torque_per_unit
-from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, largest_torque
-from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
-from rw_ekf.model.effect_kinds import LawEffect
+from rw_ekf.effects.learned_law import WORDS, LearnedLaw, size_text, torque_per_unit
+from rw_ekf.model.effect import Coefficient, RecordFacts, Term
 from rw_ekf.numbers import plus_minus
 
 if TYPE_CHECKING:
@@ -18,8 +15,8 @@ if TYPE_CHECKING:
 _ABRUPT_S = 1.0
 
 
-class Change(LawEffect):
-    """f(t) = size x (0 before, 1 after), as a drag, a torque, a viscous drag, a motor gain or a loss of current."""
+class Change(LearnedLaw):
+    """f(t) = size x (0 before, 1 after): a law of time with two knots."""
 
     id = "change"
     equation = "f = a (0 before begins_s, 1 after it has come)"
@@ -29,35 +26,11 @@ class Change(LawEffect):
     of_one_record = True
     shown_against = "time"
 
-    @staticmethod
-    def smallest(facts: RecordFacts) -> float:
-        """Half a percent of Coulomb friction."""
-        return STEADY_SHARE * dry_scale(facts)
-
-    @staticmethod
-    def largest(facts: RecordFacts) -> float:
-        """What the motor can just hold, or three times the friction."""
-        return largest_torque(facts)
-
     @classmethod
-    def matters(cls, terms: Sequence[Term], facts: RecordFacts) -> bool:
-        """Whether one of them is large enough."""
-        return any(_size(term, facts) >= cls.smallest(facts) for term in terms)
-
-    @classmethod
-    def possible(cls, terms: Sequence[Term], facts: RecordFacts, coulomb: float) -> bool:
-        """Whether none is larger than what a machine can have."""
-        return all(_size(term, facts) <= cls.largest(facts) for term in terms)
-
-    @staticmethod
-    def candidates(facts: RecordFacts) -> list[Candidate]:
-        """None: it is sought where nothing that has a formula explains a record."""
-        return []
-
-    @classmethod
-    def untestable(cls, facts: RecordFacts) -> str | None:
-        """Not among the effects that have a formula."""
-        return "sought where no effect with a formula explains the record"
+    def torque(cls, term: Term, facts: RecordFacts) -> float:
+        """Of all of it, as a torque per inertia [rad/s^2]."""
+        assert term.law is not None
+        return abs(torque_per_unit(term.law, facts) * term.values[0])
 
     @classmethod
     def parameters_of(cls, term: Term, covariance: Matrix) -> dict[str, dict[str, Any]]:
@@ -80,13 +53,3 @@ class Change(LawEffect):
         slowly = "" if law.last - law.first < _ABRUPT_S else f", within {law.last - law.first:.3g} s,"
         what = f"{WORDS[law.acts_as][:1].lower()}{WORDS[law.acts_as][1:]}"
         return f"From {when} s on{slowly} {what} changes by {size_text(law, size, std, facts)}"
-
-    @staticmethod
-    def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:
-        """Of a change that is not at hand."""
-        return "Something changes"
-
-
-def _size(term: Term, facts: RecordFacts) -> float:
-    assert term.law is not None
-    return abs(torque_per_unit(term.law, facts) * term.values[0])

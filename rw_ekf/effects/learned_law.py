@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.effects.measures import SOUGHT_SHARE, dry_scale, largest_torque, top_drive, top_speed
+from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, largest_torque, top_drive, top_speed
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import LawEffect
 from rw_ekf.model.law import ActsAs, Law
@@ -50,13 +50,6 @@ def torque_per_unit(law: Law, facts: RecordFacts) -> float:
     return 1.0
 
 
-def rms_torque(term: Term, facts: RecordFacts) -> float:
-    """Root of a law's mean square over its knots, as a torque per inertia [rad/s^2]."""
-    assert term.law is not None
-    values = term.law.values(term.values)
-    return torque_per_unit(term.law, facts) * math.sqrt(float(values @ values) / values.size)
-
-
 def _plain(value: Any, unit: str | None = None) -> dict[str, Any]:
     return {"value": value, "std": None, "unit": unit}
 
@@ -90,10 +83,17 @@ class LearnedLaw(LawEffect):
     shown_against = "speed"  # where nobody asks a term what it is a law of
     excitation = "all values of the quantity, each at several speeds, both ways round: `rw-ekf excite identification`"
 
+    @classmethod
+    def torque(cls, term: Term, facts: RecordFacts) -> float:
+        """Root of a law's mean square over its knots, as a torque per inertia [rad/s^2]."""
+        assert term.law is not None
+        values = term.law.values(term.values)
+        return torque_per_unit(term.law, facts) * math.sqrt(float(values @ values) / values.size)
+
     @staticmethod
     def smallest(facts: RecordFacts) -> float:
-        """One percent of Coulomb friction."""
-        return SOUGHT_SHARE * dry_scale(facts)
+        """Half a percent of Coulomb friction."""
+        return STEADY_SHARE * dry_scale(facts)
 
     @staticmethod
     def largest(facts: RecordFacts) -> float:
@@ -102,17 +102,17 @@ class LearnedLaw(LawEffect):
 
     @classmethod
     def matters(cls, terms: Sequence[Term], facts: RecordFacts) -> bool:
-        """Whether one of the laws is large enough, root mean square."""
-        return any(rms_torque(term, facts) >= 0.5 * cls.smallest(facts) for term in terms)
+        """Whether one of them is large enough."""
+        return any(cls.torque(term, facts) >= cls.smallest(facts) for term in terms)
 
     @classmethod
     def possible(cls, terms: Sequence[Term], facts: RecordFacts, coulomb: float) -> bool:
         """Whether none is larger than what a machine can have."""
-        return all(rms_torque(term, facts) <= cls.largest(facts) for term in terms)
+        return all(cls.torque(term, facts) <= cls.largest(facts) for term in terms)
 
     @staticmethod
     def candidates(facts: RecordFacts) -> list[Candidate]:
-        """None: a law is sought where nothing that has a formula explains a record (`rw_ekf.diagnosis.laws`)."""
+        """None: laws are sought where nothing with a formula explains a record (`diagnosis/hypotheses/nameless`)."""
         return []
 
     @classmethod

@@ -160,7 +160,8 @@ def _filter_each(
                     temperature = course.temperature_degC[i]
                 if not math.isnan(course.angle_rad[i]):
                     angle = course.angle_rad[i]
-                columns = last_known(columns, columns_at(course.columns, i))
+                if course.columns.shape[0] > 0:
+                    columns = last_known(columns, columns_at(course.columns, i))
         outcome[i] = what
         if keep_state:
             for j in range(x.size):

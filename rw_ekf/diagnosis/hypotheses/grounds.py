@@ -15,7 +15,7 @@ from rw_ekf.likelihood.structure import slopes_by_torque
 from rw_ekf.model.effect import RecordFacts, Term
 from rw_ekf.model.law import TURN, ActsAs, Law, Quantity
 
-_LAW_LOG_ODDS = UNNAMED_LOG_ODDS - CHOSEN_LOG
+LAW_LOG_ODDS = UNNAMED_LOG_ODDS - CHOSEN_LOG  # of a law that no catalogue has, and of all that was chosen of it
 BOTH_SIDES = ("speed", "current_along_motion")  # of zero, where the law may bend at once, or jump
 _LEAST_RANGE = {"temperature": 1.0}  # K
 _LEAST_VALUES = 8  # that a quantity has to have
@@ -69,7 +69,7 @@ class Nameless:
     @property
     def weight(self) -> float:
         """Log of how much likelier it is than no law, what it is beforehand included."""
-        return self.log_factor + _LAW_LOG_ODDS - (INDISTINGUISHABLE if self.passes else 0.0)
+        return self.log_factor + LAW_LOG_ODDS - (INDISTINGUISHABLE if self.passes else 0.0)
 
 
 def grounds(fit: Fit, facts: RecordFacts, columns: Sequence[str]) -> Iterator[Ground]:

@@ -56,53 +56,46 @@ def _smooth_law(profiled: Profiled, ground: Ground) -> Nameless | None:
     """The likeliest smooth law of a ground, over all smoothnesses."""
     low, high = ground.range
     columns = ground.slope[:, None] * hats(ground.at, _HATS, low, high)
-    sums = [profiled.sums(i, columns) for i in range(len(profiled.ratios))]
     count = _KNOTS + (ground.quantity == "current_along_motion")  # which is nothing at zero, and may bend there
     places, knots = np.linspace(low, high, _HATS), np.linspace(low, high, count)
-    best: tuple[float, float, float] | None = None
-    factors = []
-    for smooth in _SMOOTH:
-        root = _root(_unfollowed(_covariance(ground, places, smooth), ground, places))
-        if root.shape[1] == 0:
-            return None
-        factor, deviation = evidence_of_drawn(
-            profiled, [(root.T @ one.gram @ root, root.T @ one.products) for one in sums]
-        )
-        factors.append(factor)
-        if best is None or factor > best[0]:
-            best = factor, deviation, smooth
-    assert best is not None
-    _, deviation, smooth = best
-    functions, stds = _curves(_unfollowed(_covariance(ground, knots, smooth), ground, knots))
-    law = ground.law(low, high, functions, deviation * stds)
-    return Nameless(ground, float(np.logaddexp.reduce(factors)) - math.log(len(factors)), _term(law))
+    roots = [_root(_unfollowed(_covariance(ground, places, smooth), ground, places)) for smooth in _SMOOTH]
+    if not all(root.size for root in roots):
+        return None
+    number, deviation, factor = _likeliest(profiled, columns, roots)
+    functions, stds = _curves(_unfollowed(_covariance(ground, knots, _SMOOTH[number]), ground, knots))
+    return Nameless(ground, factor, _term(ground.law(low, high, functions, deviation * stds)))
 
 
 def _angle_law(profiled: Profiled, ground: Ground) -> Nameless:
     """The likeliest law of the angle, over how many harmonics it has."""
     assert ground.turned is not None
-    middle = ground.at + 0.5 * ground.turned
     most = max(_ORDERS)
     orders = np.arange(1, most + 1)
     averaged = np.sinc(np.outer(ground.turned, orders) / TURN)  # sin(n turned/2) / (n turned/2)
-    phases = np.outer(middle, orders)
+    phases = np.outer(ground.at + 0.5 * ground.turned, orders)
     columns = ground.slope[:, None] * np.concatenate((averaged * np.sin(phases), averaged * np.cos(phases)), axis=1)
-    sums = [profiled.sums(i, columns) for i in range(len(profiled.ratios))]
-    best: tuple[float, float, int] | None = None
-    factors = []
-    for count in _ORDERS:
-        kept = np.concatenate((np.arange(count), most + np.arange(count)))
-        factor, deviation = evidence_of_drawn(
-            profiled, [(one.gram[np.ix_(kept, kept)], one.products[kept]) for one in sums]
-        )
-        factors.append(factor)
-        if best is None or factor > best[0]:
-            best = factor, deviation, count
-    assert best is not None
-    _, deviation, count = best
+    each = np.eye(2 * most)
+    roots = [np.concatenate((each[:, :count], each[:, most : most + count]), axis=1) for count in _ORDERS]
+    number, deviation, factor = _likeliest(profiled, columns, roots)
+    count = _ORDERS[number]
     waves = np.outer(np.arange(1, count + 1), np.linspace(0.0, TURN, _TURN_KNOTS))
-    law = ground.law(0.0, TURN, np.concatenate((np.sin(waves), np.cos(waves))), np.full(2 * count, deviation))
-    return Nameless(ground, float(np.logaddexp.reduce(factors)) - math.log(len(factors)), _term(law))
+    functions = np.concatenate((np.sin(waves), np.cos(waves)))
+    return Nameless(ground, factor, _term(ground.law(0.0, TURN, functions, np.full(2 * count, deviation))))
+
+
+def _likeliest(profiled: Profiled, columns: Float64Array, roots: Sequence[Float64Array]) -> tuple[int, float, float]:
+    """Which prior of coefficients of columns (n, m) is likeliest, with what deviation; and log of all their factors.
+
+    roots: R (m, r) of each, whose covariance is R R' times the square of the deviation.
+    """
+    sums = [profiled.sums(i, columns) for i in range(len(profiled.ratios))]
+    found = [
+        evidence_of_drawn(profiled, [(root.T @ one.gram @ root, root.T @ one.products) for one in sums])
+        for root in roots
+    ]
+    factors = np.array([factor for factor, _ in found])
+    number = int(np.argmax(factors))
+    return number, found[number][1], float(np.logaddexp.reduce(factors)) - math.log(len(roots))
 
 
 def _term(law: Law) -> Term:

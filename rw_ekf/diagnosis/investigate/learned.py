@@ -56,9 +56,8 @@ def with_laws(found: Found, advance: Advance) -> Found:
         return _unexplained(found) if ahead > 0.0 else found
     if other.is_unexplained and found.is_unexplained:
         return found
-    lattice, corrected = found.lattice, found.corrected
-    other = with_widths(other, advance)
-    return replace(other, prepared=found.prepared, lattice=lattice, corrected=corrected, unnamed_odds=None)
+    wide = with_widths(other, advance)
+    return replace(wide, prepared=found.prepared, lattice=found.lattice, corrected=found.corrected)
 
 
 def _unexplained(found: Found) -> Found:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.hypotheses.grounds import LAW_LOG_ODDS
 from rw_ekf.diagnosis.hypotheses.wander import evidence_of_wandering
-from rw_ekf.diagnosis.thresholds import CHOSEN_LOG, UNNAMED_LOG_ODDS
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.linearisation import Linearisation
@@ -57,9 +57,8 @@ def log_evidence(fit: Fit, effects: tuple[str, ...], facts: RecordFacts) -> floa
         if term.id in effects:
             total += 0.5 * len(term.values) * math.log(2.0 * math.pi)
             total += _log_prior(term, values[at], covariance[at, at], model.seen_by(term.effect, facts))
-    named = [
-        name for name in effects if not issubclass(CATALOGUE[name], LawEffect)
-    ]  # a law pays for its kind by itself
+    # A law pays for its kind by itself.
+    named = [name for name in effects if not issubclass(CATALOGUE[name], LawEffect)]
     return total - len(named) * math.log(max(len(testable(facts)), 1))
 
 
@@ -91,7 +90,7 @@ def log_law_prior(law: Law) -> float:
 
     With the odds of a law that no catalogue has, and those of its size and smoothness, which were chosen by likelihood.
     """
-    return UNNAMED_LOG_ODDS - CHOSEN_LOG - sum(0.5 * math.log(2.0 * math.pi) + math.log(std) for std in law.prior_std)
+    return LAW_LOG_ODDS - sum(0.5 * math.log(2.0 * math.pi) + math.log(std) for std in law.prior_std)
 
 
 def _log_prior(term: Term, values: Float64Array, covariance: Float64Array, facts: RecordFacts) -> float:
