@@ -29,6 +29,7 @@ Advance = Callable[[str], object]
 def with_laws(found: Found, advance: Advance) -> Found:
     """What stands when laws without a formula are rows too; the same where none is worth a row."""
     if not found.prepared.record.work.has(work.RIVALS):
+        found.prepared.record.work.leave_out("laws without a formula")
         return found
     advance("weighing laws without a formula")
     prepared = found.prepared if found.corrected is None else found.corrected
