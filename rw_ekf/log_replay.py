@@ -37,7 +37,7 @@ from rw_ekf.logs.sampling import sampling_of, without_repeats
 from rw_ekf.logs.sums import changed
 from rw_ekf.logs.tables import table_of
 from rw_ekf.model.law import Law
-from rw_ekf.model.state import PARAMETER_NAMES
+from rw_ekf.model.state import COULOMB, PARAMETER_NAMES, STATIC
 from rw_ekf.numbers import plus_minus
 from rw_ekf.pictures import run_figure
 from rw_ekf.records import FilterTrouble, IssuedCommand, WheelSample
@@ -288,10 +288,14 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
     if np.count_nonzero(np.isfinite(head.speed_rad_s)) < MIN_SAMPLES:
         return consistency_of(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
     found = belief.parameters
-    if setup.effects.terms:
+    walk = setup.constants.dry_walk
+    if setup.effects.terms or walk > 0.0:
         head = course.window(0, most_samples)
         mean, covariance = frozen(found, belief.mean)
-        run = filter_log(head, without_drift(setup.constants), mean, covariance, setup.effects)
+        if walk > 0.0:  # dry friction is followed from where it was at the beginning
+            dry = slice(COULOMB, STATIC + 1)
+            mean[dry], covariance[dry, dry] = setup.prior.mean[dry], setup.prior.covariance[dry, dry]
+        run = filter_log(head, without_drift(setup.constants)._replace(dry_walk=walk), mean, covariance, setup.effects)
         return consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
     starts = [found, found._replace(static=found.coulomb), found._replace(static=1.35 * found.coulomb)]
     start = least_squares(head, setup.constants, setup.prior.core, starts=starts).parameters

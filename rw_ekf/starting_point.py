@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -91,6 +92,7 @@ def setup_of_configuration(
         speed_noise_rad_s=rad_s_from_rpm(section.speed_noise_rpm),
         acceleration_noise=section.acceleration_noise_rpm_per_sqrt_s * RAD_S_PER_RPM,
         parameter_drift=0.01 * section.parameter_drift_percent_per_sqrt_hour,
+        dry_walk=_walk_of(model),
         scale=prior.parameters,
         gate_probability=section.gate_probability,
         max_gap_s=section.max_gap_s,
@@ -173,6 +175,7 @@ def setup_of_model(
         model.stribeck_law,
         speed_noise_rad_s=model.speed_noise_rad_s or speed_noise_rad_s,
         acceleration_noise=acceleration_noise if own is None else own,
+        dry_walk=_walk_of(model),
         scale=model.parameters,
         nominal_period_s=period_s,
     )
@@ -183,6 +186,10 @@ def setup_of_model(
         effects=model.effects,
         inertia_from=ASSUMED if model.inertia_is_assumed else "model",
     )
+
+
+def _walk_of(model: WheelModel | None) -> float:
+    return 0.0 if model is None else model.dry_walk or 0.0
 
 
 def belief_of_model(model: WheelModel) -> Belief:
@@ -216,6 +223,7 @@ def model_of(
         stribeck_law=LAW_NAMES[setup.constants.stribeck.law],
         speed_noise_rad_s=told.speed_noise_rad_s,
         acceleration_noise=told.acceleration_noise,
+        dry_walk=math.sqrt(setup.constants.dry_walk) or None,
         inertia_kg_m2=setup.inertia_kg_m2,
         inertia_is_assumed=setup.inertia_from == ASSUMED,
         source={**source, "rw_ekf": __version__},

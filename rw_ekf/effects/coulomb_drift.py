@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import ClassVar
@@ -10,6 +11,8 @@ from rw_ekf.effects.measures import STEADY_SHARE, dry_scale, moment, moves, of_c
 from rw_ekf.model.averages import phi_1
 from rw_ekf.model.effect import Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import Contribution, WanderingEffect
+
+_TOLD_S = 100.0  # in which a person is told how far it walks
 
 
 class CoulombDrift(WanderingEffect):
@@ -104,15 +107,20 @@ class CoulombDrift(WanderingEffect):
         return value * passed * (1.0 if tau <= 0.0 else phi_1(passed / tau))
 
     @staticmethod
-    def sentence_of_pieces(terms: Sequence[Term], facts: RecordFacts) -> str:
-        """Its highest and its lowest, and when; the parameters have every piece."""
+    def sentence_of_pieces(terms: Sequence[Term], rate: float, facts: RecordFacts) -> str:
+        """How fast it walks [rad/s^2 per sqrt(s)], its highest and its lowest, and when."""
         levels = [0.0, *accumulate(term.values[0] * term.shape[2] for term in terms)]
         times = [terms[0].shape[1], *(term.shape[1] + term.shape[2] for term in terms)]
         ends = [
             f"{of_coulomb(levels[i], 0.0, facts)} at {moment(times[i], facts)}"
             for i in map(levels.index, (min(levels), max(levels)))
         ]
-        return f"Dry friction wanders with time, in no particular shape: from where it began to {ends[0]} and {ends[1]}"
+        walked = of_coulomb(rate * math.sqrt(_TOLD_S), 0.0, facts)
+        return (
+            f"Dry friction wanders with time, in no particular shape, by {walked} in {_TOLD_S:.0f} s: in this record to"
+            f" {ends[0]} and {ends[1]}, from where it began; the model holds that rate as process noise, by which a"
+            " filter follows what nobody foretells"
+        )
 
     @staticmethod
     def sentence(value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

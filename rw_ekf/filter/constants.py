@@ -31,6 +31,7 @@ class FilterConstants(NamedTuple):
     viscous_drift: float  # [1/s^2 per s]
     coulomb_drift: float  # [(rad/s^2)^2 per s]
     static_drift: float  # [(rad/s^2)^2 per s]
+    dry_walk: float  # variance that Coulomb and break-away friction gain together [(rad/s^2)^2 per s]
     relative_drift: float  # of a coefficient that wanders as the parameters do, in squares of its size [1/s]
     gate: float  # accepted while NIS <= gate [-]
     stuck_variance: float  # speed variance kept while the wheel is believed stuck [rad^2/s^2]
@@ -50,7 +51,8 @@ class FilterConstants(NamedTuple):
     @property
     def wanders(self) -> bool:
         """Whether parameters are taken to wander."""
-        return max(self.motor_gain_drift, self.viscous_drift, self.coulomb_drift, self.static_drift) > 0.0
+        drifts = (self.motor_gain_drift, self.viscous_drift, self.coulomb_drift, self.static_drift)
+        return max(*drifts, self.dry_walk) > 0.0
 
     def with_speed_noise(self, noise_rad_s: float) -> FilterConstants:
         """The same with another standard deviation of a reading."""
@@ -74,6 +76,7 @@ def filter_constants(
     speed_noise_rad_s: float = DEFAULT_SPEED_NOISE_RAD_S,
     acceleration_noise: float = DEFAULT_ACCELERATION_NOISE,
     parameter_drift: float = 0.001,
+    dry_walk: float = 0.0,
     scale: FrictionParameters = CK13_STATISTICAL,
     gate_probability: float = 0.9999,
     max_gap_s: float = 2.0,
@@ -83,6 +86,7 @@ def filter_constants(
 
     acceleration_noise: see FilterConstants; never below a ten thousandth of the speed noise.
     parameter_drift: what a parameter may wander in one hour, as a fraction of `scale` [per sqrt(h)]: age, temperature.
+    dry_walk: by how much dry friction walks at random besides [rad/s^2 per sqrt(s)].
     gate_probability: of accepting a good reading; the gate is that quantile of chi-square with one degree of freedom.
     max_gap_s: a longer interval re-seeds the speed; never below five periods.
     """
@@ -96,6 +100,7 @@ def filter_constants(
         viscous_drift=drift.viscous,
         coulomb_drift=drift.coulomb,
         static_drift=drift.static,
+        dry_walk=dry_walk**2,
         relative_drift=per_second,
         gate=chi_square_1_quantile(gate_probability),
         stuck_variance=(0.1 * speed_noise_rad_s) ** 2,

@@ -23,4 +23,6 @@ def frozen(parameters: FrictionParameters, whole: Float64Array | None = None) ->
 
 def without_drift(constants: FilterConstants) -> FilterConstants:
     """The same constants with parameters that do not wander."""
-    return constants._replace(motor_gain_drift=0.0, viscous_drift=0.0, coulomb_drift=0.0, static_drift=0.0)
+    return constants._replace(
+        motor_gain_drift=0.0, viscous_drift=0.0, coulomb_drift=0.0, static_drift=0.0, dry_walk=0.0
+    )

@@ -50,7 +50,7 @@ make_jitable(
         _covariance.predict_covariance_full, _covariance.seed_speed, _covariance.update_joseph,
         _stillness.away_from_reference, _stillness.follow, _stillness.unlearn_shift,
         _health.breakage, _health.examine, _health.is_diverged, _health.keep, _health.mend, _health.notice,
-        _step.is_continuous, _step._grow, _step.innovation_of, _step.interrupt, _step.seed,
+        _step.is_continuous, _step._grow, _step._walk, _step.innovation_of, _step.interrupt, _step.seed,
     ]
 )  # fmt: skip
 # Called in every sample, with all that a filter remembers: handing that over would take twice as long as the step.

@@ -125,11 +125,17 @@ def _grow(memory: Memory, constants: FilterConstants, table: EffectTable | None,
     noise = memory.noise
     noise[MOTOR_GAIN] = constants.motor_gain_drift * dt
     noise[VISCOUS] = constants.viscous_drift * dt
-    noise[COULOMB] = constants.coulomb_drift * dt
-    noise[STATIC] = constants.static_drift * dt
+    noise[COULOMB] = (constants.coulomb_drift + constants.dry_walk) * dt
+    noise[STATIC] = (constants.static_drift + constants.dry_walk) * dt
     if table is not None:
         for j in range(table.drift.size):
             noise[STATE_SIZE + j] = table.drift[j] * dt
+
+
+def _walk(P: Any, variance: float) -> None:
+    """Coulomb and break-away friction walk as one: what Q has beside its diagonal."""
+    P[COULOMB, STATIC] += variance
+    P[STATIC, COULOMB] += variance
 
 
 def predict(
@@ -163,6 +169,7 @@ def predict(
         drop_settled(P, hidden)
     else:
         predict_covariance(P, row, noise, memory.product[0])
+    _walk(P, constants.dry_walk * dt)
     elapse(memory.gate, dt, pieces.current_A, interval.start, interval.stop)
     memory.now[CONTINUOUS] = 1.0
 
@@ -173,12 +180,14 @@ def interrupt(
     """The speed is not followed up to a sample: the parameters wander on, and the speed waits for a reading."""
     has_speed = not math.isnan(sample.speed_rad_s)
     row = memory.F[SPEED]
-    _grow(memory, constants, table, 0.0 if sample.new_segment else sample.dt_s)
+    dt = 0.0 if sample.new_segment else sample.dt_s
+    _grow(memory, constants, table, dt)
     for j in range(x.size):
         row[j] = 0.0
     row[SPEED] = 0.0 if has_speed else 1.0
     memory.noise[SPEED] = constants.speed_variance if has_speed else 0.0
     predict_covariance(P, row, memory.noise, memory.product[0])
+    _walk(P, constants.dry_walk * dt)
     memory.now[SEEDED] = 0.0
     memory.now[CONTINUOUS] = 0.0
 

@@ -67,7 +67,8 @@ def aged(model: WheelModel, start: FilterSetup, seconds: float) -> WheelModel:
     covariance = np.array(model.covariance)
     warmth = _KELVIN * -math.expm1(-seconds / _WARMS_WITHIN_S)
     c = start.constants
-    rates = (c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift)
+    walk = (model.dry_walk or 0.0) ** 2
+    rates = (c.motor_gain_drift, c.viscous_drift, c.coulomb_drift + walk, c.static_drift + walk)
     grown = np.array([*(rate * seconds for rate in rates), *_effects_growth(model, c.relative_drift * seconds)])
     for place, share in _PER_KELVIN.items():
         if _KNOWN_BY[place] not in model.effects.ids:

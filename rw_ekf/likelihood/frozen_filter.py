@@ -15,7 +15,7 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.likelihood.linearisation import Noise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record, Trajectory, state_vector
-from rw_ekf.model.state import SPEED
+from rw_ekf.model.state import COULOMB, SPEED, STATIC
 from rw_ekf.wheel.effect_table import ABSENT
 
 _OPEN_GATE = 1.0e30
@@ -25,11 +25,20 @@ _SPREAD, _MEMORY_SPREAD = 0.3, 0.1  # of the speed noise and of Coulomb friction
 
 
 def run_frozen(
-    course: Course, model: Model, noise: Noise, constants: FilterConstants, *, keep_history: bool = False
-) -> FilterRun:
-    """Filter `course` with a model that stays as it is; states are kept, and all that a smoother needs on demand."""
+    course: Course, model: Model, noise: Noise, constants: FilterConstants, *, keep_history: bool = False,
+    walk: tuple[float, float] | None = None,
+) -> FilterRun:  # fmt: skip
+    """Filter `course` with a model that stays as it is; states are kept, and all that a smoother needs on demand.
+
+    walk: of its dry friction, which alone is then followed: by how much [rad/s^2 per sqrt(s)], and how far from the
+    model's it may be where the course begins [rad/s^2].
+    """
     mean, covariance = frozen(model.parameters, state_vector(model.coefficients, model.effects))
+    rate, off = walk or (0.0, 0.0)
+    covariance[COULOMB, COULOMB] = covariance[STATIC, STATIC] = off**2
+    covariance[COULOMB, STATIC] = covariance[STATIC, COULOMB] = off**2
     steered = without_drift(constants)._replace(
+        dry_walk=rate**2,
         stribeck=model.stribeck,
         gate=_OPEN_GATE,
         speed_variance=max(noise.variance - model.effects.reading_variance, 1.0e-3 * noise.variance),

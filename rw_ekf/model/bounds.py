@@ -20,6 +20,7 @@ NOISE_OF_ZERO_STDS = 5.0  # an estimate of a friction that is hardly there may l
 STRIBECK_SPEED_RAD_S = (1.0e-9, 1.0e6)
 SPEED_NOISE_RAD_S = (1.0e-9, 1.0e4)
 ACCELERATION_NOISE = (0.0, 1.0e4)
+DRY_WALK = (0.0, 1.0e4)
 INERTIA_KG_M2 = (1.0e-12, 1.0e6)
 LEAST_STD = 1.0e-12
 LEAST_EFFECT_STD = 1.0e-18  # cubic drag has coefficients of 1e-9 s/rad^2

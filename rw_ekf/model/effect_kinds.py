@@ -62,8 +62,8 @@ class WanderingEffect(StaticEffect):
 
     @staticmethod
     @abstractmethod
-    def sentence_of_pieces(terms: Sequence[Term], facts: RecordFacts) -> str:
-        """What was found where the pieces (m,) follow each other in time; without the final stop."""
+    def sentence_of_pieces(terms: Sequence[Term], rate: float, facts: RecordFacts) -> str:
+        """What was found where pieces (m,) follow each other in time, drawn at a rate; without the final stop."""
 
 
 class CurrentEffect(Effect):

@@ -78,6 +78,7 @@ class _Noise(_Loose):
 
     speed_rad_s: Annotated[float, _possible(model_bounds.SPEED_NOISE_RAD_S)] | None = None
     acceleration_rad_s_per_sqrt_s: Annotated[float, _possible(model_bounds.ACCELERATION_NOISE)] | None = None
+    dry_friction_rad_s2_per_sqrt_s: Annotated[float, _possible(model_bounds.DRY_WALK)] | None = None
 
 
 class _Coefficient(_Loose):

@@ -40,6 +40,7 @@ class WheelModel:
     stribeck_law: str = "gauss"
     speed_noise_rad_s: float | None = None
     acceleration_noise: float | None = None  # rad/s per sqrt(s)
+    dry_walk: float | None = None  # by which dry friction walks at random, rad/s^2 per sqrt(s)
     inertia_kg_m2: float | None = None
     source: Mapping[str, Any] = field(default_factory=dict)  # method, log, samples: for people
     effects: EffectSet = NO_EFFECTS
@@ -64,6 +65,7 @@ class WheelModel:
             "noise": {
                 "speed_rad_s": self.speed_noise_rad_s,
                 "acceleration_rad_s_per_sqrt_s": self.acceleration_noise,
+                **({} if self.dry_walk is None else {"dry_friction_rad_s2_per_sqrt_s": self.dry_walk}),
             },
             "effects": [entry for term in self.effects.terms for entry in _effect_documents(term)],
         }
@@ -140,6 +142,7 @@ def model_from_data(data: Any, where: Any) -> WheelModel:
         stribeck_law=found.stribeck.law,
         speed_noise_rad_s=found.noise.speed_rad_s,
         acceleration_noise=found.noise.acceleration_rad_s_per_sqrt_s,
+        dry_walk=found.noise.dry_friction_rad_s2_per_sqrt_s,
         inertia_kg_m2=found.inertia_kg_m2,
         source=found.source or {},
         effects=found.effect_set,

@@ -33,12 +33,12 @@ def test_a_bristle_is_found_with_its_damping(damping: float) -> None:
 
 @pytest.mark.slow
 def test_friction_that_follows_what_is_not_logged_drifts() -> None:
-    """Coulomb friction falls with a temperature that nobody logs, up and down again: a drift, and a better free run."""
+    """Coulomb friction falls with a temperature that nobody logs, up and down again: a drift, and nearer 20 s ahead."""
     log = log_of(simulated(["coulomb_temperature:slope_1_K=-0.015"], seed=5))
     blind = replace(log, channels={name: v for name, v in log.channels.items() if name != "temperature_degC"})
     document = diagnose_log(blind).document()
     assert document["verdict"]["effects"] == ["coulomb_drift"], document["verdict"]["statement"]
-    assert document["after"]["free_run_rms_rpm"] < 0.7 * document["before"]["free_run_rms_rpm"]
+    assert document["after"]["horizon_20s_rms_rpm"] < 0.7 * document["before"]["horizon_20s_rms_rpm"]
 
 
 @pytest.mark.parametrize(("wander", "walks"), [(0.0, False), (0.0024, True)])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.hypotheses.candidates import Score
 from rw_ekf.diagnosis.hypotheses.scorer import Scorer
 from rw_ekf.diagnosis.hypotheses.selection import Selection, Trial
@@ -17,8 +18,13 @@ from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import source_of
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.log_replay import replay_log
+from rw_ekf.model.state import CK13_STATISTICAL
 from tests.diagnosis.simulated import log_of, simulated
+from tools.proof.nameless import Nameless
 
+C = CK13_STATISTICAL.coulomb
+WALK = 0.06 * C / 10.0  # rad/s^2 per sqrt(s), as tools/proof/nameless.py simulates it
 OFFSET, DRAG = CATALOGUE["offset_torque"], CATALOGUE["quadratic_drag"]
 
 
@@ -58,6 +64,32 @@ def test_an_effect_that_explains_less_than_a_walk_does_not(prepared: Prepared, w
     assert not _refused_is_likelier(
         refused(prepared, {DRAG.id: Decision(Reason.NOT_CONFIRMED, "it is not there")}), walk
     )
+
+
+@pytest.mark.slow
+def test_a_walk_is_carried_on_as_process_noise_that_fits_the_next_log() -> None:
+    """Its rate is right by a factor, no figure is worse, and a replay of either log with the model is consistent.
+
+    The walk is another integrator's; the gain that the next log gives is the wheel's within three sigma.
+    """
+    wheel = Nameless("friction walks", 12)
+    diagnosis = diagnose_log(wheel.log())
+    document, model = diagnosis.document(), diagnosis.model
+    assert document["verdict"]["effects"] == ["coulomb_drift"]
+    before, after = document["before"], document["after"]
+    assert after["horizon_20s_rms_rpm"] < 0.6 * before["horizon_20s_rms_rpm"]
+    assert after["free_run_rms_rpm"] == before["free_run_rms_rpm"]
+    assert after["one_step_rms_rpm"] < before["one_step_rms_rpm"]
+    assert after["nis_mean"] == pytest.approx(1.0, abs=0.15)
+    assert model is not None
+    assert model.dry_walk == pytest.approx(WALK, rel=0.4)
+    assert model.effects.terms == ()
+    for log in (wheel.log(), replace(wheel, seed=1012).log()):
+        replayed = replay_log(log, model=model)
+        assert replayed.consistency.noise_ratio == pytest.approx(1.0, abs=0.05)
+        assert replayed.consistency.is_noise
+        off = replayed.belief.parameters.motor_gain - CK13_STATISTICAL.motor_gain
+        assert abs(off) < 3.0 * replayed.belief.parameter_std.motor_gain
 
 
 def test_what_was_never_significant_does_not(prepared: Prepared, walk: Found) -> None:

@@ -28,7 +28,9 @@ def textbook(log: Columns, constants: FilterConstants, belief: Belief, direction
         F = expm(A * dt)
         c = constants
         rates = (c.acceleration_density, c.motor_gain_drift, c.viscous_drift, c.coulomb_drift, c.static_drift)
-        x, P = F @ x, F @ P @ F.T + np.diag(rates) * dt
+        Q = np.diag(rates)
+        Q[3:, 3:] += c.dry_walk
+        x, P = F @ x, F @ P @ F.T + Q * dt
         if not np.isnan(log.speed_rad_s[i]):
             S = H @ P @ H.T + constants.speed_variance
             K = P @ H.T / S
@@ -60,12 +62,16 @@ def frozen_viscous(constants: FilterConstants) -> FilterConstants:
     return constants._replace(viscous_drift=0.0, gate=1e9)
 
 
+@pytest.mark.parametrize("walk", [0.0, 0.01])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_far_from_zero_speed_the_filter_is_the_linear_kalman_filter(direction: float) -> None:
-    """With b known and the speed far away, mean and covariance equal a textbook filter's for unknown k and c."""
+def test_far_from_zero_speed_the_filter_is_the_linear_kalman_filter(direction: float, walk: float) -> None:
+    """With b known and the speed far away, mean and covariance equal a textbook filter's for unknown k and c.
+
+    Whether dry friction walks at random or not.
+    """
     log = noisy_log(1, 15.0, 0.6 * direction, 200.0 * direction, 0.1 * direction, 0.2)
     belief = Belief(np.array([0.0, 12.0, B, 0.9, 0.9]), np.diag([1.0, 9.0, 0.0, 0.25, 0.25]))
-    constants = frozen_viscous(constants_for())
+    constants = frozen_viscous(constants_for())._replace(dry_walk=walk**2)
     run = compiled(log, constants, belief)
     means, covariances = textbook(log, constants, belief, direction)
     assert np.nanmin(np.abs(log.speed_rad_s)) > 100.0

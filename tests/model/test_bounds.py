@@ -85,6 +85,7 @@ def with_std(index: int, std: float) -> dict[str, Any]:
         (document(inertia_kg_m2=-1.0), "inertia_kg_m2"),
         (document(noise={"speed_rad_s": 1e-300}), "noise.speed_rad_s"),
         (document(noise={"acceleration_rad_s_per_sqrt_s": -1.0}), "noise.acceleration"),
+        (document(noise={"dry_friction_rad_s2_per_sqrt_s": -1.0}), "noise.dry_friction"),
         (document(covariance=[[1.0, 9, 0, 0], [9, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]]), "correlations"),
         (
             document(covariance=[[1.0, 0.9, 0.9, 0], [0.9, 1.0, -0.9, 0], [0.9, -0.9, 1.0, 0], [0, 0, 0, 1.0]]),

@@ -34,6 +34,9 @@ class Met(NamedTuple):
     voltage: float  # V
     pressure: float  # Pa
     share: float  # of the record's time that has passed
+    switched: float = 0.0  # 0 or 1, on and off at random, some seconds each
+    walk: float = 0.0  # a random walk, 1 after a hundred seconds
+    lagged: float = 0.0  # rad/s, the speed as it was, with a time constant of 3 s
 
 
 class Made(NamedTuple):
@@ -85,6 +88,48 @@ LAWS: dict[str, Law] = {  # and those of one quantity each, of 3 to 10 % of Coul
     "pressure, drag": lambda m: Made(drag=0.08 * C * math.sqrt(m.pressure / 800.0)),
     "pressure, viscous": lambda m: Made(drag=0.15 * C * (m.pressure / 800.0) * abs(m.omega) / TOP_RAD_S),
 }
+HARD: dict[str, Law] = {  # what process noise or readings' noise would swallow
+    "switched torque": lambda m: Made(torque=0.06 * C * m.switched),
+    "friction walks": lambda m: Made(drag=0.06 * C * m.walk),
+    "preload by speed": lambda m: Made(drag=0.10 * C * (m.omega / TOP_RAD_S) ** 2 * math.tanh(m.omega / 20.0)),
+    "eddy with lag": lambda m: Made(torque=0.10 * C * m.lagged / TOP_RAD_S),
+    "bump": lambda m: Made(drag=0.10 * C * math.exp(-(((abs(m.omega) - 70.0) / 8.0) ** 2))),
+    "viscosity by temperature": lambda m: Made(
+        drag=B * abs(m.omega) * (math.exp(-0.08 * (m.temperature - 20.0)) - 1.0)
+    ),
+}
+Reading = Callable[[Float64Array, Float64Array, np.random.Generator, float], Float64Array]
+
+
+def _plain(speed: Float64Array, angle: Float64Array, random: np.random.Generator, noise: float) -> Float64Array:
+    return speed + noise * random.standard_normal(speed.size)
+
+
+def _by_speed(speed: Float64Array, angle: Float64Array, random: np.random.Generator, noise: float) -> Float64Array:
+    return speed + noise * (0.5 + 3.0 * np.abs(speed) / TOP_RAD_S) * random.standard_normal(speed.size)
+
+
+def _eccentric(speed: Float64Array, angle: Float64Array, random: np.random.Generator, noise: float) -> Float64Array:
+    """An encoder off its centre reads a speed that goes up and down once a turn, in proportion to it."""
+    return _plain(speed * (1.0 + 0.01 * np.cos(angle)), angle, random, noise)
+
+
+def _lost_counts(speed: Float64Array, angle: Float64Array, random: np.random.Generator, noise: float) -> Float64Array:
+    """Now and then some counts of a reading are missing."""
+    lost = (random.random(speed.size) < 0.03) * random.uniform(4.0, 12.0, speed.size) * noise
+    return _plain(speed - np.sign(speed) * lost, angle, random, noise)
+
+
+def _heavy(speed: Float64Array, angle: Float64Array, random: np.random.Generator, noise: float) -> Float64Array:
+    return speed + noise / math.sqrt(3.0) * random.standard_t(3, speed.size)
+
+
+READINGS: dict[str, Reading] = {
+    "noise by speed": _by_speed,
+    "eccentric encoder": _eccentric,
+    "lost counts": _lost_counts,
+    "heavy tails": _heavy,
+}
 ALL = {**FAMILIES, **LAWS}
 _LATER: dict[str, Law] = {"gain for good": lambda m: Made(gain=-0.05)}  # of a wheel after something began
 
@@ -101,7 +146,12 @@ class Nameless:
     @property
     def law(self) -> Law:
         """What the wheel has beyond the base model; nothing for a name that is none."""
-        return (ALL | _LATER).get(self.name, lambda met: Made())
+        return (ALL | HARD | _LATER).get(self.name, lambda met: Made())
+
+    @property
+    def reading(self) -> Reading:
+        """How its speed is read."""
+        return READINGS.get(self.name, _plain)
 
     def run(self) -> tuple[WheelLog, Float64Array]:
         """The log as it would be read, and the true speeds (n,)."""
@@ -151,12 +201,12 @@ def _simulated(case: Nameless) -> tuple[WheelLog, Float64Array]:
     time_s = np.arange(round(case.seconds * RATE_HZ)) / RATE_HZ
     current_A = travels(time_s, seed)
     channels = conditions(time_s, seed)
-    speed, angle = _run(case.law, time_s, current_A, channels)
+    speed, angle = _run(case.law, time_s, current_A, channels, seed)
     random = np.random.default_rng([seed, 11])
     log = WheelLog(
         name=f"{case.name.replace(', ', '-').replace(' ', '_')}_{seed}.csv",
         time_s=time_s,
-        speed_rad_s=speed + case.noise_rpm * RAD_S_PER_RPM * random.standard_normal(time_s.size),
+        speed_rad_s=case.reading(speed, angle, random, case.noise_rpm * RAD_S_PER_RPM),
         current_A=current_A,
         drive="current_command_A",
         command_delay_s=np.zeros(time_s.size),
@@ -168,18 +218,23 @@ def _simulated(case: Nameless) -> tuple[WheelLog, Float64Array]:
 
 
 def _run(
-    law: Law, time_s: Float64Array, current_A: Float64Array, channels: dict[str, Float64Array]
+    law: Law, time_s: Float64Array, current_A: Float64Array, channels: dict[str, Float64Array], seed: int
 ) -> tuple[Float64Array, Float64Array]:
     """True speed and angle at each sample, (n,)."""
     speed, turned = np.zeros(time_s.size), np.zeros(time_s.size)
-    omega = angle = 0.0
+    random = np.random.default_rng([seed, 5])
+    walk = np.cumsum(random.standard_normal(time_s.size)) / math.sqrt(100.0 * RATE_HZ)
+    ends = np.cumsum(random.exponential(6.0, time_s.size))
+    switched = np.searchsorted(ends, time_s) % 2
+    omega = angle = lagged = 0.0
     for i in range(time_s.size - 1):
         h = float(time_s[i + 1] - time_s[i]) / _STEPS
         current, warmth = float(current_A[i]), float(channels["temperature_degC"][i])
         volts, pressure = float(channels["bus_voltage_V"][i]), float(channels["pressure_Pa"][i])
         share = i / time_s.size
         for _ in range(_STEPS):
-            made = law(Met(omega, current, angle, warmth, volts, pressure, share))
+            made = law(Met(omega, current, angle, warmth, volts, pressure, share, switched[i], walk[i], lagged))
+            lagged += h * (omega - lagged) / 3.0
             drive = K * (1.0 + made.gain) * (current + made.current) - made.torque
             if abs(omega) < _BAND_RAD_S and abs(drive) <= S + made.drag:
                 omega = 0.0

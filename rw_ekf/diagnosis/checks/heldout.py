@@ -6,7 +6,7 @@ The figures are those of docs/contract.md#diagnosis.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,17 @@ from numpy.typing import NDArray
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.checks.lattice import Lattice, rounding_error
+from rw_ekf.diagnosis.hypotheses.wander import standing_still, walk_of
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
-from rw_ekf.effects.catalogue import GRID
+from rw_ekf.effects.catalogue import GRID, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Noise, linearise
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Record
+from rw_ekf.model.state import COULOMB, SPEED
 from rw_ekf.units import rpm_from_rad_s
 
 _STARTS = 400  # of a horizon: more would add nothing but time
@@ -43,9 +45,44 @@ class Performance:
 def performance(prepared: Prepared, fit: Fit) -> Performance:
     """Figures of the model of a fit of the whole record, from the held-out samples alone; worked out once a fit.
 
-    The model is fitted to the other part anew and run, frozen, over the record.
+    The model is fitted to the other part anew and run, frozen, over the record; but for a dry friction that walks,
+    which the filter follows at the rate found.
     """
-    return prepared.remembered("figures", fit, lambda: _performance(prepared, by_fit_part(prepared, fit), None))
+    return prepared.remembered("figures", fit, lambda: _figures(prepared, fit))
+
+
+def _figures(prepared: Prepared, fit: Fit) -> Performance:
+    found = _performance(prepared, by_fit_part(prepared, fit), None)
+    if walk_of(fit) is None:
+        return found
+    # Nobody foretells a walk. Far ahead the friction that was usual may be nearer than where it is now, and is at hand.
+    alone = fit.model.effects.ids == (*prepared.base.model.effects.ids, WANDERING.id)
+    less = performance(prepared, prepared.base if alone else fit.without(WANDERING.id))
+    figures = found.figures | {"free_run_rms_rpm": less.figures["free_run_rms_rpm"]}
+    followed, usual = found.figures["horizon_20s_rms_rpm"], less.figures["horizon_20s_rms_rpm"]
+    figures["horizon_20s_rms_rpm"] = min(followed, usual) if followed and usual else usual
+    trace = replace(found.trace, free_run_rad_s=less.trace.free_run_rad_s)
+    return replace(found, figures=figures, trace=trace)
+
+
+def foretold_better(prepared: Prepared, fit: Fit) -> float:
+    """Log of how much likelier a filter that follows the walk of a fit makes the held-out readings.
+
+    Each from those before it, beside the model without the walk at its own noises, which may take dry friction to be as
+    uncertain where the record begins: one knows no more of it than the other.
+    """
+    part, rate = by_fit_part(prepared, fit), walk_of(fit)
+    model, off = standing_still(part)
+    less = by_fit_part(prepared, fit.without(WANDERING.id))
+    likelier = 0.0
+    for way, own, steps in ((part, model, rate or 0.0), (less, less.model, 0.0)):
+        record = prepared.record.along(way.trajectory)
+        course = record.course.only(~prepared.base.omit)
+        run = run_frozen(course, own, way.noise, record.constants, walk=(steps, off))
+        held = prepared.split.heldout & np.isfinite(run.innovation_rad_s)
+        value = -0.5 * float(np.sum(run.nis[held] + np.log(run.innovation_variance[held])))
+        likelier += value if way is part else -value
+    return likelier
 
 
 def by_fit_part(prepared: Prepared, fit: Fit) -> Fit:
@@ -62,16 +99,22 @@ def performance_read(prepared: Prepared, corrected: Prepared, fit: Fit, lattice:
 
 
 def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Performance:
-    record, split, model, noise = prepared.record, prepared.split, fit.model, fit.noise
+    record, split, model, noise, walk = prepared.record, prepared.split, fit.model, fit.noise, None
+    rate = walk_of(fit)
+    if rate is not None:  # nobody foretells a walk: it is followed, and what lies ahead is as it last was
+        model, off = standing_still(fit)
+        walk = rate, off
     if lattice is not None:  # of the readings as they were read, as a filter with this model is told
         variance = lattice.noise_rad_s**2 + GRID.variance(lattice.grid_rad_s)
         noise = Noise(variance, noise.ratio * noise.variance / variance)
     inertia_kg_m2 = prepared.setup.inertia_kg_m2
     record = record.along(fit.trajectory)
     course = record.course.only(~prepared.base.omit)
-    run = run_frozen(course, model, noise, record.constants)
+    run = run_frozen(course, model, noise, record.constants, walk=walk)
     free = _free_run(record, model, run.states, split.block)
     observed = _observed_acceleration(record, model, noise, prepared.base)
+    if walk is not None:
+        observed += np.sign(run.states[:, SPEED]) * (run.states[:, COULOMB] - model.parameters.coulomb)
     heldout = split.heldout
     variance = np.maximum(run.innovation_variance - noise.variance, 0.0)
     innovation = run.innovation_rad_s
@@ -192,8 +235,18 @@ def gain_over(prepared: Prepared, less: Fit, more: Fit) -> float | None:
 
 
 def percent_better(before: dict[str, Any], after: dict[str, Any]) -> float | None:
-    """Percent by which the free-run error, or that 20 s ahead where there is none, is smaller."""
-    key = "free_run_rms_rpm" if before["free_run_rms_rpm"] is not None else "horizon_20s_rms_rpm"
-    if not before[key] or after[key] is None:
+    """Percent by which the error of `telling_figure` is smaller; None where no figure tells."""
+    key = telling_figure(before, after)
+    if key is None or not before[key]:
         return None
     return float(100.0 * (1.0 - after[key] / before[key]))
+
+
+def telling_figure(before: dict[str, Any], after: dict[str, Any]) -> str | None:
+    """Which figure is compared: the free run; 20 s ahead where there is none, or a walk leaves it as it was."""
+    for key in ("free_run_rms_rpm", "horizon_20s_rms_rpm"):
+        if before.get(key) is not None:
+            is_left = key == "free_run_rms_rpm" and before is not after and before[key] == after.get(key)
+            if not is_left:
+                return key if after.get(key) is not None else None
+    return None

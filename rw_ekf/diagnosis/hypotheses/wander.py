@@ -22,8 +22,10 @@ from rw_ekf.diagnosis.thresholds import INFLATION
 from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.filter.tails import chi_square_tail
 from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.structure import hats, slopes_by_torque
 from rw_ekf.model.effect import Candidate, Term
+from rw_ekf.model.state import STATE_SIZE
 
 _PIECE_S, _MOST_PIECES = 10.0, 30
 _FINE_S, _MOST_FINE = 8.0, 80
@@ -44,6 +46,34 @@ def pieces(prepared: Prepared) -> list[Term]:
     count = min(max(int((time[-1] - time[0]) / _PIECE_S), 2), _MOST_PIECES)
     knots = np.linspace(time[0], time[-1], count + 1)
     return [Term.of(WANDERING, WANDERING.piece(float(a), float(b))) for a, b in pairwise(knots)]
+
+
+def walk_of(fit: Fit) -> float | None:
+    """By how much dry friction walks in a fit [rad/s^2 per sqrt(s)], where it has pieces of a walk; else None."""
+    found = [term for term in fit.model.of(WANDERING.id) if not term.settled]
+    if len(found) < 2:
+        return None
+    if fit.prior is not None and WANDERING.id in fit.prior.effect_ids:
+        at = STATE_SIZE + fit.prior.effect_ids.index(WANDERING.id)
+        return float(fit.prior.std[at]) * math.sqrt(found[0].shape[2])
+    steps = [term.values[0] * math.sqrt(term.shape[2]) for term in found]
+    return math.sqrt(math.fsum(step**2 for step in steps) / len(steps))
+
+
+def standing_still(fit: Fit) -> tuple[Model, float]:
+    """The model of a fit with a walk without it, dry friction as it was on average; and its deviation from that.
+
+    The mean level [rad/s^2] of the broken line over the record goes to Coulomb and break-away friction.
+    """
+    terms = [term for term in fit.model.of(WANDERING.id) if not term.settled]
+    ends = np.cumsum([0.0, *(term.values[0] * term.shape[2] for term in terms)])
+    weights = np.array([term.shape[2] for term in terms])
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    level = float(middle @ weights / weights.sum())
+    spread = math.sqrt(float((middle - level) ** 2 @ weights / weights.sum()))
+    model, dry = fit.model.without(WANDERING.id), fit.model.parameters
+    parameters = dry._replace(coulomb=dry.coulomb + level, static=dry.static + level)
+    return replace(model, parameters=parameters), spread
 
 
 def followed_finely(fit: Fit) -> Float64Array | None:

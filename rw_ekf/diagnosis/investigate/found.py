@@ -11,16 +11,16 @@ from rw_ekf.diagnosis.checks.checks import Check
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.hypotheses.selection import Selection
-from rw_ekf.diagnosis.hypotheses.wander import followed_finely
+from rw_ekf.diagnosis.hypotheses.wander import followed_finely, standing_still, walk_of
 from rw_ekf.diagnosis.ledger.ledger import Ledger
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import EXPLAINED_SHARE, MAP_P
-from rw_ekf.effects.catalogue import GRID
+from rw_ekf.effects.catalogue import GRID, WANDERING
 from rw_ekf.likelihood.carried import carried
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import Term
-from rw_ekf.model.state import PARAMETER_COUNT
+from rw_ekf.model.state import COULOMB, PARAMETER_COUNT, STATIC
 from rw_ekf.wheel.effect_table import EffectSet
 
 if TYPE_CHECKING:
@@ -103,15 +103,23 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)
     variance = fit.noise.variance
-    effects, covariance = carried(fit.model, covariance)
+    model, rate = fit.model, walk_of(fit)
+    if rate is not None:
+        model, off = standing_still(fit)
+        kept = [*range(PARAMETER_COUNT)]
+        kept += [i for term, at in fit.model.placed if term.id != WANDERING.id for i in range(at.start, at.stop)]
+        covariance = covariance[np.ix_(kept, kept)]
+        covariance[COULOMB - 1 : STATIC, COULOMB - 1 : STATIC] += off**2  # the two walk as one
+    effects, covariance = carried(model, covariance)
     stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))[PARAMETER_COUNT:]
     return WheelModel(
-        parameters=fit.model.parameters,
+        parameters=model.parameters,
         covariance=tuple(tuple(float(v) for v in row) for row in covariance),
         stribeck_speed_rad_s=fit.model.stribeck.omega_s,
         stribeck_law=LAW_NAMES[fit.model.stribeck.law],
         speed_noise_rad_s=float(np.sqrt(variance)),
         acceleration_noise=float(np.sqrt(fit.noise.ratio * variance / prepared.course.period_s)),
+        dry_walk=rate,
         inertia_kg_m2=prepared.setup.inertia_kg_m2,
         inertia_is_assumed=prepared.setup.inertia_from == ASSUMED,
         source={

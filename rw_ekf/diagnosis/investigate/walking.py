@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from rw_ekf.diagnosis.checks.heldout import foretold_better
 from rw_ekf.diagnosis.hypotheses.confounding import one_and_the_same, quantity_of
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.selection import Rival, Trial
@@ -46,6 +47,8 @@ def with_wandering_friction(found: Found, search: Search) -> Found:
     worst = max((item.statistic for item in found.left), default=0.0)
     better = all(item.name in _GOES_WITH_TIME and item.statistic < 0.5 * worst for item in other.left)
     if not better or (not found.left and _refused_is_likelier(found, other)):
+        return found
+    if foretold_better(prepared, final) <= 0.0:
         return found
     return _with_a_clock(found, other) or other
 
@@ -125,4 +128,4 @@ def _or_a_walk(found: Found, law: str) -> Found:
         return replace(found, selection=replace(selection, rivals={**others, law: rivals}))
     walking = selection.tried(tried.trial).decided(law, explained_by(WANDERING.id), tried.fit)
     walk = mapped(prepared, replace(walking, rivals=others), found.ledger.with_rows([tried.fit]))
-    return found if walk.left else walk
+    return found if walk.left or foretold_better(prepared, tried.fit) <= 0.0 else walk

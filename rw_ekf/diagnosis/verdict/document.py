@@ -13,6 +13,7 @@ from rw_ekf.diagnosis.checks.residual_tests import left_over, residual_tests
 from rw_ekf.diagnosis.hypotheses.candidates import threshold
 from rw_ekf.diagnosis.hypotheses.laws import LAW, has_laws
 from rw_ekf.diagnosis.hypotheses.selection import Trial
+from rw_ekf.diagnosis.hypotheses.wander import walk_of
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.investigate.widths import with_open_noise, with_open_stribeck_speed
 from rw_ekf.diagnosis.standing import Decision, Reason, explained_by
@@ -23,7 +24,7 @@ from rw_ekf.diagnosis.verdict.reading import readings
 from rw_ekf.diagnosis.verdict.shapes import shapes_of
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.documents import inertia_document
-from rw_ekf.effects.catalogue import CATALOGUE, GRID
+from rw_ekf.effects.catalogue import CATALOGUE, GRID, WANDERING
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect import size_of
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
@@ -174,6 +175,9 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
 def _described(fit: Fit, name: str) -> dict[str, Any]:
     """`parameters` of a candidate that was fitted, with standard deviations; the strongest term of several first."""
     found: dict[str, Any] = {}
+    rate = walk_of(fit) if name == WANDERING.id else None
+    if rate is not None:
+        return {"walk_rad_s2_per_sqrt_s": {"value": rate, "std": None, "unit": "rad/s^2/sqrt(s)"}}
     terms = sorted(fit.terms_of(name), key=lambda item: -item.term.size)
     for count, item in enumerate(terms, start=1):
         parameters = dict(item.term.described(item.covariance))

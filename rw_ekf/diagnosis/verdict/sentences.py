@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
+from rw_ekf.diagnosis.checks.heldout import telling_figure
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
 from rw_ekf.diagnosis.hypotheses.laws import has_laws
 from rw_ekf.diagnosis.hypotheses.selection import Selection
+from rw_ekf.diagnosis.hypotheses.wander import walk_of
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.verdict.reading import readings
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
 from rw_ekf.likelihood.fitting import Fit, FittedTerm
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.effect_kinds import WanderingEffect
@@ -40,7 +42,8 @@ def measured_by_little(found: Found, names: list[str]) -> str:
             f" The held-out error is no measure of {', '.join(unjudged)}: either part of this record alone knows too"
             " little of the numbers to predict the other."
         )
-    excess = for_want_of_knowledge(found.prepared, found.selection.final)
+    final = found.selection.final
+    excess = for_want_of_knowledge(found.prepared, final if walk_of(final) is None else final.without(WANDERING.id))
     if excess < _BLURRED:
         return ""
     return (
@@ -65,8 +68,9 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
     """What was found of one effect, its size as a share of the friction that the final model has."""
     facts = replace(facts, friction=fit.model.parameters)
     effect, terms = CATALOGUE[name], fit.terms_of(name)
-    if issubclass(effect, WanderingEffect) and len(terms) > 1:
-        return effect.sentence_of_pieces([item.term for item in terms], facts)
+    rate = walk_of(fit) if issubclass(effect, WanderingEffect) else None
+    if issubclass(effect, WanderingEffect) and rate is not None:
+        return effect.sentence_of_pieces([item.term for item in terms], rate, facts)
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
     return "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in terms)
@@ -114,8 +118,9 @@ def separation(group: list[str], posterior: dict[str, float], selection: Selecti
 
 def improvement(before: dict[str, Any], after: dict[str, Any], seconds: float, *, wheel_units: bool) -> str:
     """Free-run error before and after, in a subclause; a shorter horizon where no stretch is free."""
+    telling = telling_figure(before, after)
     for key, words in _FIGURES:
-        if before.get(key) is None or after.get(key) is None:
+        if before.get(key) is None or after.get(key) is None or (telling is not None and key != telling):
             continue
         old, new = before[key], after[key]
         if wheel_units:
