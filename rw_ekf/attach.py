@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock
@@ -13,6 +13,7 @@ from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 if TYPE_CHECKING:
     from rw_ekf.arrays import Float64Array
+    from rw_ekf.checking.effect_file import OwnFormula
     from rw_ekf.drivers.sim.plant_batch import PlantRun
     from rw_ekf.drivers.sim.plant_parameters import PlantParameters
     from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
@@ -147,6 +148,27 @@ def simulated_wheel(
     )
 
 
+def with_own_formulas(
+    effects: list[str], formulas: Sequence[OwnFormula], *, compiled: bool = False
+) -> tuple[list[str], dict[str, Any], dict[str, dict[str, float]]]:
+    """Effects ("ID:name=value") that are no formula, options of what runs a plant with those that are, their numbers.
+
+    compiled: for `simulated_record`; else for a protocol that serves a wheel.
+    """
+    from rw_ekf.drivers.sim.plant import advance
+    from rw_ekf.drivers.sim.plant_formula import split_formulas, with_formulas
+
+    rest, own = split_formulas(effects, formulas)
+    if not own:
+        return rest, {}, {}
+    numbers = {item.formula.id: item.numbers for item in own}
+    if not compiled:
+        return rest, {"law": with_formulas(advance, own)}, numbers
+    from rw_ekf.drivers.sim.plant_batch import compiled_advance, run_by
+
+    return rest, {"run": run_by(with_formulas(compiled_advance, own))}, numbers
+
+
 def simulated_record(
     plant: PlantParameters,
     current_A: Float64Array,
@@ -155,9 +177,13 @@ def simulated_record(
     speed_noise_rad_s: float,
     torque_noise: float,
     seed: int,
+    **options: Any,
 ) -> PlantRun:
-    """Return a run of a simulated wheel under given currents (n,) at sample times (n,), compiled."""
+    """Return a run of a simulated wheel under given currents (n,) at sample times (n,), compiled.
+
+    options: those of `with_own_formulas`, where it has any.
+    """
     from rw_ekf.drivers.sim.plant_batch import simulate_run
     from rw_ekf.drivers.sim.plant_parameters import PlantNoise
 
-    return simulate_run(plant, current_A, times_s, PlantNoise(speed_noise_rad_s, torque_noise), seed=seed)
+    return simulate_run(plant, current_A, times_s, PlantNoise(speed_noise_rad_s, torque_noise), seed=seed, **options)

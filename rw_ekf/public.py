@@ -11,10 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rw_ekf.batch_fit import Fit, Method, fit_record
+from rw_ekf.checking.effect_file import read_effect_file
 from rw_ekf.compared import Comparison, compared
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.split import Kind
 from rw_ekf.diagnosis.result import Diagnosis
+from rw_ekf.effects.catalogue import CATALOGUE_IDS
+from rw_ekf.effects.own_effect import effect_of
 from rw_ekf.errors import RwEkfError as Error
 from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
 from rw_ekf.filter.constants import filter_constants
@@ -87,12 +90,18 @@ def diagnose(
     *,
     split: Kind = "blocks",
     configuration: Configuration | str | Path | None = None,
+    effect_file: str | Path | None = None,
     progress: Callable[[str], object] = lambda text: None,
 ) -> Diagnosis:
-    """Find what the model lacks in a log, or in several of one wheel. progress: told of each step. Raises Error."""
+    """Find what the model lacks in a log, or in several of one wheel.
+
+    effect_file: of formulas of one's own, judged beside the catalogue. progress: told of each step. Raises Error.
+    """
+    formulas = [] if effect_file is None else read_effect_file(effect_file, CATALOGUE_IDS)
     several = [logs] if isinstance(logs, Log | str | Path) else list(logs)
     given = _configuration(configuration)
-    return diagnose_log(list(map(_log, several)), given, _model(model, given), split=split, advance=progress)
+    own = [effect_of(formula) for formula in formulas]
+    return diagnose_log(list(map(_log, several)), given, _model(model, given), split=split, advance=progress, own=own)
 
 
 @one_thread()

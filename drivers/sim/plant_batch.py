@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
+import types
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.compiled import compile_cached
 from rw_ekf.drivers.sim import plant, plant_parameters, plant_terms
 from rw_ekf.drivers.sim.plant_parameters import FINE_STEP_S, PlantNoise, PlantParameters, PlantState
+from rw_ekf.drivers.sim.plant_runner import Advance
 
 Run = Callable[..., PlantState]
 
@@ -110,6 +112,14 @@ def plain_run(
 
 
 register_jitable(plain_run)
+
+
+def run_by(law: Advance) -> Run:
+    """`plain_run` by another law of motion than the plant's own."""
+    found: Run = types.FunctionType(plain_run.__code__, {**globals(), "advance": law})
+    return found
+
+
 _PHYSICS = [plant, plant_terms, plant_parameters, sys.modules[__name__]]
 compiled_run = compile_cached(plain_run, _PHYSICS)
 compiled_advance = compile_cached(advance, _PHYSICS)  # the step of a runner, for thousands of intervals

@@ -15,8 +15,9 @@ from types import FrameType
 
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.sim.faults import Fault, FaultInjector
+from rw_ekf.drivers.sim.plant import advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
-from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.plant_runner import Advance, PlantRunner
 from rw_ekf.drivers.sim.pty_link import PtyLink
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.wheel_line import WheelLine
@@ -93,15 +94,17 @@ def serve_simulated_wheel(
     stop: threading.Event | Callable[[], bool] | None = None,
     duration_s: float | None = None,
     faults: Sequence[Fault] = (),
+    law: Advance = advance,
 ) -> None:
     """Serve a simulated wheel at `link_path` until SIGINT, SIGTERM or SIGHUP, `stop`, or duration_s [s] of host time.
 
     on_ready: called with the device's path when a client can open the link. Signals are handled in the main thread
-    only. Raises DriverError where the link cannot be made, BadInputError for a fault of what the map does not have.
+    only. law: of the plant's motion, where it has a formula of a user's own. Raises DriverError where the link cannot
+    be made, BadInputError for a fault of what the map does not have.
     """
     check_faults(faults, wire_map)
     state = PlantState(speed_rad_s=initial_speed_rad_s, temperature_degC=parameters.ambient_degC)
-    plant = PlantRunner(parameters, noise, seed, state)
+    plant = PlantRunner(parameters, noise, seed, state, law=law)
     registers = RegisterServer(wire_map, plant, serial_number=(seed % 65535) + 1, faults=FaultInjector(faults, seed))
     asked = stop.is_set if isinstance(stop, threading.Event) else (stop or (lambda: False))
     end_s = None if duration_s is None else time.monotonic() + duration_s

@@ -49,6 +49,8 @@ class YamlDocument:
     data: Any
     _values: dict[PathTuple, tuple[int, int]] = field(default_factory=dict, repr=False)
     _keys: dict[PathTuple, tuple[int, int]] = field(default_factory=dict, repr=False)
+    _begins: dict[PathTuple, int] = field(default_factory=dict, repr=False)
+    _text: str = field(default="", repr=False)
 
     def where(self, path: PathTuple = ()) -> str:
         """Give `file:line:column` of the value at `path`; of the nearest parent's key where there is no such value."""
@@ -61,6 +63,32 @@ class YamlDocument:
         while path and path not in self._keys:
             path = path[:-1]
         return self._place(self._keys.get(path, (1, 1)))
+
+    def where_within(self, path: PathTuple, text: str, at: int) -> str:
+        """Give `file:line:column` of a character, counted from 0, of the text that is the value at `path`.
+
+        It may go over several lines. Of the value as a whole where it is written with escapes.
+        """
+        place = self._begins.get(path)
+        if place is None:
+            return self.where(path)
+        if self._text.startswith(("|", ">"), place):
+            place = max(self._text.find("\n", place), 0)
+        elif self._text.startswith(("'", '"'), place):
+            place += 1
+        for letter in [letter for letter in text[:at] if not letter.isspace()]:
+            place = self._past_blanks(place)
+            if not self._text.startswith(letter, place):
+                return self.where(path)
+            place += 1
+        if at < len(text):
+            place = self._past_blanks(place)
+        return self._place((self._text.count("\n", 0, place) + 1, place - self._text.rfind("\n", 0, place)))
+
+    def _past_blanks(self, place: int) -> int:
+        while place < len(self._text) and self._text[place].isspace():
+            place += 1
+        return place
 
     def _place(self, position: tuple[int, int]) -> str:
         return f"{self.path}:{position[0]}:{position[1]}"
@@ -80,7 +108,7 @@ def parse_yaml(text: str, name: str) -> YamlDocument:
     builder, data = _parse(text, name)
     if builder.findings:
         raise ConfigError(builder.findings)
-    return YamlDocument(name, data, builder.values, builder.keys)
+    return YamlDocument(name, data, builder.values, builder.keys, builder.begins, text)
 
 
 def load_what_can_be_read(path: str | Path) -> tuple[YamlDocument, list[str], frozenset[PathTuple]]:
@@ -173,6 +201,7 @@ class _Builder:
         self.name = name
         self.values: dict[PathTuple, tuple[int, int]] = {}
         self.keys: dict[PathTuple, tuple[int, int]] = {(): (1, 1)}
+        self.begins: dict[PathTuple, int] = {}
         self.findings: list[str] = []
         self.repeated: set[PathTuple] = set()
         self._count = 0
@@ -192,6 +221,7 @@ class _Builder:
             return self._finding(node, f"lists or tables are nested more than {_MAX_DEPTH} deep")
         if not isinstance(node, yaml.MappingNode):
             self.values[path] = _position(node)
+            self.begins[path] = node.start_mark.index
         if node.tag not in _KNOWN_TAGS:
             return self._finding(node, f"tag {node.tag!r} is not supported: remove it")
         if isinstance(node, yaml.MappingNode):

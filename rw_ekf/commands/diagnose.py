@@ -15,6 +15,7 @@ from rw_ekf.commands.inputs import (
     log_options,
     read_configuration,
     read_logs,
+    read_own_effects,
     read_wheel_model,
     refuse_to_overwrite,
     wheel_of_logs,
@@ -25,7 +26,8 @@ HELP = "find what the model lacks in a log, add it, and prove it"
 EXAMPLE = """example:
   rw-ekf diagnose runs/2026-11-21.csv --out diagnosis
   rw-ekf diagnose coast-down-520.csv coast-down-300.csv --out diagnosis
-  rw-ekf diagnose carriage.csv --columns columns-emps.yaml --split halves --json"""
+  rw-ekf diagnose carriage.csv --columns columns-emps.yaml --split halves --json
+  rw-ekf diagnose runs/2026-11-21.csv --effect-file my-effects.yaml --out diagnosis"""
 
 _STEPS = 12  # that a diagnosis usually announces
 # Objects made between two looks for cycles: the usual 700 cost a twentieth of a diagnosis, which leaves hardly any.
@@ -40,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_log_options(parser)
     parser.add_argument(
         "--model", metavar="F", help="model YAML to diagnose, effects included; default: the four parameters"
+    )
+    parser.add_argument(
+        "--effect-file",
+        metavar="F",
+        help="effects by formulas of your own (YAML), judged beside the catalogue; see docs/own-effects.md",
     )
     parser.add_argument(
         "--split",
@@ -60,10 +67,11 @@ def execute(args: argparse.Namespace) -> int:
     directory = None if args.out is None else Path(args.out)
     if directory is not None:
         names = ("report.html", "diagnosis.json", "augmented-model.yaml")
-        inputs = [*args.logs, args.columns, args.config]  # the model may be replaced by a better one
+        inputs = [*args.logs, args.columns, args.config, args.effect_file]  # the model may be replaced by a better one
         refuse_to_overwrite([str(directory / name) for name in names], inputs)
     configuration = read_configuration(args.config)
     model = read_wheel_model(args.model, configuration)
+    own = read_own_effects(args.effect_file)
     logs = read_logs(args.logs, args.columns)
     if directory is not None:
         _make_ready(directory)
@@ -79,7 +87,7 @@ def execute(args: argparse.Namespace) -> int:
             bar.total = max(bar.total, bar.n + 2)
             bar.update(1)
 
-        found = diagnose_log(logs, configuration, model, split=args.split, advance=advance)
+        found = diagnose_log(logs, configuration, model, split=args.split, advance=advance, own=own)
         if found.model is not None:
             found = replace(found, model=replace(found.model, wheel=wheel_of_logs(args.logs)))
         if directory is not None:

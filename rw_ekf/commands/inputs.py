@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rw_ekf.checking.effect_file import OwnFormula
+    from rw_ekf.effects.own_effect import OwnEffect
     from rw_ekf.learning.run_start import GivenModel
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
@@ -51,6 +53,24 @@ def read_wheel_model(path: str | None, configuration: Configuration | None = Non
     from rw_ekf.wheel.model_file import read_model
 
     return read_model(Path(named))
+
+
+def read_own_formulas(path: str | None) -> list[OwnFormula]:
+    """Read a file of a user's own effects, if one is named. Raises ConfigError with file:line:column."""
+    if path is None:
+        return []
+    from rw_ekf.checking.effect_file import read_effect_file
+    from rw_ekf.drivers.sim.plant_effects import EFFECTS
+    from rw_ekf.effects.catalogue import CATALOGUE_IDS
+
+    return read_effect_file(path, CATALOGUE_IDS | EFFECTS.keys())
+
+
+def read_own_effects(path: str | None) -> list[type[OwnEffect]]:
+    """The same as effects of the estimator."""
+    from rw_ekf.effects.own_effect import effect_of
+
+    return [effect_of(formula) for formula in read_own_formulas(path)]
 
 
 def given_model(configuration: Configuration, args: argparse.Namespace) -> GivenModel:

@@ -10,6 +10,7 @@ HELP = "serve a simulated wheel on a pseudo-terminal"
 EXAMPLE = """example:
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect offset_torque:torque_rad_s2=0.03 --seed 7
   rw-ekf simulate --link /tmp/rw-ekf-wheel --fault drop:0.1,freeze@30s:5s
+  rw-ekf simulate --link /tmp/rw-ekf-wheel --effect-file my-effects.yaml --effect eddy:a=0.004,w0=40
   rw-ekf simulate --effects"""
 MAX_SPEED_RPM = 1.0e5
 
@@ -46,6 +47,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="a physical effect the wheel shall have; may be repeated",
     )
+    parser.add_argument(
+        "--effect-file",
+        metavar="F",
+        help="effects by formulas of your own (YAML), for --effect; see docs/own-effects.md",
+    )
     parser.add_argument("--effects", nargs=0, action=_ListEffects, help="list all effects with their parameters")
     parser.add_argument(
         "--fault",
@@ -62,8 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb until a signal; raises RwEkfError."""
-    from rw_ekf.attach import load_protocol, plant_of
-    from rw_ekf.commands.inputs import read_configuration
+    from rw_ekf.attach import load_protocol, plant_of, with_own_formulas
+    from rw_ekf.commands.inputs import read_configuration, read_own_formulas
     from rw_ekf.drivers.sim.fault_text import parse_faults
     from rw_ekf.drivers.sim.plant_parameters import PlantNoise
     from rw_ekf.errors import BadInputError
@@ -78,7 +84,9 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError(f"--initial-speed-rpm {args.initial_speed_rpm:g}: give at most {MAX_SPEED_RPM:g} rpm")
     faults = parse_faults(args.fault)
     configuration = read_configuration(args.config)
-    plant = plant_of(configuration, [text for group in args.effect for text in group])
+    asked = [text for group in args.effect for text in group]
+    effects, law, numbers = with_own_formulas(asked, read_own_formulas(args.effect_file))
+    plant = plant_of(configuration, effects)
     noise = PlantNoise()
     if configuration is not None:
         noise = PlantNoise(
@@ -96,7 +104,7 @@ def execute(args: argparse.Namespace) -> int:
                     "device": device,
                     "seed": args.seed,
                     "speed_factor": args.speed_factor,
-                    "truth": plant._asdict(),
+                    "truth": plant._asdict() | numbers,
                     "noise": noise._asdict(),
                     "faults": [fault.text for fault in faults],
                 }
@@ -114,5 +122,6 @@ def execute(args: argparse.Namespace) -> int:
         initial_speed_rad_s=rad_s_from_rpm(args.initial_speed_rpm),
         on_ready=ready,
         faults=faults,
+        **law,
     )
     return 0

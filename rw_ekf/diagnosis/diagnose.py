@@ -21,8 +21,10 @@ from rw_ekf.diagnosis.thresholds import BLIND
 from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.diagnosis.verdict.document import SCHEMA
 from rw_ekf.diagnosis.verdict.verdict import Verdict
+from rw_ekf.effects.catalogue import with_own
 from rw_ekf.identify.misread import misreadings, questions
 from rw_ekf.logs.wheel_log import WheelLog
+from rw_ekf.model.effect import Effect
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -39,14 +41,28 @@ def diagnose_log(
     *,
     split: Kind = "blocks",
     advance: Advance = lambda text: None,
+    own: Sequence[type[Effect]] = (),
 ) -> Diagnosis:
     """Diagnose a log, or several of one wheel: shared parameters, each log with a start and a clock of its own.
 
     Raises LogError for one without a single usable speed, FilterError where nothing can be fitted.
 
     model: what is known already, its effects included; without it the four parameters alone are the base. Raises
-    BadInputError for one with which the filter runs away.
+    BadInputError for one with which the filter runs away. own: effects beside the catalogue's, by formulas of a user's
+    own; those of the model need not be named again. Raises ConfigError where two of one id differ.
     """
+    known = () if model is None else model.own_effects
+    with with_own((*known, *own)):
+        return _diagnosed(log, configuration, model, split, advance)
+
+
+def _diagnosed(
+    log: WheelLog | Sequence[WheelLog],
+    configuration: Configuration | None,
+    model: WheelModel | None,
+    split: Kind,
+    advance: Advance,
+) -> Diagnosis:
     logs = [log] if isinstance(log, WheelLog) else log
     source = source_of(logs, () if model is None else model.effects.columns)
     described = configuration is not None or model is not None

@@ -66,10 +66,12 @@ class Diagnosis(Shown):
     def report(self, directory: str | Path, options: Sequence[str] = ()) -> list[Path]:
         """Write what `diagnose --out` leaves; returns the files. options: see `write_report`, as what is raised."""
         from rw_ekf.diagnosis.report.write import write_report
+        from rw_ekf.effects.catalogue import with_own
 
-        return write_report(
-            Path(directory), self, inertia_kg_m2=self.inertia_kg_m2, wheel_units=self.in_rpm, options=options
-        )
+        with with_own(() if self.model is None else self.model.own_effects):
+            return write_report(
+                Path(directory), self, inertia_kg_m2=self.inertia_kg_m2, wheel_units=self.in_rpm, options=options
+            )
 
     @property
     def verdict(self) -> dict[str, Any]:

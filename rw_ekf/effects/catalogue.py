@@ -1,11 +1,16 @@
-"""The catalogue: every effect in this package, found by walking it, and those that installed packages register."""
+"""The catalogue: every effect in this package, found by walking it, and those that installed packages register.
+
+Effects by formulas of a user's own stand in it for as long as something is done with them (`with_own`).
+"""
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextvars import ContextVar
 from types import ModuleType
 from typing import Any
 
@@ -23,7 +28,7 @@ CONTRACT_IDS = (
     "external_torque", "speed_quantisation",
 )  # fmt: skip
 # What is no effect and looks at the others. Whatever else is in the package is imported and looked at.
-MACHINERY = frozenset({"catalogue"})
+MACHINERY = frozenset({"catalogue", "own_effect"})
 
 
 _ONE_OF_A_KIND = (ReadingEffect, StribeckEffect, WanderingEffect, LawEffect)
@@ -77,9 +82,48 @@ def _collect(modules: Iterable[ModuleType]) -> dict[str, type[Effect]]:
     return {effect_id: found[effect_id] for effect_id in [*known, *sorted(found.keys() - set(known))]}
 
 
+_OWN: ContextVar[dict[str, type[Effect]]] = ContextVar("own effects", default={})  # noqa: B039 - never changed
+
+
+class _Catalogue(Mapping[str, type[Effect]]):
+    """Effects by id: those that are always there, then a user's own."""
+
+    def __init__(self, found: dict[str, type[Effect]]) -> None:
+        self._found = found
+
+    def __getitem__(self, effect_id: str) -> type[Effect]:
+        return self._found[effect_id] if effect_id in self._found else _OWN.get()[effect_id]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._found
+        yield from _OWN.get()
+
+    def __len__(self) -> int:
+        return len(self._found) + len(_OWN.get())
+
+
+@contextlib.contextmanager
+def with_own(effects: Iterable[type[Effect]]) -> Iterator[None]:
+    """Within this the catalogue has these effects as well. Raises ConfigError where two of one id differ."""
+    own = dict(_OWN.get())
+    for effect in effects:
+        if own.setdefault(effect.id, effect) is not effect:
+            raise ConfigError(
+                f"the effect {effect.id} has two formulas, {own[effect.id].equation} and {effect.equation}: give one "
+                "of them another id"
+            )
+    token = _OWN.set(own)
+    try:
+        yield
+    finally:
+        _OWN.reset(token)
+
+
 ADDED_MODULES = _added_modules()
 MODULES = [*_own_modules(), *ADDED_MODULES]
-CATALOGUE: dict[str, type[Effect]] = _collect(MODULES)
+_FOUND = _collect(MODULES)
+CATALOGUE = _Catalogue(_FOUND)
+CATALOGUE_IDS = frozenset(_FOUND)  # those that are always there
 
 
 def of_kind(kind: Any) -> list[type[Any]]:

@@ -22,6 +22,7 @@ from typing import ClassVar
 
 from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
 from rw_ekf.model.friction import FrictionCurve
+from rw_ekf.model.law import ActsAs
 
 # current [A], external [rad/s^2], viscous [1/s], viscous_factor [-], dry_factor [-], dry [rad/s^2]
 Contribution = tuple[float, float, float, float, float, float]
@@ -139,6 +140,17 @@ class ReadingEffect(Effect):
     @abstractmethod
     def variance(a: float) -> float:
         """Added variance of one reading [rad^2/s^2]."""
+
+
+class FormulaEffect(StaticEffect):
+    """An effect that a user wrote down: it enters by a program, as a learned law does, and is none of the compiled."""
+
+    acts_by: ClassVar[ActsAs]  # drag, torque or motor_gain
+
+    @classmethod
+    @abstractmethod
+    def program(cls, shape: Shape) -> tuple[float, ...]:
+        """Its formula for a coefficient of 1, as `rw_ekf.model.formula_program` runs it."""
 
 
 class LawEffect(Effect):

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from rw_ekf.model.formula_program import formula_size
+
 if TYPE_CHECKING:
     from rw_ekf.arrays import Float64Array
 
@@ -36,6 +38,7 @@ KIND_UNITS = {
 
 _SPEED, _SPEED_SIZE, _ANGLE, _CURRENT_ALONG, _CURRENT_SIZE, _TEMPERATURE, _TIME, _COLUMN = range(len(QUANTITIES))
 _DRAG, _TORQUE, _VISCOUS, _WINDAGE, _GAIN, _LOSS = range(len(KINDS))
+FORMULA = -1  # in the place of a quantity: the values are a program (formula_program)
 TURN = 2.0 * math.pi
 _POINT = 1.0e-3  # rad: over less a mean is the value
 
@@ -152,12 +155,17 @@ def law_contribution(
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """What a law adds to a piece for a coefficient of 1: the six contributions of a static effect (effects.md eq. 1).
 
-    A drag over speed enters by its tangent at the piece's start; one over the angle by its mean over the angle turned.
-    A wheel at rest takes the direction of its current, for that way it would move.
+    A drag over speed enters by its tangent at the piece's start; one over the angle by its mean over the angle turned,
+    a formula by its value in the middle. A wheel at rest takes the direction of its current, as it would move.
     """
     along = 1.0 if omega > 0.0 or (omega == 0.0 and current > 0.0) else -1.0
     slope = 0.0
-    if over == _ANGLE:
+    if over == FORMULA:
+        middle = angle + 0.5 * omega * duration
+        size, slope = formula_size(
+            values, start, count, along, kind == _DRAG, omega, current, temperature, middle, time
+        )
+    elif over == _ANGLE:
         size = periodic_mean(values, sums, start, count, angle, omega * duration)
     else:
         at = omega

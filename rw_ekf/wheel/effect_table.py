@@ -17,13 +17,14 @@ from rw_ekf.model.effect import NO_SHAPE, Shape, Term
 from rw_ekf.model.effect_kinds import (
     CurrentEffect,
     DelayEffect,
+    FormulaEffect,
     FrictionMemoryEffect,
     ReadingEffect,
     StaticEffect,
     StribeckEffect,
     WindowEffect,
 )
-from rw_ekf.model.law import KINDS, Law, sums_of
+from rw_ekf.model.law import FORMULA, KINDS, ActsAs, sums_of
 from rw_ekf.model.state import STATE_SIZE
 
 ABSENT = -1
@@ -52,15 +53,26 @@ class EffectTable(NamedTuple):
     stribeck_at: int
     stribeck_law: int
     drift: Float64Array  # (coefficients,) variance rate of each coefficient [unit^2 per s]
-    law_at: Int64Array  # (l,) every function of every learned law
+    law_at: Int64Array  # (l,) every function of every learned law, and every formula
     law_kind: Int64Array  # (l,)
     law_over: Int64Array  # (l,)
-    law_start: Int64Array  # (l,) where its knots begin in the values
+    law_start: Int64Array  # (l,) where its knots, or its program, begin in the values
     law_count: Int64Array  # (l,)
     law_first: Float64Array  # (l,)
     law_per: Float64Array  # (l,) knots per unit of the quantity
-    law_values: Float64Array  # all knots of all functions
+    law_values: Float64Array  # all knots of all functions, and all programs
     law_sums: Float64Array
+
+
+class _LawRow(NamedTuple):
+    """One function of a learned law, or one formula, as a table has it."""
+
+    at: int  # in the state
+    acts_as: ActsAs
+    over: int
+    first: float
+    last: float
+    values: tuple[float, ...]  # on its knots, or a program
 
 
 @dataclass(frozen=True)
@@ -127,13 +139,19 @@ class EffectSet:
         shapes: dict[str, Shape] = dict.fromkeys(("lag", "memory"), NO_SHAPE)
         codes: dict[str, int] = dict.fromkeys(("lag", "memory", "law"), ABSENT)
         static: list[tuple[int, int, Shape]] = []
-        laws: list[tuple[int, Law, tuple[float, ...]]] = []
+        laws: list[_LawRow] = []
         size = STATE_SIZE
         for term in terms:
             kind, at = term.effect, size
             size += len(term.values)
             if term.law is not None:
-                laws += [(at + i, term.law, values) for i, values in enumerate(term.law.functions)]
+                law = term.law
+                laws += [
+                    _LawRow(at + i, law.acts_as, law.over, law.first, law.last, values)
+                    for i, values in enumerate(law.functions)
+                ]
+            elif issubclass(kind, FormulaEffect):
+                laws.append(_LawRow(at, kind.acts_by, FORMULA, 0.0, 1.0, kind.program(term.shape)))
             elif issubclass(kind, StaticEffect):
                 code = STATIC_EFFECTS.index(kind)
                 static += [(at + i, code, kind.component_shape(term.shape, i)) for i in range(len(term.values))]
@@ -191,24 +209,21 @@ class EffectSet:
         return EffectSet(tuple(terms))
 
 
-def _law_columns(laws: list[tuple[int, Law, tuple[float, ...]]]) -> dict[str, Any]:
-    """The table's part of learned laws: (place in the state, law, values on its knots) of each function."""
-    values = [np.array(knots, dtype=np.float64) for _, _, knots in laws]
-    counts = np.array([knots.size for knots in values], dtype=np.int64)
+def _law_columns(laws: list[_LawRow]) -> dict[str, Any]:
+    """The table's part of learned laws and formulas."""
+    values = [np.array(law.values, dtype=np.float64) for law in laws]
+    counts = np.array([numbers.size for numbers in values], dtype=np.int64)
     nothing = np.zeros(0)
     return {
-        "law_at": np.array([at for at, _, _ in laws], dtype=np.int64),
-        "law_kind": np.array([KINDS.index(law.acts_as) for _, law, _ in laws], dtype=np.int64),
-        "law_over": np.array([law.over for _, law, _ in laws], dtype=np.int64),
+        "law_at": np.array([law.at for law in laws], dtype=np.int64),
+        "law_kind": np.array([KINDS.index(law.acts_as) for law in laws], dtype=np.int64),
+        "law_over": np.array([law.over for law in laws], dtype=np.int64),
         "law_start": np.cumsum(counts) - counts,
         "law_count": counts,
-        "law_first": np.array([law.first for _, law, _ in laws], dtype=np.float64),
-        "law_per": np.array(
-            [(knots.size - 1) / (law.last - law.first) for (_, law, _), knots in zip(laws, values, strict=True)],
-            dtype=np.float64,
-        ),
+        "law_first": np.array([law.first for law in laws], dtype=np.float64),
+        "law_per": np.array([(len(law.values) - 1) / (law.last - law.first) for law in laws], dtype=np.float64),
         "law_values": np.concatenate([nothing, *values]),
-        "law_sums": np.concatenate([nothing, *(sums_of(knots) for knots in values)]),
+        "law_sums": np.concatenate([nothing, *(sums_of(numbers) for numbers in values)]),
     }
 
 

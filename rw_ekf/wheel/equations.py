@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 
 from rw_ekf.compiled import make_jitable
-from rw_ekf.model import averages, flow, friction, law, state
+from rw_ekf.model import averages, flow, formula_program, friction, law, state
 from rw_ekf.wheel import dispatch, effect_table, effect_transition, interval, pieces, transition, window
 
 make_jitable([flow.slip, flow.flow, dispatch.contribution_slope, pieces.effect_interval], inlined=True)
@@ -24,6 +24,13 @@ make_jitable(
         interval.interval_after,
         interval.columns_at,
         interval.last_known,
+        formula_program.known,
+        formula_program.power_of,
+        formula_program.one_argument,
+        formula_program.two_arguments,
+        formula_program.moved,
+        formula_program.formula_value,
+        formula_program.formula_size,
         law.law_value,
         law._integral,
         law.periodic_mean,
@@ -60,6 +67,6 @@ make_jitable(
 
 # Everything that is compiled into a pass with them: its cache is stale when one of them changes.
 EQUATIONS: list[ModuleType] = [
-    state, averages, friction, flow, law, interval, transition, dispatch, window, pieces, effect_transition,
-    effect_table, *dispatch.MODULES,
+    state, averages, friction, flow, formula_program, law, interval, transition, dispatch, window, pieces,
+    effect_transition, effect_table, *dispatch.MODULES,
 ]  # fmt: skip

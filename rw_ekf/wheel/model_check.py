@@ -11,11 +11,13 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, ValidationInfo, field_validator, model_validator
 from pydantic import Field as Key
 
+from rw_ekf.checking.effect_file import FaultsError, own_formula
 from rw_ekf.checking.section import Mistake, Section, one_of, refuse
 from rw_ekf.checking.wording import suggestion
-from rw_ekf.effects.catalogue import CATALOGUE
+from rw_ekf.effects.catalogue import CATALOGUE, CATALOGUE_IDS
+from rw_ekf.effects.own_effect import effect_of
 from rw_ekf.model import bounds as model_bounds
-from rw_ekf.model.effect import Coefficient, Shape, Term
+from rw_ekf.model.effect import Coefficient, Effect, Shape, Term
 from rw_ekf.model.effect_kinds import LawEffect, StaticEffect
 from rw_ekf.model.friction import LAW_CODES
 from rw_ekf.model.law import KINDS, MOST_COLUMNS, QUANTITIES, Law
@@ -126,14 +128,32 @@ class _Law(Section):
 class _Entry(Section):
     """One coefficient of an effect, with the shape constants that it enters with."""
 
-    effect: Annotated[str, one_of(CATALOGUE)] = Key(description="its id in the catalogue")
+    formula: dict[Any, Any] | None = Key(None, description="of an effect of a user's own, as its file had it")
+    effect: str = Key(description="its id in the catalogue, or that of a user's own")
     coefficient: _Coefficient = Key(description="value, std and unit")
     constants: Annotated[dict[str, float], BeforeValidator(lambda value: value or {})] = Key({}, description="by name")
     law: _Law | None = Key(None, description="of a law without a formula: its knots and values")
 
+    @field_validator("effect", mode="before")
+    @classmethod
+    def _exists(cls, name: Any, info: ValidationInfo) -> Any:
+        if info.data.get("formula") is None:
+            return one_of(CATALOGUE).func(name)  # type: ignore[call-arg]
+        return name
+
+    @property
+    def _kind(self) -> type[Effect]:
+        if self.formula is None:
+            return CATALOGUE[self.effect]
+        return effect_of(own_formula(self.effect, self.formula, CATALOGUE_IDS))
+
     @model_validator(mode="after")
     def _holds(self) -> Self:
-        effect, found = CATALOGUE[self.effect], self.coefficient
+        try:
+            effect, found = self._kind, self.coefficient
+        except FaultsError as error:
+            refuse([(("formula", *fault.path), fault.words) for fault in error.faults])
+            raise
         low, high, unit = effect.coefficient.lower, effect.coefficient.upper, effect.coefficient.unit
         mistakes: list[Mistake] = []
         if issubclass(effect, LawEffect) != (self.law is not None):
@@ -166,7 +186,7 @@ class _Entry(Section):
     @property
     def term(self) -> Term:
         """The same as a filter has it."""
-        effect = CATALOGUE[self.effect]
+        effect = self._kind
         numbers = [self.constants[constant.name] for constant in effect.constants]
         shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
         law = None if self.law is None else self.law.law(0)
@@ -179,6 +199,12 @@ def _one_of_a_kind(entries: list[_Entry]) -> list[_Entry]:
     if len(columns) > MOST_COLUMNS:
         refuse([((), f"are of {len(columns)} columns of a log ({', '.join(columns)}); {MOST_COLUMNS} are the most")])
     terms = [entry.term for entry in entries]
+    refuse(
+        ((i, "formula"), f"is another than that of {term.id} before it; give one of them another id")
+        for i, term in enumerate(terms)
+        for other in terms[:i]
+        if term.id == other.id and term.effect is not other.effect
+    )
     refuse(
         ((i,), f"is {term.id} beside {other.id}; a model holds one of the kind")
         for i, term in enumerate(terms)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.checking.wording import shown
+from rw_ekf.effects.own_effect import OwnEffect
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
@@ -47,6 +48,11 @@ class WheelModel:
     wheel: WheelTag | None = None  # None: nobody knows whose it is
     remarks: tuple[str, ...] = field(default=(), compare=False)  # what is to be said of the file it was read from
     inertia_is_assumed: bool = False  # it is the default, whatever passed it on
+
+    @property
+    def own_effects(self) -> tuple[type[OwnEffect], ...]:
+        """Its effects by formulas of a user's own."""
+        return tuple(t.effect for t in self.effects.terms if issubclass(t.effect, OwnEffect))
 
     def document(self) -> dict[str, Any]:
         """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""
@@ -99,6 +105,7 @@ def _effect_documents(term: Term) -> list[dict[str, Any]]:
                 constant.name: float(number) for constant, number in zip(effect.constants, shape, strict=False)
             },
             **({} if term.law is None else {"law": _law_document(term.law)}),
+            **({"formula": effect.formula.document()} if issubclass(effect, OwnEffect) else {}),
         }
         for value, std, shape in zip(term.values, term.stds, shapes, strict=True)
     ]
