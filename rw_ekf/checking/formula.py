@@ -24,7 +24,7 @@ ONE_ARGUMENT = (
 TWO_ARGUMENTS = ("atan2", "min", "max")
 FUNCTIONS = (*ONE_ARGUMENT, *TWO_ARGUMENTS)
 RESERVED = frozenset({*QUANTITIES, *FUNCTIONS, "pi"})
-LONGEST, DEEPEST = 400, 40  # characters; operations within each other
+LONGEST, DEEPEST = 400, 100  # characters; operations within each other
 
 _BINARY: dict[type[ast.operator], str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**",

@@ -71,7 +71,7 @@ def execute(args: argparse.Namespace) -> int:
         refuse_to_overwrite([str(directory / name) for name in names], inputs)
     configuration = read_configuration(args.config)
     model = read_wheel_model(args.model, configuration)
-    own = read_own_effects(args.effect_file)
+    own = read_own_effects(args.effect_file, model)
     logs = read_logs(args.logs, args.columns)
     if directory is not None:
         _make_ready(directory)

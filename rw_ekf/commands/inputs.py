@@ -66,11 +66,21 @@ def read_own_formulas(path: str | None) -> list[OwnFormula]:
     return read_effect_file(path, CATALOGUE_IDS | EFFECTS.keys())
 
 
-def read_own_effects(path: str | None) -> list[type[OwnEffect]]:
-    """The same as effects of the estimator."""
+def read_own_effects(path: str | None, model: WheelModel | None) -> list[type[OwnEffect]]:
+    """The same as effects of the estimator. Raises ConfigError too where the model has another of one id."""
     from rw_ekf.effects.own_effect import effect_of
+    from rw_ekf.errors import ConfigError
 
-    return [effect_of(formula) for formula in read_own_formulas(path)]
+    own = [effect_of(formula) for formula in read_own_formulas(path)]
+    known = {} if model is None else {effect.id: effect for effect in model.own_effects}
+    findings = [
+        f"{path}: {effect.id} is in the model by another formula, {known[effect.id].equation}: give yours another id"
+        for effect in own
+        if known.get(effect.id, effect) is not effect
+    ]
+    if findings:
+        raise ConfigError(findings)
+    return own
 
 
 def given_model(configuration: Configuration, args: argparse.Namespace) -> GivenModel:

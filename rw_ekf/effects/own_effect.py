@@ -119,7 +119,7 @@ class OwnEffect(FormulaEffect):
         torque = cls.torque(shape, facts)
         size = of_coulomb(abs(value) * torque, std * torque, facts)
         kind = formula.kind.replace("_", " ")
-        return f"By your {formula.id}, {kind} = {formula.text} with {', '.join(numbers)}: up to {size}"
+        return f"Your {formula.id} is there, {kind} = {formula.text} with {', '.join(numbers)}: up to {size}"
 
 
 @functools.lru_cache(maxsize=256)
