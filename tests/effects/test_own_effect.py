@@ -38,6 +38,7 @@ def own(kind: str, text: str, **constants: tuple[float, float, float]) -> type[O
     return effect_of(formula(kind, text, **constants))
 
 
+B = CK13_STATISTICAL.viscous
 EDDY = own("drag", "a * omega / (1 + (omega / w0)**2)", w0=(50.0, 1.0, 500.0))
 
 
@@ -97,7 +98,7 @@ def test_a_drag_without_a_speed_in_it_is_dry_friction() -> None:
         ("mine:a=1e-6", "drag", "a*omega**3", "cubic_drag:coefficient_s_rad2=1e-6"),
         ("mine:a=0.05", "torque", "a", "offset_torque:torque_rad_s2=0.05"),
         ("mine:a=0.2", "motor_gain", "-a*abs(current)", "motor_saturation:slope_1_A=0.2"),
-        ("mine:a=-0.02", "viscous", f"a*{CK13_STATISTICAL.viscous}*(temperature - 20)", "viscous_temperature:slope_1_K=-0.02"),
+        ("mine:a=-6e-5", "viscous", "a*(temperature - 20)", f"viscous_temperature:slope_1_K={-6e-5 / B}"),
     ],
 )  # fmt: skip
 def test_the_plant_s_formula_is_its_own_twin(own_text: str, kind: str, text: str, like: str) -> None:
