@@ -148,6 +148,8 @@ def _unjudged(source: Source, kind: Kind, why: str, advice: str | None = None) -
         "ended": None,
         "map": [],
         "torque_noise": None,
+        "reading_noise": None,
+        "swallowed": [],
         "shapes": [],
         "residual_tests": {"before": None, "after": None},
         "warnings": [*source.notes, *log.warnings],

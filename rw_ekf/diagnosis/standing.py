@@ -24,6 +24,7 @@ class Reason(Enum):
     NOT_CONFIRMED = "not confirmed: {}"
     UNLIKELIER = "less likely than {}"
     PARTIAL = "explains only part of the residual"
+    NOT_LIKELY = "less likely than not"
     NO_GRID = "no grid coarser than the noise"
     HARMLESS_GRID = "a grid, but held-out readings are missed by more"
     EXPLAINED = "explained by {}"

@@ -164,15 +164,20 @@ EXPLAINED_SHARE = _number(
 )
 MAP_P = _number("MAP_P", 3e-4, "p", "structure is left in the map of the residual", "seven questions a record")
 NOISE_P = _number("NOISE_P", 1e-3, "p", "torque noise varies", "so often by noise alone, by construction")
+FAR_OFF = _number("FAR_OFF", 4.0, "sigma", "a reading is far off", "one in 16,000 of normal noise")
+USUAL_TORQUE_NOISE = _number(
+    "USUAL_TORQUE_NOISE", 5.4, "times", "torque noise is not a wheel's", "one wheel in a thousand has more, a priori"
+)
 FALSE_ALARM = _number("FALSE_ALARM", 1e-4, "p", "a test of the residual fails", "four tests a record")
 BEYOND_DOUBT_P = _number(
-    "BEYOND_DOUBT_P", 1e-9, "p", "a trifle below it is let in where nothing else leaves noise", "chosen"
+    "BEYOND_DOUBT_P",
+    1e-9,
+    "p",
+    "a trifle is let in where nothing else leaves noise; readings far off, torque noise are more than chance",
+    "chosen",
 )
 
 # Words
 LEAST_TOLD = _number("LEAST_TOLD", 0.01, "", "probability of a rival that is named beside an effect", "chosen")
-RULED_OUT = _number(
-    "RULED_OUT", 0.01, "", "probability of no effect, below which nothing named is not called adequate", "chosen"
-)
 DOUBTFUL = _number("DOUBTFUL", 0.1, "", "probability of an effect that is mentioned where none was named", "chosen")
 GROUP = int(_number("GROUP", 3, "", "effects that are named together", "chosen"))

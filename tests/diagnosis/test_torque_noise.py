@@ -91,10 +91,10 @@ def test_a_finding_in_words() -> None:
     assert some.document(in_rpm=True)["from"] == pytest.approx(50.0)
 
 
-@pytest.mark.parametrize(("times", "kind"), [(3.0, "adequate"), (5.0, "unexplained")])
-def test_a_noise_that_is_not_the_same_everywhere_is_said_and_weighed(times: float, kind: str) -> None:
+@pytest.mark.parametrize(("noise_rpm", "times", "kind"), [(0.03, 3.0, "adequate"), (0.1, 5.0, "unexplained")])
+def test_a_noise_that_is_not_the_same_everywhere_is_said_and_weighed(noise_rpm: float, times: float, kind: str) -> None:
     """More noise above half speed is no effect: the kind is that of what is likelier, and the words say where."""
-    document = diagnose_log(noisy_above_half(2, 0.1, times)).document()
+    document = diagnose_log(noisy_above_half(2, noise_rpm, times)).document()
     assert document["verdict"]["kind"] == kind
     assert (document["verdict"]["posterior"]["something_else"] > 0.5) == (kind == "unexplained")
     assert document["torque_noise"]["p_value"] < NOISE_P

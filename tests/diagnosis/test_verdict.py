@@ -9,29 +9,48 @@ from rw_ekf.diagnosis.checks.residual_tests import failed_tests, residual_tests
 from rw_ekf.diagnosis.investigate.investigation import investigate
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.verdict.posterior import unlikely
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from tests.diagnosis.simulated import log_of, simulated
 
 POSTERIOR = {"none": 0.9, "something_else": 0.1}
 
 
-def test_a_model_that_is_all_but_ruled_out_is_not_adequate() -> None:
-    """A record with no finding is called unexplained where its own probabilities leave "nothing" less than 1 %."""
+def test_the_kind_is_that_of_what_is_likeliest() -> None:
+    """A record with no finding is called unexplained where an effect, or anything else, is likelier than nothing."""
     prepared = prepare(source_of([log_of(simulated(seed=5, samples=1200))]), None, None, "blocks")
     found = investigate(prepared, lambda _: None)
     figures = performance(prepared, found.selection.base)
     assert found.new_ids == []
 
-    def called(none: float) -> tuple[str, str]:
-        posterior = {"quadratic_drag": 0.9 - none, "none": none, "something_else": 0.1}
+    def called(none: float, elsewhere: float = 0.1) -> tuple[str, str]:
+        posterior = {"quadratic_drag": 1.0 - none - elsewhere, "none": none, "something_else": elsewhere}
         verdict = verdict_on(Evidence(found, None, posterior, figures, figures, 60.0, {}, None))
         return verdict.kind, verdict.statement
 
     assert called(0.8)[0] == "adequate"
-    assert called(0.02)[0] == "adequate"
+    assert called(0.46)[0] == "adequate"
+    assert called(0.44)[0] == "unexplained"
+    assert called(0.3, 0.6)[0] == "unexplained"
     kind, statement = called(0.004)
     assert kind == "unexplained"
     assert "quadratic_drag 90 %" in statement
+
+
+def test_no_effect_is_named_that_is_less_likely_than_not() -> None:
+    """What was found and is doubted is told with its probability, and the kind is that it is not settled."""
+    prepared = prepare(source_of([log_of(simulated(["quadratic_drag"], seed=5))]), None, None, "blocks")
+    found = investigate(prepared, lambda _: None)
+    assert found.new_ids
+    figures = performance(prepared, found.selection.base)
+    name, alike = found.new_ids[0], [rival.name for rival in found.selection.rivals.get(found.new_ids[0], ())]
+    sure = {name: 0.4, **dict.fromkeys(alike, 0.2), "none": 0.0, "something_else": 0.1}
+    open_ = {name: 0.3, "none": 0.2, "something_else": 0.1}
+    assert unlikely(found, sure) == ([] if alike else [name])
+    assert unlikely(found, open_) == [name]
+    verdict = verdict_on(Evidence(found, None, open_, figures, figures, 60.0, {}, None, [name]))
+    assert (verdict.kind, verdict.effects) == ("unexplained", [])
+    assert f"{name} 30 %" in verdict.statement
 
 
 def test_no_sentence_stands_against_a_test_of_its_own_document() -> None:

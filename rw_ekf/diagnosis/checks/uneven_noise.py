@@ -1,9 +1,9 @@
-"""Is the torque noise the same everywhere? What a fit calls noise may be structure (docs/likelihood.md).
+"""Are the noises the same everywhere? What a fit calls noise may be structure (docs/likelihood.md).
 
 A model that lacks something narrow pays in process noise, and is then adequate. What gives it away is that the noise is
 larger where the structure is. So the noise in many windows of speed, of current and in either direction is compared
-with that of all the rest, by the slope of the likelihood with respect to a variance of the window's own; the readings'
-noise is the same throughout. What noise alone does to these slopes is drawn from the fit itself.
+with that of all the rest, by the slope of the likelihood with respect to a variance of the window's own; and so is the
+readings' noise. What noise alone does to these slopes is drawn from the fit itself.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.diagnosis.checks.residual_tests import left_over
 from rw_ekf.diagnosis.thresholds import NOISE_P
 from rw_ekf.filter.consistency import skewed_tail
 from rw_ekf.likelihood.fitting import Fit
@@ -29,6 +30,7 @@ from rw_ekf.numbers import number_text
 from rw_ekf.units import RAD_S_PER_RPM
 
 Along = Literal["speed", "current", "direction"]
+Source = Literal["torque", "readings"]
 
 _FEW, _DRAWS = 100, 400
 _WORTH_MORE = 0.01  # p by few draws: for a finding to have more their spread would have to be wrong by a half
@@ -54,14 +56,15 @@ class Window:
 
 @dataclass(frozen=True)
 class NoiseFinding:
-    """A window in which torque noise is larger than elsewhere."""
+    """A window in which torque noise, or that of the readings, is larger than elsewhere."""
 
     along: Along
     low: float
     high: float
-    inside: float  # what it moves the speed by there, rad/s per sqrt(s)
+    inside: float  # what it moves the speed by there, rad/s per sqrt(s); of readings rad/s
     elsewhere: float
     p_value: float  # that noise alone looks so in any of the windows
+    source: Source = "torque"
 
     @property
     def times(self) -> float | None:
@@ -69,9 +72,10 @@ class NoiseFinding:
         return self.inside / self.elsewhere if self.inside < _HARDLY * self.elsewhere else None
 
     def document(self, *, in_rpm: bool) -> dict[str, Any]:
-        """`torque_noise` of the document (docs/contract.md#diagnosis)."""
+        """`torque_noise`, or `reading_noise`, of the document (docs/contract.md#diagnosis)."""
         unit, scale = self._unit(in_rpm=in_rpm)
-        noise, noise_unit = (RAD_S_PER_RPM, "rpm/sqrt(s)") if in_rpm else (1.0, "rad/s/sqrt(s)")
+        noise, noise_unit = (RAD_S_PER_RPM, "rpm") if in_rpm else (1.0, "rad/s")
+        noise_unit += "/sqrt(s)" if self.source == "torque" else ""
         return {
             "varies_with": self.along,
             "from": self.low / scale,
@@ -90,6 +94,13 @@ class NoiseFinding:
         where = f"between {number_text(self.low / scale, 2)} and {number_text(self.high / scale, 2)} {unit}"
         if self.along == "direction":
             where = "where the wheel turns forward" if self.low > 0.0 else "where the wheel turns backward"
+        if self.source == "readings":
+            unit = "rpm" if in_rpm else "rad/s (or m/s)"
+            inside, elsewhere = (
+                number_text(x / (RAD_S_PER_RPM if in_rpm else 1.0), 2) for x in (self.inside, self.elsewhere)
+            )
+            sentence = f"readings are off by {inside} {unit} {where}, and by {elsewhere} elsewhere"
+            return f"{sentence} (p = {max(self.p_value, 1.0e-99):.0e})"
         if self.times is not None:
             sentence = f"torque noise is {number_text(self.times, 2)} times larger {where} than elsewhere"
         else:
@@ -106,12 +117,12 @@ class NoiseFinding:
         return "", 1.0
 
 
-def noise_finding(fit: Fit, facts: RecordFacts) -> NoiseFinding | None:
+def noise_finding(fit: Fit, facts: RecordFacts, source: Source = "torque") -> NoiseFinding | None:
     """The window whose noise stands out most from that of the rest; None where none does at `NOISE_P`."""
     windows, used = _windows(fit, facts)
     if not windows:
         return None
-    seen, draws = _slopes(fit, windows, used)
+    seen, draws = _slopes(fit, windows, used, source)
     alone = list(islice(draws, _FEW))
     if _p_values(seen, np.array(alone))[0].min() > _WORTH_MORE:
         return None
@@ -126,10 +137,11 @@ def noise_finding(fit: Fit, facts: RecordFacts) -> NoiseFinding | None:
     if window.along == "speed":  # no more than was compared
         low = max(low, FAST_STRIBECK_SPEEDS * facts.stribeck_speed_rad_s)
         high = min(high, facts.top_speed_rad_s)
-    inside, elsewhere = _sizes(fit, window.inside)
+    sizes = _sizes if source == "torque" else _reading_sizes
+    inside, elsewhere = sizes(fit, window.inside, used)
     if inside <= elsewhere:
         return None
-    return NoiseFinding(window.along, low, high, inside, elsewhere, together)
+    return NoiseFinding(window.along, low, high, inside, elsewhere, together, source)
 
 
 def _windows(fit: Fit, facts: RecordFacts) -> tuple[list[Window], BoolArray]:
@@ -155,11 +167,15 @@ def _windows(fit: Fit, facts: RecordFacts) -> tuple[list[Window], BoolArray]:
     return [window for window in found if least < window.inside.sum() < largest], used
 
 
-def _slopes(fit: Fit, windows: list[Window], used: BoolArray) -> tuple[Float64Array, Iterator[Float64Array]]:
+def _slopes(
+    fit: Fit, windows: list[Window], used: BoolArray, source: Source
+) -> tuple[Float64Array, Iterator[Float64Array]]:
     """Slopes of the log-likelihood by a variance of each window's own, (2 + windows,), and draws under noise alone.
 
     The first two are of all intervals that are compared, and of all others. The slope by the variance of one interval's
-    torque is half the square of the adjoint of what is left there, but for a constant that the draws have too.
+    torque is half the square of the adjoint of what is left there, but for a constant that the draws have too; by that
+    of one reading, half the square of that less what the next interval carries back: the smoothed error of the reading
+    over its variance (de Jong 1989).
     """
     linearised, noise = fit.linearised, fit.noise
     r, A, _ = linearised.whitened(noise.ratio, noise.variance, linearised.jacobian, linearised.memory_jacobian)
@@ -167,13 +183,17 @@ def _slopes(fit: Fit, windows: list[Window], used: BoolArray) -> tuple[Float64Ar
     Q, _ = np.linalg.qr(A[:, lengths > 0.0] / lengths[lengths > 0.0])
     at, n = linearised.innovation_at, linearised.chain.reading.size
     q = noise.ratio * noise.variance / linearised.record.course.period_s
-    weights = 0.5 * linearised.chain.noisy_s[:, None] * np.column_stack([used, ~used, *(w.inside for w in windows)])
+    lengths_s = linearised.chain.noisy_s if source == "torque" else np.ones(n)
+    weights = 0.5 * lengths_s[:, None] * np.column_stack([used, ~used, *(w.inside for w in windows)])
+    carried = np.where(linearised.chain.follows, linearised.chain.slopes[:, 0], 0.0)[1:]
 
     def slopes(left: Float64Array) -> Float64Array:
         left = left - Q @ (Q.T @ left)
         white, back = np.zeros(n), np.zeros(n)
         white[at] = left * math.sqrt(left.size / max(float(left @ left), 1.0e-300))
         adjoint(linearised.chain, q, noise.variance, white, back)
+        if source == "readings":
+            back[:-1] -= carried * back[1:]
         found: Float64Array = (back**2) @ weights
         return found
 
@@ -200,7 +220,15 @@ def _p_values(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, fl
     return p, max(math.log1p(-_AT) / math.log1p(-smallest), 1.0)
 
 
-def _sizes(fit: Fit, inside: BoolArray) -> tuple[float, float]:
+def _reading_sizes(fit: Fit, inside: BoolArray, used: BoolArray) -> tuple[float, float]:
+    """The readings' noise in a window and in all else that was compared [rad/s], by what the fit leaves of each."""
+    white, sigma = left_over(fit), math.sqrt(fit.noise.variance)
+    known = np.isfinite(white)
+    there, elsewhere = (white[known & mask] for mask in (inside, used & ~inside))
+    return sigma * float(np.sqrt(np.mean(there**2))), sigma * float(np.sqrt(np.mean(elsewhere**2)))
+
+
+def _sizes(fit: Fit, inside: BoolArray, used: BoolArray) -> tuple[float, float]:
     """The likeliest torque noise in a window and elsewhere [rad/s per sqrt(s)], the readings' noise at its best."""
     from scipy.optimize import minimize
 

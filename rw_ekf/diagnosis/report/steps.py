@@ -42,7 +42,7 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
     elif (
         kind in _FIRST
         and not (kind == "insufficient_excitation" and steps)
-        and not (kind == "adequate" and (document.get("torque_noise") or len(open_ones) > 1))
+        and not (kind == "adequate" and (document.get("swallowed") or len(open_ones) > 1))
     ):
         steps.append(_FIRST[kind])
     if len(open_ones) > 1:

@@ -134,7 +134,10 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
     kind, _, statement = verdict_of(document)
     effects = [_or_another(str(name), verdict) for name in verdict.get("effects") or ()]
     if kind == "adequate":
-        uneven = ", but its torque noise is not the same everywhere" if document.get("torque_noise") else ""
+        told = document.get("swallowed")
+        uneven = ", but its noise is not what it should be" if told else ""
+        if document.get("torque_noise"):
+            uneven = ", but its torque noise is not the same everywhere"
         return f"The model explains this log{uneven}"
     if kind == "insufficient_excitation":
         return "This log cannot show what a model lacks"

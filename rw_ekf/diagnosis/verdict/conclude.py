@@ -11,7 +11,7 @@ from rw_ekf.arrays import BoolArray, Float64Array
 from rw_ekf.diagnosis.checks.heldout import Performance, percent_better, performance, performance_read
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
-from rw_ekf.diagnosis.checks.uneven_noise import noise_finding
+from rw_ekf.diagnosis.checks.swallowed import NOTHING, noises_of
 from rw_ekf.diagnosis.investigate.found import Found, augmented_model
 from rw_ekf.diagnosis.result import Diagnosis, ModelTrace
 from rw_ekf.diagnosis.standing import Decision, Reason
@@ -19,7 +19,7 @@ from rw_ekf.diagnosis.thresholds import GRID_GAINS
 from rw_ekf.diagnosis.verdict.document import document_of
 from rw_ekf.diagnosis.verdict.explanations import weighed_explanations
 from rw_ekf.diagnosis.verdict.judged import Judged
-from rw_ekf.diagnosis.verdict.posterior import posterior_of
+from rw_ekf.diagnosis.verdict.posterior import posterior_of, unlikely
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from rw_ekf.effects.catalogue import GRID
 from rw_ekf.filter.evenness import unevenness
@@ -63,24 +63,25 @@ def judgement(found: Found, advance: Advance) -> Judged:
     weighed = weighed_explanations(found)
     rounded = lattice is not None or GRID.id in selection.base.model.effects.ids
     # Rounded readings are noisier where the wheel moves through cell after cell than where it stays: no torque does it.
-    noise = None if rounded else noise_finding(found.fit, prepared.facts)
+    noise = NOTHING if rounded else noises_of(found.fit, prepared.facts, in_rpm=prepared.in_rpm)
     is_better = not found.is_unexplained and (bool(found.new_ids) or lattice is not None)
     stands = found.fit if is_better else selection.base
     white = left_over(stands)
     tests = residual_tests(white, rounded=rounded)
     failed = failed_tests(tests)
     posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0))
-    noisy = None if noise is None else noise.sentence(in_rpm=prepared.in_rpm)
-    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed, noisy))
+    doubted = [] if found.is_unexplained or lattice is not None else unlikely(found, posterior)
+    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed, noise.sentence, doubted))
     for name in found.new_ids:
-        selection = selection.decided(name, Decision(Reason.PARTIAL if found.is_unexplained else Reason.ADDED))
+        reason = Reason.NOT_LIKELY if doubted else Reason.PARTIAL if found.is_unexplained else Reason.ADDED
+        selection = selection.decided(name, Decision(reason))
     found = replace(found, selection=selection)
     advance("writing the model")
-    model = augmented_model(found, lattice) if is_better else None
+    model = augmented_model(found, lattice) if is_better and not doubted else None
     refusal = None if model is None else refusal_of(model)
     uneven = None if rounded else unevenness(white, stands.trajectory.speed)
     kept = None if refusal is not None else model
-    return Judged(found, before, after, lattice, weighed, noise, noisy, tests, uneven, verdict, kept, refusal)
+    return Judged(found, before, after, lattice, weighed, noise, tests, uneven, verdict, kept, refusal)
 
 
 def _over_log(values: Float64Array, kept: BoolArray) -> Float64Array:

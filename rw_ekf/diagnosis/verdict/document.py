@@ -38,7 +38,7 @@ def document_of(judged: Judged) -> dict[str, Any]:
     """The whole document."""
     found, verdict = judged.found, judged.verdict
     prepared, base = found.prepared, found.selection.base
-    course, noise = prepared.record.course, judged.noise
+    course, noise, in_rpm = prepared.record.course, judged.noise, prepared.in_rpm
     usual = with_open_stribeck_speed(with_open_noise(base), prepared.facts)
     return {
         "schema": SCHEMA,
@@ -62,8 +62,16 @@ def document_of(judged: Judged) -> dict[str, Any]:
             for d in found.dependences
         ],
         "torque_noise": (
-            None if noise is None else {**noise.document(in_rpm=prepared.in_rpm), "sentence": judged.noisy}
+            None
+            if (uneven := noise.torque) is None
+            else {**uneven.document(in_rpm=in_rpm), "sentence": uneven.sentence(in_rpm=in_rpm)}
         ),
+        "reading_noise": (
+            None
+            if (uneven := noise.readings) is None
+            else {**uneven.document(in_rpm=in_rpm), "sentence": uneven.sentence(in_rpm=in_rpm)}
+        ),
+        "swallowed": [{"sentence": item.sentence, "p_value": item.p_value} for item in noise.told],
         "shapes": shapes_of(found, prepared.setup.inertia_kg_m2, in_rpm=prepared.in_rpm),
         "residual_tests": {"before": residual_tests(left_over(base)), "after": judged.tests},
         "warnings": _warnings(judged),
@@ -73,13 +81,12 @@ def document_of(judged: Judged) -> dict[str, Any]:
 
 def _warnings(judged: Judged) -> list[str]:
     prepared, found = judged.found.prepared, judged.found
-    noisy = None if judged.noisy is None or judged.verdict.kind != "effect" else f"{judged.noisy}."
     return [
         *prepared.source.notes,
         *prepared.source.log.warnings,
         *prepared.setup.notes,
         *prepared.notes,
-        *(f"{text[:1].upper()}{text[1:]}" for text in (noisy, judged.uneven) if text is not None),
+        *([] if (text := judged.uneven) is None else [f"{text[:1].upper()}{text[1:]}"]),
         *_of_no_use(found.lattice if judged.lattice is None else None, in_rpm=prepared.in_rpm),
         *prepared.record.work.sentences(),
         *([] if judged.refusal is None else [f"no model was written, because none could read it: {judged.refusal}"]),

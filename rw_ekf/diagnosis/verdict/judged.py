@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rw_ekf.diagnosis.checks.heldout import Performance
 from rw_ekf.diagnosis.checks.lattice import Lattice
-from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding
+from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.verdict.explanations import Explanation
 from rw_ekf.diagnosis.verdict.verdict import Verdict
@@ -25,8 +25,7 @@ class Judged:
     after: Performance
     lattice: Lattice | None  # None: no grid that is named
     weighed: list[Explanation]
-    noise: NoiseFinding | None
-    noisy: str | None  # the same in words
+    noise: Noises
     tests: dict[str, Any]  # of the residual
     uneven: str | None
     verdict: Verdict

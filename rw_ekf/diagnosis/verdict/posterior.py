@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from rw_ekf.diagnosis.checks.lattice import Lattice
-from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding
+from rw_ekf.diagnosis.checks.swallowed import Noises
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.thresholds import ELSE_BIAS, ELSE_SLOPE, NOISE_COUNTS, TEMPERATURE
 from rw_ekf.diagnosis.verdict.explanations import Explanation
@@ -23,18 +23,22 @@ _LEAST = 1.0e-3  # less is left out
 
 
 def posterior_of(
-    found: Found, weighed: list[Explanation], lattice: Lattice | None, noise: NoiseFinding | None, residual_p: float
+    found: Found, weighed: list[Explanation], lattice: Lattice | None, noise: Noises, residual_p: float
 ) -> dict[str, float]:
     """Probability of each effect beyond the base model, of none, and of something else; they may come together.
 
     weighed: the explanations, the final model among them; lattice: None where the readings' grid is not named; noise:
-    None where torque noise is the same everywhere; residual_p: of the clearest failed test of the residual, or 1.
+    what the noises show; residual_p: of the clearest failed test of the residual, or 1.
     """
-    elsewhere = something_else(found, noise, residual_p)
+    elsewhere = something_else(found, noise.p_value, residual_p)
+    # What a noise has swallowed stands beside an effect. Only where it is larger in some places than in others may it
+    # be what an effect was taken for.
+    instead = something_else(found, 1.0 if noise.torque is None else noise.torque.p_value, residual_p)
     chances: dict[str, float] = {}
     for item in weighed:
         for name in item.effects or (NONE,):
-            chances[name] = chances.get(name, 0.0) + (1.0 - elsewhere) * item.posterior
+            share = 1.0 - (instead if item.effects and found.new_ids else elsewhere)
+            chances[name] = chances.get(name, 0.0) + share * item.posterior
     if lattice is not None:
         chances[GRID.id] = 1.0 / (1.0 + math.exp(-0.5 * (lattice.statistic + lattice.heldout_statistic)))
         chances[NONE] = 0.0
@@ -45,15 +49,24 @@ def posterior_of(
     return {**ranked, NONE: chances.get(NONE, 0.0), SOMETHING_ELSE: elsewhere}
 
 
-def something_else(found: Found, noise: NoiseFinding | None, residual_p: float) -> float:
+def something_else(found: Found, noise_p: float, residual_p: float) -> float:
     """Probability that the record holds what is in no catalogue, by what its map, noise or residual still show."""
     decades = _decades(min([residual_p, *(item.p_value for item in found.dependences)]))
-    if noise is not None:
-        decades = max(decades, NOISE_COUNTS * _decades(noise.p_value))
+    decades = max(decades, NOISE_COUNTS * _decades(noise_p))
     odds = ELSE_BIAS + ELSE_SLOPE * min(decades, _MOST_DECADES)
     if found.unnamed_odds is not None:
         odds = max(odds, min(found.unnamed_odds, _MOST_ODDS) / TEMPERATURE)
     return 1.0 / (1.0 + math.exp(-odds))
+
+
+def unlikely(found: Found, posterior: dict[str, float]) -> list[str]:
+    """Effects of a verdict that are, with all that cannot be told from them, less likely than not."""
+    return [name for name in found.new_ids if _with_rivals(found, name, posterior) < 0.5]
+
+
+def _with_rivals(found: Found, name: str, posterior: dict[str, float]) -> float:
+    alike = {name, *(rival.name for rival in found.selection.rivals.get(name, ()))}
+    return math.fsum(posterior.get(other, 0.0) for other in alike)
 
 
 def _decades(p_value: float) -> float:

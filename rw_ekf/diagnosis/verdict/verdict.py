@@ -11,7 +11,7 @@ from rw_ekf.diagnosis.hypotheses.confounding import Quantity, one_and_the_same, 
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.standing import Reason
-from rw_ekf.diagnosis.thresholds import DOUBTFUL, GRID_GAINS, GROUP, LEAST_TOLD, RULED_OUT
+from rw_ekf.diagnosis.thresholds import DOUBTFUL, GRID_GAINS, GROUP, LEAST_TOLD
 from rw_ekf.diagnosis.verdict.posterior import NONE, SOMETHING_ELSE
 from rw_ekf.diagnosis.verdict.sentences import (
     improvement,
@@ -50,27 +50,32 @@ class Evidence:
     after: Performance
     heldout_s: float  # how long that is
     failed: Mapping[str, float]  # what tests of the residual found that noise does not have, in words, with its p
-    noisy: str | None  # where torque noise is larger than elsewhere, in words
+    noisy: str | None  # what the noises have swallowed, in words
+    doubted: list[str] = field(default_factory=list)  # effects that were found and are less likely than not
 
 
 def verdict_on(shown: Evidence) -> Verdict:
     """What is said of a record, from what was found in it."""
     if shown.found.is_unexplained:
         return Verdict("unexplained", posterior=shown.posterior, statement=_of_no_catalogue(shown.found))
-    if shown.found.new_ids or shown.lattice is not None:
-        return _effect(shown)
-    if _is_ruled_out(shown.posterior):
+    if shown.doubted or (shown.lattice is None and not shown.found.new_ids and _lacks_something(shown.posterior)):
         doubts = _doubts(shown.found.selection, shown.posterior)
         text = f"This log wants more than the model, and does not settle what: {doubts}; the residual itself looks like"
         text += f" noise of {noise_text(shown.found)}."
         return Verdict("unexplained", posterior=shown.posterior, statement=text)
+    if shown.found.new_ids or shown.lattice is not None:
+        return _effect(shown)
     if shown.failed:
-        text = f"What is left is not noise: {_told(shown.failed)}. No effect of the catalogue explains it;"
+        beside = "" if shown.noisy is None else f"; and {shown.noisy}"
+        text = f"What is left is not noise: {_told(shown.failed)}{beside}. No effect of the catalogue explains it;"
         text += " the estimates may be off by more than their sigmas say."
         return Verdict("unexplained", posterior=shown.posterior, statement=text)
     if shown.noisy is not None and shown.posterior.get(SOMETHING_ELSE, 0.0) > 0.5:
-        text = f"What is left is not the same noise everywhere: {shown.noisy}. No effect of the catalogue explains it."
+        text = f"What is left is not noise as it should be: {shown.noisy}. No effect of the catalogue explains it."
         return Verdict("unexplained", posterior=shown.posterior, statement=text)
+    if shown.posterior.get(SOMETHING_ELSE, 0.0) > 0.5:
+        text = "Something that is in no catalogue is likelier behind this log than the model alone; see the map of the"
+        return Verdict("unexplained", posterior=shown.posterior, statement=f"{text} residual.")
     return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
 
 
@@ -134,6 +139,7 @@ def _what_is_left(shown: Evidence) -> str:
     left = shown.found.left
     some = [f"some dependence on {left[0].name} is left"] if left else []
     some += [f"what is left is not noise: {_told(shown.failed)}"] if shown.failed else []
+    some += [shown.noisy] if shown.noisy is not None else []
     nothing = "nothing is left in the residual" if shown.lattice is None else "nothing but the rounding is left"
     return ", and ".join(some) or nothing
 
@@ -154,10 +160,10 @@ def _told(failed: Mapping[str, float]) -> str:
     return ", and ".join(f"{words} (p = {p:.0e})" for words, p in failed.items())
 
 
-def _is_ruled_out(posterior: dict[str, float]) -> bool:
-    """Whether an effect that may not be named is all but certain beside the model to which nothing was added."""
-    rest = 1.0 - posterior.get(SOMETHING_ELSE, 0.0)
-    return bool(_effects_in(posterior)) and posterior.get(NONE, 1.0) < RULED_OUT * rest
+def _lacks_something(posterior: dict[str, float]) -> bool:
+    """Whether an effect that may not be named is likelier than the model alone, and than anything else."""
+    effects = _effects_in(posterior)
+    return bool(effects) and posterior[effects[0]] > max(posterior.get(NONE, 1.0), posterior.get(SOMETHING_ELSE, 0.0))
 
 
 def _doubt(selection: Selection, posterior: dict[str, float]) -> str:
