@@ -91,3 +91,14 @@ def test_a_healthy_wheel_is_given_no_law(seed: int) -> None:
     diagnosis = diagnose_log(Nameless("healthy", seed).log())
     assert diagnosis.verdict["kind"] == "adequate", diagnosis.verdict["statement"]
     assert np.isnan(diagnosis.verdict["posterior"].get("learned_law", np.nan))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_friction_that_grows_with_speed_is_no_break_away_below_coulomb_friction(seed: int) -> None:
+    """Another Stribeck curve would do, were a wheel easier to start than to keep going: it is refused by many sigmas."""
+    document = diagnose_log(Nameless("friction grows early", seed).log()).document()
+    assert "stribeck_shape" not in document["verdict"]["effects"]
+    asked = [check for row in document["ledger"] for check in row["checks"] if "break-away" in check["check"]]
+    assert all(check["value"] > 10.0 and not check["passed"] for check in asked)
+    assert asked or document["verdict"]["effects"] == ["learned_law"]

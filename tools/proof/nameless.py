@@ -92,6 +92,7 @@ HARD: dict[str, Law] = {  # what process noise or readings' noise would swallow
     "switched torque": lambda m: Made(torque=0.06 * C * m.switched),
     "friction walks": lambda m: Made(drag=0.06 * C * m.walk),
     "preload by speed": lambda m: Made(drag=0.10 * C * (m.omega / TOP_RAD_S) ** 2 * math.tanh(m.omega / 20.0)),
+    "friction grows early": lambda m: Made(drag=0.15 * C * (1.0 - math.exp(-abs(m.omega) / 8.0))),
     "eddy with lag": lambda m: Made(torque=0.10 * C * m.lagged / TOP_RAD_S),
     "bump": lambda m: Made(drag=0.10 * C * math.exp(-(((abs(m.omega) - 70.0) / 8.0) ** 2))),
     "viscosity by temperature": lambda m: Made(
