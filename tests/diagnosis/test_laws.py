@@ -96,7 +96,7 @@ def test_a_healthy_wheel_is_given_no_law(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_friction_that_grows_with_speed_is_no_break_away_below_coulomb_friction(seed: int) -> None:
-    """Another Stribeck curve would do, were a wheel easier to start than to keep going: it is refused by many sigmas."""
+    """Another Stribeck curve would do, were a wheel easier to start than to keep going: that is refused."""
     document = diagnose_log(Nameless("friction grows early", seed).log()).document()
     assert "stribeck_shape" not in document["verdict"]["effects"]
     asked = [check for row in document["ledger"] for check in row["checks"] if "break-away" in check["check"]]
