@@ -1,4 +1,4 @@
-"""MATLAB files (v4 to v7): vectors, a matrix, a struct of vectors, or cells with one segment in each column."""
+"""MATLAB files (v4 to v7): vectors, a matrix, structs within structs, or cells with one segment in each column."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from rw_ekf.logs.raw_table import RawTable
 def read_matlab_table(path: Path, name: str, variable: str | None, layout: str) -> RawTable:
     """Read a .mat file.
 
-    variable: None takes every vector of the most common length as a column; else a matrix, a struct or a cell array.
+    variable: None takes every vector of the most common length as a column, of the file or, where it has none, of its
+    only struct; else a matrix, a struct or a cell array.
     layout: "columns" (each matrix column is a channel), "rows" (each row is), or "cells": a cell array (channels,
     segments) whose elements are vectors, joined end to end, with a column `segment` added; an element of one value
     holds for its whole segment.
@@ -29,7 +30,8 @@ def read_matlab_table(path: Path, name: str, variable: str | None, layout: str) 
     if variable is None:
         if layout != "columns":
             raise LogError(f"{name}: layout '{layout}' needs `variable`, one of: {', '.join(content) or 'none'}")
-        columns = _vectors(content)
+        structs = [value for value in content.values() if np.asarray(value).dtype.names]
+        columns = _vectors(content) or (_vectors(_fields(np.asarray(structs[0]))) if len(structs) == 1 else [])
         kind = "the file holds no numeric vectors"
     else:
         if variable not in content:
@@ -81,14 +83,38 @@ def _columns_of(value: Any, name: str, variable: str, layout: str) -> list[tuple
     array = np.asarray(value)
     if layout == "cells":
         return _cells(array, name, variable)
-    if array.dtype.names:  # a struct: its fields are columns
-        record = array.reshape(-1)[0]
-        return _vectors({field: record[field] for field in array.dtype.names})
+    if array.dtype.names:  # a struct: its fields are columns, those of structs within it too
+        return _vectors(_fields(array))
     if array.dtype.kind not in "fiub" or array.ndim != 2:
         hint = "; it is a cell array: use `layout: cells`" if array.dtype.kind == "O" else ""
         raise LogError(f"{name}: variable '{variable}' is not a matrix of numbers{hint}")
     matrix = array.T if layout == "columns" else array
     return [("", row) for row in matrix]
+
+
+def _fields(array: Any, path: str = "") -> dict[str, Any]:
+    """What a struct or an array of structs holds, and those within it, by path: `X.Data`, `Y[2].Data`, from 0.
+
+    The `Data` of one that has a `Name` goes by that name unless another has it already (a dSPACE recording).
+    """
+    records = array.reshape(-1)
+    found: dict[str, Any] = {}
+    for number, record in enumerate(records):
+        place = path if len(records) == 1 else f"{path}[{number}]"
+        own = _text(record["Name"]) if "Name" in array.dtype.names else ""
+        for field in array.dtype.names:
+            value, name = np.asarray(record[field]), f"{place}.{field}".lstrip(".")
+            if value.dtype.names:
+                found |= _fields(value, name)
+            else:
+                found[own if field == "Data" and own and own not in found else name] = value
+    return found
+
+
+def _text(value: Any) -> str:
+    """What a character array says; nothing for anything else."""
+    array = np.asarray(value)
+    return str(array.reshape(-1)[0]).strip() if array.dtype.kind in "US" and array.size else ""
 
 
 def _cells(array: Any, name: str, variable: str) -> list[tuple[str, Any]]:

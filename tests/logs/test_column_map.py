@@ -170,6 +170,23 @@ def test_matlab_matrix_struct_and_cells(tmp_path: Path) -> None:
     assert log.current_A.tolist() == [0.5] * 5
 
 
+def test_structs_within_a_struct(tmp_path: Path) -> None:
+    """A recording with X.Data and Y[].Name, Y[].Data: by name, by path, without its variable; scalars are left out."""
+    t, v, i = np.arange(3.0), np.array([1.0, 2, 3]), np.array([5.0, 6, 7])
+    channels = np.zeros(3, dtype=[("Name", object), ("Data", object), ("Type", object)])
+    channels["Name"], channels["Type"] = ['"Root"/"w"', "current", "current"], 2
+    for number, values in enumerate((v, i, -i)):
+        channels[number]["Data"] = values
+    path, columns = tmp_path / "m.mat", tmp_path / "map.yaml"
+    savemat(path, {"rec": {"X": {"Data": t, "Unit": "s"}, "Y": channels, "Capture": {"Length": 3.0}}})
+    for variable in ("variable: rec\n", ""):
+        for current, sign in (("current", 1), ("Y[2].Data", -1)):
+            columns.write_text(f"""{variable}time_s: X.Data\nspeed_rad_s: {{column: '"Root"/"w"'}}\ncurrent_A: {current}\n""")
+            log = read_log(path, columns)
+            assert log.speed_rad_s.tolist() == [1, 2, 3]
+            assert log.current_A.tolist() == [sign * 5, sign * 6, sign * 7]
+
+
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
