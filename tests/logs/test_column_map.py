@@ -181,7 +181,8 @@ def test_structs_within_a_struct(tmp_path: Path) -> None:
     savemat(path, {"rec": {"X": {"Data": t, "Unit": "s"}, "Y": channels, "Capture": {"Length": 3.0}}})
     for variable in ("variable: rec\n", ""):
         for current, sign in (("current", 1), ("Y[2].Data", -1)):
-            columns.write_text(f"""{variable}time_s: X.Data\nspeed_rad_s: {{column: '"Root"/"w"'}}\ncurrent_A: {current}\n""")
+            lines = ("time_s: X.Data", """speed_rad_s: {column: '"Root"/"w"'}""", f"current_A: {current}", "")
+            columns.write_text(variable + "\n".join(lines))
             log = read_log(path, columns)
             assert log.speed_rad_s.tolist() == [1, 2, 3]
             assert log.current_A.tolist() == [sign * 5, sign * 6, sign * 7]

@@ -1,11 +1,12 @@
 """Measured records: what a diagnosis says of each, and what three rivals reach on the same blocks.
 
-    python -m tools.proof.measured --data ../shared/data --out DIR
+python -m tools.proof.measured --data ../shared/data --out DIR
 
-Each record is read through its shipped column map and diagnosed. Rivals (`tools.proof.rivals`) are fitted to the blocks that the
-figures' numbers come from and run free over the held-out ones, each stretch from the speed that the diagnosis's own run began
-with, scored on the same readings. Prints a table in markdown; `--out` leaves measured.json and measured.md. Where the folder of
-records is not there it says so, and that is no failure: the records are not part of the project.
+Each record is read through its shipped column map and diagnosed. Rivals (`tools.proof.rivals`) are fitted to the
+blocks that the figures' numbers come from and run free over the held-out ones, each stretch from the speed that the
+diagnosis's own run began with, scored on the same readings. Prints a table in markdown; `--out` leaves measured.json
+and measured.md. Where the folder of records is not there it says so, and that is no failure: the records are not part
+of the project.
 """
 
 from __future__ import annotations
@@ -63,18 +64,10 @@ def judged(record: Measured, folder: Path) -> dict[str, Any]:
     seconds = time.process_time() - began
     began = time.process_time()
     blocks, heldout = blocks_of(diagnosis)
-    rivals = [
-        {
-            "rival": rival.name,
-            "free_run_rad_s": rival.missed_rad_s(blocks, heldout),
-            "how": rival.how,
-            "terms": [n for n, c in zip(rival.terms.names, rival.coefficients, strict=True) if c != 0.0],
-        }
-        for rival in fitted_rivals(blocks)
-    ]
+    rivals = fitted_rivals(blocks)
+    missed = [rival.missed_rad_s(blocks, heldout) for rival in rivals]
     ours = own_free_run_rad_s(diagnosis, heldout)
-    best = min(rival["free_run_rad_s"] for rival in rivals)
-    ratio = None if ours is None else ours / best
+    ratio = None if ours is None else ours / min(missed)
     document = diagnosis.document()
     return {
         "record": record.name,
@@ -85,7 +78,15 @@ def judged(record: Measured, folder: Path) -> dict[str, Any]:
         "after": _in_rad_s(document["after"]),
         "cpu_s": seconds,
         "ours_free_run_rad_s": ours,
-        "rivals": rivals,
+        "rivals": [
+            {
+                "rival": rival.name,
+                "free_run_rad_s": error,
+                "how": rival.how,
+                "coefficients": {n: c for n, c in zip(rival.terms.names, rival.coefficients, strict=True) if c != 0.0},
+            }
+            for rival, error in zip(rivals, missed, strict=True)
+        ],
         "rivals_cpu_s": time.process_time() - began,
         "ours_over_best": ratio,
         "holds": None if ratio is None else ratio <= MOST,
@@ -96,8 +97,8 @@ def judged(record: Measured, folder: Path) -> dict[str, Any]:
 def blocks_of(diagnosis: Diagnosis) -> tuple[Blocks, BoolArray]:
     """The record as rivals get it, and the rows (n,) that all are scored on.
 
-    A stretch begins where the diagnosis's own run did, with its speed there; where nothing was diagnosed, at each span of
-    the split, by a line through the first readings.
+    A stretch begins where the diagnosis's own run did, with its speed there; where nothing was diagnosed, at each
+    span of the split, by a line through the first readings.
     """
     rows = Rows.of_log(diagnosis.log)
     heldout, trace = diagnosis.heldout, diagnosis.after or diagnosis.before
@@ -116,7 +117,7 @@ def blocks_of(diagnosis: Diagnosis) -> tuple[Blocks, BoolArray]:
 
 
 def own_free_run_rad_s(diagnosis: Diagnosis, part: BoolArray) -> float | None:
-    """Root mean square by which the model that was found misses the readings of a part (n,), run free; None without one."""
+    """Root mean square by which the diagnosis's model, run free, misses readings of a part (n,); None without one."""
     trace = diagnosis.after or diagnosis.before
     if trace is None:
         return None

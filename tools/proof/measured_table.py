@@ -14,7 +14,7 @@ _HEAD = (
 
 
 def table(found: Sequence[dict[str, Any]]) -> str:
-    """A row a record; errors are root mean squares on held-out readings, before -> after, in rad/s (m/s of a carriage)."""
+    """A row a record; errors are of held-out readings, rms, before -> after, in rad/s (m/s of a carriage)."""
     lines = [_line(_HEAD), _line(["---"] * len(_HEAD)), *(_line(_row(item)) for item in found)]
     known = [item for item in found if item["holds"] is not None]
     held = sum(item["holds"] for item in known)

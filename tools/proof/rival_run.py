@@ -1,8 +1,8 @@
 """A free run of the rivals' own: explicit steps with dry friction and rest, sharing no line with the estimator.
 
-Between two rows the acceleration is `e + h omega - F(|omega|) sgn(omega)`: e and h belong to the row (drive, angle, temperature
-and time enter there), F is a friction for each direction, tabulated over the speed. A wheel at rest stays there while e is within
-what friction holds; where a step would cross zero, it stops at zero and is asked again.
+Between two rows the acceleration is `e + h omega - F(|omega|) sgn(omega)`: e and h belong to the row (drive, angle,
+temperature and time enter there), F is a friction for each direction, tabulated over the speed. A wheel at rest stays
+there while e is within what friction holds; where a step would cross zero, it stops at zero and is asked again.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numba import njit
 from rw_ekf.arrays import BoolArray, Float64Array
 
 GRID = 2001  # speeds of a friction table
-_LONGEST_S, _STEPS = 2.5e-3, 4  # of a step, and the fewest between two rows
+_LONGEST_S, _FEWEST, _MOST = 2.5e-3, 4, 20  # of a step, and how many between two rows
 _FAR = 20.0  # top speeds: a run that is further away has run off, and stays there
 
 
 class Driven(NamedTuple):
-    """What acts between a row and the next, (n,) each: first with the drive before, for `early_s`, then with the row's own."""
+    """What acts between a row and the next, (n,) each: for `early_s` by the drive before, then by the row's own."""
 
     step_s: Float64Array  # 0 from the last row of a stretch on
     early_s: Float64Array
@@ -49,8 +49,8 @@ def _at(table: Float64Array, top: float, size: float) -> float:
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _rate(omega: float, e: float, h: float, top: float, forward: Float64Array, backward: Float64Array) -> float:
     if omega > 0.0:
-        return e + h * omega - _at(forward, top, omega)
-    return e + h * omega + _at(backward, top, -omega)
+        return float(e + h * omega - _at(forward, top, omega))
+    return float(e + h * omega + _at(backward, top, -omega))
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -60,7 +60,7 @@ def _advanced(
     """Speed after so long under constant e and h, by Heun's rule."""
     if seconds <= 0.0:
         return omega
-    steps = max(_STEPS, math.ceil(seconds / _LONGEST_S))
+    steps = min(max(_FEWEST, math.ceil(seconds / _LONGEST_S)), _MOST)
     step = seconds / steps
     for _ in range(steps):
         if omega == 0.0:

@@ -1,7 +1,7 @@
-"""What a rival's model is made of: terms that are linear in their coefficients, as columns for a regression and as a run.
+"""What a rival's model is made of: terms linear in their coefficients, as columns of a regression and as a run.
 
-Three kinds: what acts whatever the speed (drive, angle, temperature, time), what is multiplied by the speed (drive times speed),
-and laws of the speed alone, which are friction and may jump at zero.
+Three kinds: what acts whatever the speed (drive, angle, temperature, time), what is multiplied by the speed (drive
+times speed), and laws of the speed alone, which are friction and may jump at zero.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Acting = Callable[[Rows, Float64Array], Float64Array]
 
 @dataclass(frozen=True)
 class Terms:
-    """Terms in the order of their coefficients: acting (given the drive), multiplied by the speed, laws of the speed."""
+    """Terms in the order of their coefficients: acting, multiplied by the speed, laws of the speed."""
 
     names: tuple[str, ...]
     acting: tuple[Acting, ...]
@@ -65,15 +65,16 @@ class Terms:
     of_speed: Callable[[Float64Array], Float64Array]  # speeds (m,) -> (m, those left over)
 
     def columns(self, rows: Rows, smooth_rad_s: Float64Array, late_rows: int) -> Float64Array:
-        """Each term's value over the interval that begins at each row, (n, terms)."""
+        """Each term's mean over the interval that begins at each row, (n, terms); of the speed's by trapezoids."""
         early_share = np.minimum(rows.delay_s / np.maximum(rows.step_s(), 1.0e-12), 1.0)[:, None]
         late, early = rows.drive_late_by(late_rows), rows.drive_late_by(late_rows + 1)
         parts = []
-        for terms, factor in ((self.acting, np.ones(1)), (self.sloping, smooth_rad_s)):
+        following = np.append(smooth_rad_s[1:], smooth_rad_s[-1:])
+        for terms, factor in ((self.acting, np.ones(1)), (self.sloping, 0.5 * (smooth_rad_s + following))):
             if terms:
                 now, before = (np.column_stack([term(rows, drive) for term in terms]) for drive in (late, early))
                 parts.append((now + early_share * (before - now)) * factor[:, None])
-        return np.column_stack([*parts, self.of_speed(smooth_rad_s)])
+        return np.column_stack([*parts, 0.5 * (self.of_speed(smooth_rad_s) + self.of_speed(following))])
 
     def driven(self, rows: Rows, coefficients: Float64Array, late_rows: int) -> Driven:
         """What acts between the rows."""

@@ -1,9 +1,10 @@
-"""Three rivals of a diagnosis, fitted to its estimation blocks: least squares, a spline over the speed, a sparse regression.
+"""Three rivals of a diagnosis, fitted to its blocks: least squares, a spline over speed, a sparse regression.
 
-Each is fitted twice: by a regression of how the smoothed speed changes over some rows (both sides smoothed alike, so that nothing
-is biased by it), and from there by output error, all stretches run free. How many rows, how much smoothing, how many rows the
-drive comes late (0 to 3), knots, ridge and threshold, and whether the output error is worth it, are settled by cross-validation
-inside the estimation blocks: what counts is the free run over rows that were left out.
+Each is fitted twice: by a regression of how the smoothed speed changes over some rows (both sides smoothed alike, so
+that nothing is biased by it), and from there by output error, all stretches run free. How many rows, how much
+smoothing, how many rows the drive comes late (0 to 3), knots, ridge and threshold, and whether the output error is
+worth it, are settled by cross-validation inside the estimation blocks: what counts is the free run over rows that
+were left out.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from tools.proof.rival_run import run
 from tools.proof.rival_terms import Rows, Terms, library, plain_terms, spline_terms
 
 _LATE_ROWS, _LATE_S = (0, 1, 2, 3), (0.01, 0.02, 0.03, 0.05)
-_WINDOWS = ((3, 1), (5, 5), (15, 9), (31, 15))  # rows at 100 Hz a change is taken over, and rows that are averaged
+_WINDOWS = ((3, 1), (5, 3), (9, 5), (15, 9), (31, 15))  # rows at 100 Hz: of a change, and of the means it is between
+_FINALISTS = 3  # lateness by lateness, as many as are fitted by output error too
 _USUAL_HZ = 100.0
 _FOLDS = 4
 _STRIBECK = (0.002, 0.01, 0.04)  # of the top speed
@@ -98,32 +100,37 @@ def fitted_rivals(blocks: Blocks) -> list[Rival]:
 
 def _chosen(name: str, blocks: Blocks, ways: list[_Way]) -> Rival:
     """The way that predicts best what it was not fitted to, fitted to all estimation rows."""
-    folds = list(_folds(blocks))
-    best: tuple[float, _Way, int, tuple[int, int]] | None = None
+    folds, halves = list(_folds(blocks)), list(_folds(blocks, 2))
     period_s = float(np.median(blocks.rows.step_s()[blocks.rows.step_s() > 0.0]))
     finer = max(1, round(1.0 / (_USUAL_HZ * period_s)))
     lates = sorted({*_LATE_ROWS, *(round(late / period_s) for late in _LATE_S)})
     windows = [(finer * length, finer * (width - 1) + 1) for length, width in _WINDOWS]
+    entries: dict[int, tuple[float, _Way, _Changes]] = {}
     for late, window in product(lates, windows):
         for terms in {id(way.terms): way.terms for way in ways}.values():
             changes = _Changes.of(blocks, terms, late, window)
             for way in (way for way in ways if way.terms is terms):
-                score = _left_out(
-                    folds, lambda part, way=way, changes=changes: _fitted(name, part, way, changes)  # type: ignore[misc]
-                )
-                if best is None or score < best[0]:
-                    best = score, way, changes.late_rows, window
+                score = _left_out(folds, _fitting(name, way, changes))
+                if late not in entries or score < entries[late][0]:
+                    entries[late] = score, way, changes
+    best: tuple[float, Callable[[Blocks], Rival], str] | None = None
+    for _, way, changes in sorted(entries.values(), key=lambda entry: entry[0])[:_FINALISTS]:
+        fit = _fitting(name, way, changes)
+        how = f"{way.how}, {changes.late_rows} rows late, changes over {changes.length} rows"
+        for one, by in ((fit, "regression"), (_refined(fit), "output error")):
+            score = _left_out(halves, one)
+            if best is None or score < best[0]:
+                best = score, one, f"{how}, {by}"
     assert best is not None
-    _, way, late, window = best
-    changes = _Changes.of(blocks, way.terms, late, window)
-    halves = list(_folds(blocks, 2))
-    by_regression = _left_out(halves, lambda part: _fitted(name, part, way, changes))
-    by_output = _left_out(halves, lambda part: _by_output_error(_fitted(name, part, way, changes), part))
-    rival = _fitted(name, blocks, way, changes)
-    how = f"{way.how}, {late} rows late, changes over {window[0]} rows"
-    if by_output < by_regression:
-        return replace(_by_output_error(rival, blocks), how=f"{how}, output error")
-    return replace(rival, how=f"{how}, regression")
+    return replace(best[1](blocks), how=best[2])
+
+
+def _fitting(name: str, way: _Way, changes: _Changes) -> Callable[[Blocks], Rival]:
+    return lambda part: _fitted(name, part, way, changes)
+
+
+def _refined(fit: Callable[[Blocks], Rival]) -> Callable[[Blocks], Rival]:
+    return lambda part: _by_output_error(fit(part), part)
 
 
 def _folds(blocks: Blocks, count: int = _FOLDS) -> Iterator[tuple[Blocks, Blocks]]:
@@ -176,7 +183,7 @@ class _Changes:
         length, width = window
         known = np.isfinite(rows.speed_rad_s)
         speed = np.interp(np.arange(known.size), np.flatnonzero(known), rows.speed_rad_s[known])
-        smooth = _averaged(speed[:, None], stretch, max(width, 5))[:, 0]
+        smooth = _averaged(speed[:, None], stretch, width)[:, 0]
         columns = terms.columns(rows, smooth, late_rows) * rows.step_s()[:, None]
         integral = np.cumsum(columns, axis=0) - columns
         both = _averaged(np.column_stack((speed, integral)), stretch, width)
