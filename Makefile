@@ -7,12 +7,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test check lint quick-tests all-tests install clean
+.PHONY: help demo test check lint quick-tests all-tests proof-measured install clean
 
 help:
 	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, the proof, and a table held by it; four minutes"
 	@echo "make test     lint, types, import contracts and all tests, as CI runs them"
 	@echo "make check    the same without the slow tests"
+	@echo "make proof-measured  the diagnosis of the measured records in ../shared/data beside three rivals; skipped without them"
 	@echo "make install  .venv with everything; then: source $(BIN)/activate && rw-ekf --help"
 	@echo "make clean    remove .venv and caches"
 
@@ -48,6 +49,10 @@ quick-tests:
 
 all-tests:
 	$(BIN)/pytest -n auto --dist loadgroup
+
+# Records of machines, which are no part of the project: DATA=/other/folder names where they are.
+proof-measured: $(INSTALLED)
+	@$(BIN)/python -m tools.proof.measured --data $(or $(DATA),../shared/data) --jobs $(or $(JOBS),2) $(if $(OUT),--out $(OUT))
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
