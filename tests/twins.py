@@ -60,7 +60,8 @@ def write_prbs(folder: Path, seed: int = 2, seconds: float = 80.0) -> None:
     start = (PRBS_GAIN * volts[0] - PRBS_COULOMB) / PRBS_VISCOUS
     speed, _ = _run(lambda u, a: PRBS_GAIN * u, PRBS_VISCOUS, PRBS_COULOMB, PRBS_COULOMB, time_s, late, start)
     noisy = speed / DEG + 2.0 * random.standard_normal(time_s.size)
-    table = np.column_stack((time_s, volts, PRBS_GRID_DEG_S * np.round(noisy / PRBS_GRID_DEG_S)))
+    read = np.asarray(PRBS_GRID_DEG_S * np.round(noisy / PRBS_GRID_DEG_S))
+    table = np.column_stack((time_s, volts, read))
     _save(folder / "prbs_motor", "DCmotor_prbs_open_exp.csv", table, "%.8f", "t,u,y")
 
 

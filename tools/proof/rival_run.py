@@ -16,7 +16,7 @@ from numba import njit
 from rw_ekf.arrays import BoolArray, Float64Array
 
 GRID = 2001  # speeds of a friction table
-_LONGEST_S, _FEWEST, _MOST = 2.5e-3, 4, 20  # of a step, and how many between two rows
+_LONGEST_S, _FEWEST, _MOST = 2.5e-3, 4, 12  # of a step, and how many between two rows
 _FAR = 20.0  # top speeds: a run that is further away has run off, and stays there
 
 

@@ -7,7 +7,7 @@ times speed), and laws of the speed alone, which are friction and may jump at ze
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from rw_ekf.logs.wheel_log import WheelLog
 from tools.proof.rival_run import GRID, Driven, Friction
 
 HARMONICS = 12  # of the angle, where it is logged
+_NEAR = 1.0e-4  # of the range of speeds: what a spline's slope at its ends is taken over
 
 
 class Rows(NamedTuple):
@@ -63,6 +64,7 @@ class Terms:
     acting: tuple[Acting, ...]
     sloping: tuple[Acting, ...]
     of_speed: Callable[[Float64Array], Float64Array]  # speeds (m,) -> (m, those left over)
+    tables: dict[float, tuple[Float64Array, Float64Array]] = field(default_factory=dict)  # by the top speed
 
     def columns(self, rows: Rows, smooth_rad_s: Float64Array, late_rows: int) -> Float64Array:
         """Each term's mean over the interval that begins at each row, (n, terms); of the speed's by trapezoids."""
@@ -99,9 +101,12 @@ class Terms:
     def friction(self, coefficients: Float64Array, top_rad_s: float) -> Friction:
         """The laws of the speed as a friction for each direction."""
         values = coefficients[len(self.acting) + len(self.sloping) :]
-        size = np.linspace(0.0, top_rad_s, GRID)
-        size[0] = 1.0e-9 * top_rad_s  # what holds at rest is what slows the slowest motion
-        return Friction(top_rad_s, -self.of_speed(size) @ values, self.of_speed(-size) @ values)
+        if top_rad_s not in self.tables:
+            size = np.linspace(0.0, top_rad_s, GRID)
+            size[0] = 1.0e-9 * top_rad_s  # what holds at rest is what slows the slowest motion
+            self.tables[top_rad_s] = -self.of_speed(size), self.of_speed(-size)
+        forward, backward = self.tables[top_rad_s]
+        return Friction(top_rad_s, forward @ values, backward @ values)
 
 
 def _drive(rows: Rows, drive: Float64Array) -> Float64Array:
@@ -119,22 +124,34 @@ def plain_terms(slow_rad_s: float) -> Terms:
 
 
 def spline_terms(speed_rad_s: Float64Array, knots: int) -> Terms:
-    """Gain, a dry friction, and a cubic spline over the signed speed, with inner knots at quantiles of speeds (n,)."""
+    """Gain, a dry friction, and a cubic spline over the signed speed, with inner knots at quantiles of speeds (n,).
+
+    Beyond those speeds it goes on as straight lines.
+    """
     low, high = float(np.min(speed_rad_s)), float(np.max(speed_rad_s))
     inner = np.unique(np.quantile(speed_rad_s, np.linspace(0.0, 1.0, knots + 2)[1:-1]))
     inner = inner[(inner > low) & (inner < high)]
     at = np.concatenate((4 * [low], inner, 4 * [high]))
 
+    ends = BSpline.design_matrix(np.array([low, low + _NEAR * (high - low), high - _NEAR * (high - low), high]), at, 3)
+    values = ends.toarray()
+    slopes = np.array([values[1] - values[0], values[3] - values[2]]) / (_NEAR * (high - low))
+
     def of_speed(speed: Float64Array) -> Float64Array:
-        basis = BSpline.design_matrix(np.clip(speed, low, high), at, 3).toarray()
+        inside = np.clip(speed, low, high)
+        basis = BSpline.design_matrix(inside, at, 3).toarray()
+        basis += (speed - inside)[:, None] * slopes[(speed > high).astype(int)]
         return np.column_stack((np.sign(speed), basis))
 
     names = ("I", "sgn", *(f"B{i}" for i in range(at.size - 4)))
     return Terms(names, (_drive,), (), of_speed)
 
 
-def library(rows: Rows, top_rad_s: float) -> Terms:
-    """The candidates of a sparse regression."""
+def library(rows: Rows, top_rad_s: float, *, soft: bool) -> Terms:
+    """The candidates of a sparse regression; soft: with a friction that sets in gradually beside the one that jumps.
+
+    Both at once mean little where the record hardly is near rest: what they cancel there holds a wheel for good.
+    """
     acting: dict[str, Acting] = {"I": _drive, "1": lambda r, d: np.ones(d.size), "I|I|": lambda r, d: d * np.abs(d)}
     middle_s = 0.5 * (rows.time_s[0] + rows.time_s[-1])
     acting["t"] = lambda r, d: r.time_s - middle_s
@@ -148,10 +165,10 @@ def library(rows: Rows, top_rad_s: float) -> Terms:
 
     def of_speed(speed: Float64Array) -> Float64Array:
         ratio = speed / top_rad_s
-        laws = (ratio, ratio * np.abs(ratio), ratio**3, np.sign(speed), np.tanh(20.0 * ratio))
-        return np.column_stack(laws)
+        laws = [ratio, ratio * np.abs(ratio), ratio**3, np.sign(speed)]
+        return np.column_stack([*laws, np.tanh(20.0 * ratio)] if soft else laws)
 
-    laws = ("omega", "omega|omega|", "omega^3", "sgn", "tanh")
+    laws = ("omega", "omega|omega|", "omega^3", "sgn", *(("tanh",) if soft else ()))
     sloping: dict[str, Acting] = {"I omega": _drive, "|I| omega": lambda r, d: np.abs(d)}
     return Terms((*acting, *sloping, *laws), tuple(acting.values()), tuple(sloping.values()), of_speed)
 

@@ -10,8 +10,9 @@ were left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -24,11 +25,13 @@ _LATE_ROWS, _LATE_S = (0, 1, 2, 3), (0.01, 0.02, 0.03, 0.05)
 _WINDOWS = ((3, 1), (5, 3), (9, 5), (15, 9), (31, 15))  # rows at 100 Hz: of a change, and of the means it is between
 _FINALISTS = 3  # lateness by lateness, as many as are fitted by output error too
 _USUAL_HZ = 100.0
-_FOLDS = 4
+_FOLDS, _MANY = 4, 5000  # output error of so many rows is tried on halves
 _STRIBECK = (0.002, 0.01, 0.04)  # of the top speed
 _KNOTS, _RIDGES = (4, 8, 14), (1.0e-8, 1.0e-3)
 _THRESHOLDS = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15)  # of the spread of what is explained
 _TURNS = 15  # of an output-error fit
+_ROUNDS = 10  # of thresholding
+_NOTHING = 1.0e-9  # of the largest column: a term that the record never meets
 _ASIDE = 1.0e-10  # a ridge that only keeps what the record says nothing of at zero
 
 
@@ -71,7 +74,23 @@ class Rival:
         return float(np.sqrt(np.nanmean(error**2)))
 
 
-Solve = Callable[[Float64Array, Float64Array], Float64Array]  # columns (m, p), changes (m,) -> coefficients (p,)
+class Normal(NamedTuple):
+    """Normal equations of a regression, the columns scaled to a mean square of one."""
+
+    gram: Float64Array  # (p, p), means over rows
+    moment: Float64Array  # (p,)
+    scale: Float64Array  # (p,) of the columns
+    size: float  # root mean square of the changes
+
+    def solved(self, kept: BoolArray, ridge: float) -> Float64Array:
+        """Coefficients (p,) of the scaled columns, of those kept (p,)."""
+        out = np.zeros(kept.size)
+        gram = self.gram[np.ix_(kept, kept)]
+        out[kept] = np.linalg.solve(gram + ridge * np.eye(gram.shape[0]), self.moment[kept])
+        return out
+
+
+Solve = Callable[[Normal], Float64Array]  # -> coefficients (p,)
 
 
 @dataclass(eq=False, frozen=True)
@@ -87,20 +106,22 @@ def fitted_rivals(blocks: Blocks) -> list[Rival]:
     """The three, in the order of the module's first line."""
     top = blocks.top_rad_s
     speed = blocks.rows.speed_rad_s[blocks.fit & np.isfinite(blocks.rows.speed_rad_s)]
-    plain = [_Way(plain_terms(s * top), _ridge(_ASIDE), f"Stribeck speed {s:g} of the top") for s in _STRIBECK]
+    plain = [_Way(plain_terms(s * top), _with_break_away, f"Stribeck speed {s:g} of the top") for s in _STRIBECK]
     spline = [
         _Way(spline_terms(speed, knots), _ridge(ridge), f"{knots} knots, ridge {ridge:g}")
         for knots, ridge in product(_KNOTS, _RIDGES)
     ]
-    terms = library(blocks.rows, top)
-    sparse = [_Way(terms, _thresholded(share), f"threshold {share:g}") for share in _THRESHOLDS]
+    libraries = [library(blocks.rows, top, soft=soft) for soft in (False, True)]
+    sparse = [
+        _Way(terms, _thresholded(share), f"threshold {share:g}") for terms, share in product(libraries, _THRESHOLDS)
+    ]
     named = {"least squares": plain, "spline over speed": spline, "sparse regression": sparse}
     return [_chosen(name, blocks, ways) for name, ways in named.items()]
 
 
 def _chosen(name: str, blocks: Blocks, ways: list[_Way]) -> Rival:
     """The way that predicts best what it was not fitted to, fitted to all estimation rows."""
-    folds, halves = list(_folds(blocks)), list(_folds(blocks, 2))
+    folds, halves = list(_folds(blocks)), list(_folds(blocks, 2 if int(blocks.fit.sum()) > _MANY else _FOLDS))
     period_s = float(np.median(blocks.rows.step_s()[blocks.rows.step_s() > 0.0]))
     finer = max(1, round(1.0 / (_USUAL_HZ * period_s)))
     lates = sorted({*_LATE_ROWS, *(round(late / period_s) for late in _LATE_S)})
@@ -175,6 +196,7 @@ class _Changes:
     speed: Float64Array  # (n,) averaged
     columns: Float64Array  # (n, p) integrated from the stretch's begin, averaged
     stretch: Float64Array  # (n,) which one a row belongs to
+    known: dict[int, tuple[BoolArray, Normal]] = field(default_factory=dict)  # by id of the part
 
     @classmethod
     def of(cls, blocks: Blocks, terms: Terms, late_rows: int, window: tuple[int, int]) -> _Changes:
@@ -189,14 +211,20 @@ class _Changes:
         both = _averaged(np.column_stack((speed, integral)), stretch, width)
         return cls(late_rows, length, both[:, 0], both[:, 1:], stretch)
 
-    def within(self, part: BoolArray) -> tuple[Float64Array, Float64Array]:
-        """Columns (m, p) and changes (m,) that lie within a part (n,) of the rows."""
-        first = np.flatnonzero(part[: -self.length])
-        last = first + self.length
-        last = np.minimum(last, part.size - 1)
-        whole = part[last] & (self.stretch[first] == self.stretch[last])
-        first, last = first[whole], last[whole]
-        return self.columns[last] - self.columns[first], self.speed[last] - self.speed[first]
+    def within(self, part: BoolArray) -> Normal:
+        """Normal equations of the changes that lie within a part (n,) of the rows; worked out once a part."""
+        if id(part) not in self.known:
+            first = np.flatnonzero(part[: -self.length])
+            last = first + self.length
+            whole = part[last] & (self.stretch[first] == self.stretch[last])
+            first, last = first[whole], last[whole]
+            columns, change = self.columns[last] - self.columns[first], self.speed[last] - self.speed[first]
+            scale = np.sqrt(np.mean(columns**2, axis=0))
+            scale = np.where(scale > _NOTHING * np.max(scale), scale, np.inf)
+            unit, rows = columns / scale, max(first.size, 1)
+            size = float(np.sqrt(np.mean(change**2)))
+            self.known[id(part)] = part, Normal(unit.T @ unit / rows, unit.T @ change / rows, scale, size)
+        return self.known[id(part)][1]
 
 
 def _averaged(values: Float64Array, stretch: Float64Array, width: int) -> Float64Array:
@@ -212,47 +240,37 @@ def _averaged(values: Float64Array, stretch: Float64Array, width: int) -> Float6
 
 
 def _fitted(name: str, part: Blocks, way: _Way, changes: _Changes) -> Rival:
-    columns, change = changes.within(part.fit)
-    coefficients = way.solve(columns, change)
+    coefficients = way.solve(changes.within(part.fit))
     return Rival(name, way.terms, coefficients, changes.late_rows, part.top_rad_s, way.how)
 
 
-def _scaled(columns: Float64Array) -> tuple[Float64Array, Float64Array]:
-    scale = np.sqrt(np.mean(columns**2, axis=0))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    return columns / scale, scale
-
-
-def _solved(columns: Float64Array, change: Float64Array, ridge: float) -> Float64Array:
-    """Ridge regression of columns of size one."""
-    gram = columns.T @ columns
-    return np.asarray(np.linalg.solve(gram + ridge * change.size * np.eye(gram.shape[0]), columns.T @ change))
+def _with_break_away(normal: Normal) -> Float64Array:
+    """The four-parameter model; where break-away would be no friction, or one that nothing shows, without it."""
+    kept = np.ones(normal.scale.size, dtype=bool)
+    found = normal.solved(kept, _ASIDE) / normal.scale
+    if not 3.0 * found[-2] < found[-1] < 0.0:  # slowing is negative
+        kept[-1] = False
+        found = normal.solved(kept, _ASIDE) / normal.scale
+    return found
 
 
 def _ridge(ridge: float) -> Solve:
-    def solve(columns: Float64Array, change: Float64Array) -> Float64Array:
-        unit, scale = _scaled(columns)
-        return _solved(unit, change, ridge) / scale
-
-    return solve
+    return lambda normal: normal.solved(np.ones(normal.scale.size, dtype=bool), ridge) / normal.scale
 
 
 def _thresholded(share: float) -> Solve:
     """Least squares again and again without the terms that contribute less than a share of the changes' size."""
 
-    def solve(columns: Float64Array, change: Float64Array) -> Float64Array:
-        unit, scale = _scaled(columns)
-        least = share * float(np.sqrt(np.mean(change**2)))
-        kept = np.ones(unit.shape[1], dtype=bool)
-        out = np.zeros(unit.shape[1])
-        for _ in range(10):
-            out[:] = 0.0
-            out[kept] = _solved(unit[:, kept], change, _ASIDE)
-            small = kept & (np.abs(out) < least)
+    def solve(normal: Normal) -> Float64Array:
+        kept = np.ones(normal.scale.size, dtype=bool)
+        out = np.zeros(kept.size)
+        for _ in range(_ROUNDS):
+            out = normal.solved(kept, _ASIDE)
+            small = kept & (np.abs(out) < share * normal.size)
             if not small.any() or small.sum() == kept.sum():
                 break
             kept &= ~small
-        return out / scale
+        return out / normal.scale
 
     return solve
 
