@@ -87,7 +87,7 @@ def write_dspace(folder: Path, seed: int = 4, seconds: float = 24.0) -> None:
     time_s = DSPACE_ROW_S * np.arange(round(seconds / DSPACE_ROW_S), dtype=np.float64)
     way = np.sign(np.sin(2.0 * np.pi * time_s / 4.8 + 0.3))
     command = way * _held(time_s, random, 0.06, 0.4, lambda: float(random.choice([0.5, 0.6, 0.75])))
-    command[(time_s % 2.4) > 2.0] = 0.0
+    command[((time_s % 2.4) > 2.0) | (time_s < 0.2)] = 0.0
     rows_late = round(DSPACE_LATE_S / DSPACE_ROW_S)
     late = np.concatenate((np.zeros(rows_late), command[:-rows_late]))
     speed, angle = _run(

@@ -32,7 +32,10 @@ class Driven(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Friction over |omega| from 0 to top [rad/s^2], (GRID,), for each direction; a straight line beyond."""
+    """Friction over |omega| from 0 to top [rad/s^2], (GRID,), for each direction.
+
+    Beyond the top it goes on as a straight line that does not fall: else a run that leaves the speeds of the fit runs off.
+    """
 
     top_rad_s: float
     forward: Float64Array
@@ -43,7 +46,10 @@ class Friction(NamedTuple):
 def _at(table: Float64Array, top: float, size: float) -> float:
     place = size / top * (table.size - 1)
     cell = min(int(place), table.size - 2)
-    return float(table[cell] + (place - cell) * (table[cell + 1] - table[cell]))
+    slope = table[cell + 1] - table[cell]
+    if place > table.size - 1:
+        return float(table[-1] + (place - table.size + 1) * max(slope, 0.0))
+    return float(table[cell] + (place - cell) * slope)
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
