@@ -6,6 +6,7 @@ judged by `make proof-measured`.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.settings.resources import config_resource
 from tests import twins
+from tools.proof.measured import main
 
 
 def read(folder: Path, record: str, columns: str) -> WheelLog:
@@ -114,6 +116,18 @@ def test_the_geared_motor_s_commands_are_a_row_late(prbs: WheelLog) -> None:
     assert parameters["motor_gain"]["value"] == pytest.approx(twins.PRBS_GAIN, rel=0.02)
     assert parameters["viscous"]["value"] == pytest.approx(twins.PRBS_VISCOUS, rel=0.02)
     assert parameters["coulomb"]["value"] == pytest.approx(twins.PRBS_COULOMB, rel=0.05)
+
+
+@pytest.mark.slow
+def test_the_tool_judges_a_record_beside_its_rivals(prbs: WheelLog, folder: Path, tmp_path: Path) -> None:
+    """Of the geared motor: no rival, a row's delay known to each, does better; table and document say so."""
+    assert main(["--data", str(folder), "--only", "prbs", "--out", str(tmp_path)]) == 0
+    (record,) = json.loads((tmp_path / "measured.json").read_text())["records"]
+    assert record["samples"] == len(prbs)
+    assert record["ours_over_best"] <= 1.05
+    assert record["holds"] is True
+    assert all("1 rows late" in rival["how"] for rival in record["rivals"])
+    assert "prbs_motor" in (tmp_path / "measured.md").read_text()
 
 
 @pytest.mark.slow

@@ -30,8 +30,9 @@ from rw_ekf.logs.reader import read_log
 from rw_ekf.settings.resources import config_resource
 from rw_ekf.units import rad_s_from_rpm
 from tools.proof.measured_table import MOST, table
+from tools.proof.rival_changes import Blocks, start_speed_rad_s
 from tools.proof.rival_terms import Rows
-from tools.proof.rivals import Blocks, fitted_rivals, start_speed_rad_s
+from tools.proof.rivals import fitted_rivals
 
 _FIGURES = ("one_step_rms_rpm", "horizon_1s_rms_rpm", "horizon_20s_rms_rpm", "free_run_rms_rpm")
 

@@ -34,7 +34,7 @@ class Driven(NamedTuple):
 class Friction(NamedTuple):
     """Friction over |omega| from 0 to top [rad/s^2], (GRID,), for each direction.
 
-    Beyond the top it goes on as a straight line that does not fall: else a run that leaves the speeds of the fit runs off.
+    Beyond the top it goes on as a straight line that does not fall: else a run that gets there runs off.
     """
 
     top_rad_s: float
