@@ -134,8 +134,7 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
     kind, _, statement = verdict_of(document)
     effects = [_or_another(str(name), verdict) for name in verdict.get("effects") or ()]
     if kind == "adequate":
-        told = document.get("swallowed")
-        uneven = ", but its noise is not what it should be" if told else ""
+        uneven = ", but its noise is not what it should be" if document.get("swallowed") else ""
         if document.get("torque_noise"):
             uneven = ", but its torque noise is not the same everywhere"
         return f"The model explains this log{uneven}"
@@ -148,7 +147,8 @@ def headline_of(document: Mapping[str, Any], units: Units) -> str:
         )
         return f"The model lacks something that this log does not settle, perhaps {perhaps}"
     if kind == "unexplained" or not effects:
-        left = "".join(f": {shape['sentence']}" for shape in list(document.get("shapes") or ())[:1])
+        told = list(document.get("shapes") or ())[:1] or list(document.get("swallowed") or ())[:1]
+        left = "".join(f": {item['sentence']}" for item in told)
         return f"The model lacks something that no effect of the catalogue explains{left}" if statement else ""
     named = effects[0] if len(effects) == 1 else f"{', '.join(effects[:-1])} and {effects[-1]}"
     free_run = next((pair for pair in figure_pairs(document, units) if pair.key == "free_run_rms_rpm"), None)
