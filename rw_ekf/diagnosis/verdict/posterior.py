@@ -60,8 +60,12 @@ def something_else(found: Found, noise_p: float, residual_p: float) -> float:
 
 
 def unlikely(found: Found, posterior: dict[str, float]) -> list[str]:
-    """Effects of a verdict that are, with all that cannot be told from them, less likely than not."""
-    return [name for name in found.new_ids if _with_rivals(found, name, posterior) < 0.5]
+    """Effects of a verdict that are, with all that cannot be told from them, less likely than not.
+
+    Among what was weighed: that something else may be behind it is told beside what is named, with its chance.
+    """
+    weighed = 1.0 - posterior.get(SOMETHING_ELSE, 0.0)
+    return [name for name in found.new_ids if _with_rivals(found, name, posterior) < 0.5 * weighed]
 
 
 def _with_rivals(found: Found, name: str, posterior: dict[str, float]) -> float:
