@@ -39,6 +39,14 @@ def chi_square_tail(value: float, freedom: int) -> float:
     return min(tail + math.exp((a - 1.0) * math.log(h) - h - math.lgamma(a) + math.log(total)), 1.0)
 
 
+def poisson_tail(count: int, expected: float) -> float:
+    """P(a Poisson number of this mean > 0 is at least count >= 0), by the gamma function's series, however small."""
+    if count == 0:
+        return 1.0
+    weight = math.exp(count * math.log(expected) - expected - math.lgamma(count))
+    return min(weight * float(_series(np.array([float(count)]), np.array([expected]))[0]), 1.0)
+
+
 def gamma_tail(a: Float64Array, x: Float64Array) -> Float64Array:
     """Q(a, x), the upper tail of a gamma distribution of shape a > 0 at x >= 0, of their common shape.
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rw_ekf.diagnosis.checks.swallowed import Noises, _at_least, noises_of
+from rw_ekf.diagnosis.checks.swallowed import Noises, noises_of
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.filter.tails import poisson_tail
 from tools.proof.nameless import Nameless
 
 
@@ -77,9 +78,9 @@ def test_no_model_of_the_wheel_is_adequate_where_readings_are_not(name: str) -> 
 @pytest.mark.parametrize(("count", "expected"), [(1, 0.25), (9, 0.25), (5, 4.0), (65, 0.24)])
 def test_the_tail_of_rare_readings_is_poisson_s(count: int, expected: float) -> None:
     """Against scipy's."""
-    assert _at_least(count, expected) == pytest.approx(float(stats.poisson.sf(count - 1, expected)), rel=1e-9)
-    assert _at_least(0, expected) == 1.0
-    assert math.isfinite(_at_least(4000, 0.1))
+    assert poisson_tail(count, expected) == pytest.approx(float(stats.poisson.sf(count - 1, expected)), rel=1e-9)
+    assert poisson_tail(0, expected) == 1.0
+    assert math.isfinite(poisson_tail(4000, 0.1))
 
 
 def test_a_reading_s_smoothed_error_is_that_of_dense_algebra() -> None:

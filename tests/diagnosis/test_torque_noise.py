@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.control.profiles import make_profile, sample_profile
-from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding, _p_values, noise_finding
+from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding, _p_values, noise_findings
 from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
@@ -27,7 +27,7 @@ BUMP = "drag_bump:amplitude_rad_s2=0.0586,speed_rad_s=6.283,width_rad_s=1.571"  
 def found_in(log: WheelLog) -> NoiseFinding | None:
     """What the four parameters alone leave."""
     prepared = prepare(source_of([log]), None, None, "blocks")
-    return noise_finding(prepared.base, prepared.facts)
+    return noise_findings(prepared.base, prepared.facts).get("torque")
 
 
 def noisy_above_half(seed: int, process_rpm: float, times: float) -> WheelLog:

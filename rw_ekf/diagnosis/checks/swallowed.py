@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.diagnosis.checks.residual_tests import left_over
-from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding, noise_finding
+from rw_ekf.diagnosis.checks.uneven_noise import NoiseFinding, noise_findings
 from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, FAR_OFF, USUAL_TORQUE_NOISE
-from rw_ekf.filter.tails import chi_square_tail
+from rw_ekf.filter.tails import chi_square_tail, poisson_tail
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import at_ratio
@@ -57,15 +57,16 @@ NOTHING = Noises(None, None, ())
 
 def noises_of(fit: Fit, facts: RecordFacts, *, in_rpm: bool) -> Noises:
     """What the noises of a fit show."""
-    torque, readings = noise_finding(fit, facts), noise_finding(fit, facts, "readings")
+    uneven = noise_findings(fit, facts)
+    torque, readings = uneven.get("torque"), uneven.get("readings")
     tails = _tails(fit)
     if tails is not None and readings is not None and readings.inside < _UNEVEN * readings.elsewhere:
         readings = None
-    uneven = [Swallowed(item.sentence(in_rpm=in_rpm), item.p_value, True) for item in (torque, readings) if item]
+    told = [Swallowed(item.sentence(in_rpm=in_rpm), item.p_value, True) for item in (torque, readings) if item]
     if readings is not None and tails is not None and not tails.is_else:
         tails = None  # noises of two sizes have long tails when they are taken for one
     more = [item for item in (tails, _torque(fit, in_rpm=in_rpm)) if item is not None]
-    return Noises(torque, readings, (*uneven, *more))
+    return Noises(torque, readings, (*told, *more))
 
 
 def _torque(fit: Fit, *, in_rpm: bool) -> Swallowed | None:
@@ -99,7 +100,7 @@ def _tails(fit: Fit) -> Swallowed | None:
     known = np.isfinite(white)
     far = known & (np.abs(np.where(known, white, 0.0)) > FAR_OFF)
     count = int(far.sum())
-    p = _at_least(count, int(known.sum()) * math.erfc(FAR_OFF / math.sqrt(2.0)))
+    p = poisson_tail(count, int(known.sum()) * math.erfc(FAR_OFF / math.sqrt(2.0)))
     if p >= BEYOND_DOUBT_P:
         return None
     ahead = float(np.mean(white[far] * fit.trajectory.speed[far] > 0.0))
@@ -115,15 +116,3 @@ def _tails(fit: Fit) -> Swallowed | None:
         "lasts less than a sample; the encoder's raw counts would show which",
         p, True,
     )  # fmt: skip
-
-
-def _at_least(count: int, expected: float) -> float:
-    """P(a Poisson number is as large)."""
-    if count == 0:
-        return 1.0
-    first = count * math.log(expected) - expected - math.lgamma(count + 1.0)
-    terms, term = 1.0, 1.0
-    for i in range(count + 1, count + 200):
-        term *= expected / i
-        terms += term
-    return min(1.0, math.exp(min(first, 0.0)) * terms)

@@ -31,6 +31,7 @@ from rw_ekf.units import RAD_S_PER_RPM
 
 Along = Literal["speed", "current", "direction"]
 Source = Literal["torque", "readings"]
+_SOURCES: tuple[Source, ...] = ("torque", "readings")
 
 _FEW, _DRAWS = 100, 400
 _WORTH_MORE = 0.01  # p by few draws: for a finding to have more their spread would have to be wrong by a half
@@ -117,17 +118,31 @@ class NoiseFinding:
         return "", 1.0
 
 
-def noise_finding(fit: Fit, facts: RecordFacts, source: Source = "torque") -> NoiseFinding | None:
-    """The window whose noise stands out most from that of the rest; None where none does at `NOISE_P`."""
+def noise_findings(fit: Fit, facts: RecordFacts) -> dict[Source, NoiseFinding]:
+    """Of either noise the window in which it stands out most from the rest, where one does at `NOISE_P`."""
     windows, used = _windows(fit, facts)
     if not windows:
-        return None
-    seen, draws = _slopes(fit, windows, used, source)
+        return {}
+    seen, draws = _slopes(fit, windows, used)
     alone = list(islice(draws, _FEW))
-    if _p_values(seen, np.array(alone))[0].min() > _WORTH_MORE:
-        return None
+    few = np.array(alone)
+    asked = [i for i in range(len(_SOURCES)) if _p_values(seen[i], few[:, i])[0].min() <= _WORTH_MORE]
+    if not asked:
+        return {}
     alone += islice(draws, _DRAWS - _FEW)
-    p, independent = _p_values(seen, np.array(alone))
+    many = np.array(alone)
+    found = {
+        _SOURCES[i]: _finding(fit, facts, windows, used, _SOURCES[i], _p_values(seen[i], many[:, i])) for i in asked
+    }
+    return {source: finding for source, finding in found.items() if finding is not None}
+
+
+def _finding(
+    fit: Fit, facts: RecordFacts, windows: list[Window], used: BoolArray, source: Source,
+    tested: tuple[Float64Array, float],
+) -> NoiseFinding | None:  # fmt: skip
+    """The clearest window of one noise; tested: what `_p_values` says of each."""
+    p, independent = tested
     best = int(np.argmin(p))
     together = -math.expm1(independent * math.log1p(-min(float(p[best]), 1.0 - 1.0e-12)))
     if together >= NOISE_P:
@@ -167,15 +182,13 @@ def _windows(fit: Fit, facts: RecordFacts) -> tuple[list[Window], BoolArray]:
     return [window for window in found if least < window.inside.sum() < largest], used
 
 
-def _slopes(
-    fit: Fit, windows: list[Window], used: BoolArray, source: Source
-) -> tuple[Float64Array, Iterator[Float64Array]]:
-    """Slopes of the log-likelihood by a variance of each window's own, (2 + windows,), and draws under noise alone.
+def _slopes(fit: Fit, windows: list[Window], used: BoolArray) -> tuple[Float64Array, Iterator[Float64Array]]:
+    """Slopes of the log-likelihood by a variance of each window's own, (2, 2 + windows), and draws under noise alone.
 
-    The first two are of all intervals that are compared, and of all others. The slope by the variance of one interval's
-    torque is half the square of the adjoint of what is left there, but for a constant that the draws have too; by that
-    of one reading, half the square of that less what the next interval carries back: the smoothed error of the reading
-    over its variance (de Jong 1989).
+    Of the torque, then of the readings. The first two windows are of all intervals that are compared, and of all
+    others. The slope by the variance of one interval's torque is half the square of the adjoint of what is left there,
+    but for a constant that the draws have too; by that of one reading, half the square of that less what the next
+    interval carries back: the smoothed error of the reading over its variance (de Jong 1989).
     """
     linearised, noise = fit.linearised, fit.noise
     r, A, _ = linearised.whitened(noise.ratio, noise.variance, linearised.jacobian, linearised.memory_jacobian)
@@ -183,8 +196,8 @@ def _slopes(
     Q, _ = np.linalg.qr(A[:, lengths > 0.0] / lengths[lengths > 0.0])
     at, n = linearised.innovation_at, linearised.chain.reading.size
     q = noise.ratio * noise.variance / linearised.record.course.period_s
-    lengths_s = linearised.chain.noisy_s if source == "torque" else np.ones(n)
-    weights = 0.5 * lengths_s[:, None] * np.column_stack([used, ~used, *(w.inside for w in windows)])
+    within = 0.5 * np.column_stack([used, ~used, *(w.inside for w in windows)])
+    weights = linearised.chain.noisy_s[:, None] * within
     carried = np.where(linearised.chain.follows, linearised.chain.slopes[:, 0], 0.0)[1:]
 
     def slopes(left: Float64Array) -> Float64Array:
@@ -192,10 +205,9 @@ def _slopes(
         white, back = np.zeros(n), np.zeros(n)
         white[at] = left * math.sqrt(left.size / max(float(left @ left), 1.0e-300))
         adjoint(linearised.chain, q, noise.variance, white, back)
-        if source == "readings":
-            back[:-1] -= carried * back[1:]
-        found: Float64Array = (back**2) @ weights
-        return found
+        own = back.copy()
+        own[:-1] -= carried * back[1:]
+        return np.stack([(back**2) @ weights, (own**2) @ within])
 
     def drawn() -> Iterator[Float64Array]:
         rng = np.random.default_rng(_SEED)
