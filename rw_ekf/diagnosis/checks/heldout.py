@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 from rw_ekf.course.free_run import free_run
 from rw_ekf.diagnosis.checks.lattice import Lattice, rounding_error
-from rw_ekf.diagnosis.hypotheses.wander import standing_still, walk_of
+from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.effects.catalogue import GRID, WANDERING
@@ -57,7 +57,7 @@ def _figures(prepared: Prepared, fit: Fit) -> Performance:
         return found
     # Nobody foretells a walk. Far ahead the friction that was usual may be nearer than where it is now, and is at hand.
     alone = fit.model.effects.ids == (*prepared.base.model.effects.ids, WANDERING.id)
-    less = performance(prepared, prepared.base if alone else fit.without(WANDERING.id))
+    less = performance(prepared, prepared.base if alone else without_walk(fit))
     figures = found.figures | {"free_run_rms_rpm": less.figures["free_run_rms_rpm"]}
     followed, usual = found.figures["horizon_20s_rms_rpm"], less.figures["horizon_20s_rms_rpm"]
     figures["horizon_20s_rms_rpm"] = min(followed, usual) if followed and usual else usual
@@ -71,18 +71,18 @@ def foretold_better(prepared: Prepared, fit: Fit) -> float:
     Each from those before it, beside the model without the walk at its own noises, which may take dry friction to be as
     uncertain where the record begins: one knows no more of it than the other.
     """
-    part, rate = by_fit_part(prepared, fit), walk_of(fit)
-    model, off = standing_still(part)
-    less = by_fit_part(prepared, fit.without(WANDERING.id))
-    likelier = 0.0
-    for way, own, steps in ((part, model, rate or 0.0), (less, less.model, 0.0)):
+    part, less = by_fit_part(prepared, fit), by_fit_part(prepared, without_walk(fit))
+    walk = walk_of(part)
+    assert walk is not None
+
+    def value(way: Fit, model: Model, rate: float) -> float:
         record = prepared.record.along(way.trajectory)
         course = record.course.only(~prepared.base.omit)
-        run = run_frozen(course, own, way.noise, record.constants, walk=(steps, off))
+        run = run_frozen(course, model, way.noise, record.constants, walk=(rate, walk.spread))
         held = prepared.split.heldout & np.isfinite(run.innovation_rad_s)
-        value = -0.5 * float(np.sum(run.nis[held] + np.log(run.innovation_variance[held])))
-        likelier += value if way is part else -value
-    return likelier
+        return -0.5 * float(np.sum(run.nis[held] + np.log(run.innovation_variance[held])))
+
+    return value(part, walk.model, walk.rate) - value(less, less.model, 0.0)
 
 
 def by_fit_part(prepared: Prepared, fit: Fit) -> Fit:
@@ -99,18 +99,16 @@ def performance_read(prepared: Prepared, corrected: Prepared, fit: Fit, lattice:
 
 
 def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Performance:
-    record, split, model, noise, walk = prepared.record, prepared.split, fit.model, fit.noise, None
-    rate = walk_of(fit)
-    if rate is not None:  # nobody foretells a walk: it is followed, and what lies ahead is as it last was
-        model, off = standing_still(fit)
-        walk = rate, off
+    record, split, noise, walk = prepared.record, prepared.split, fit.noise, walk_of(fit)
+    model = fit.model if walk is None else walk.model  # a walk is followed, and what lies ahead is as it last was
     if lattice is not None:  # of the readings as they were read, as a filter with this model is told
         variance = lattice.noise_rad_s**2 + GRID.variance(lattice.grid_rad_s)
         noise = Noise(variance, noise.ratio * noise.variance / variance)
     inertia_kg_m2 = prepared.setup.inertia_kg_m2
     record = record.along(fit.trajectory)
     course = record.course.only(~prepared.base.omit)
-    run = run_frozen(course, model, noise, record.constants, walk=walk)
+    follows = None if walk is None else (walk.rate, walk.spread)
+    run = run_frozen(course, model, noise, record.constants, walk=follows)
     free = _free_run(record, model, run.states, split.block)
     observed = _observed_acceleration(record, model, noise, prepared.base)
     if walk is not None:
@@ -244,9 +242,7 @@ def percent_better(before: dict[str, Any], after: dict[str, Any]) -> float | Non
 
 def telling_figure(before: dict[str, Any], after: dict[str, Any]) -> str | None:
     """Which figure is compared: the free run; 20 s ahead where there is none, or a walk leaves it as it was."""
-    for key in ("free_run_rms_rpm", "horizon_20s_rms_rpm"):
-        if before.get(key) is not None:
-            is_left = key == "free_run_rms_rpm" and before is not after and before[key] == after.get(key)
-            if not is_left:
-                return key if after.get(key) is not None else None
-    return None
+    free = before.get("free_run_rms_rpm")
+    is_left = before is not after and free == after.get("free_run_rms_rpm")
+    key = "horizon_20s_rms_rpm" if free is None or is_left else "free_run_rms_rpm"
+    return None if before.get(key) is None or after.get(key) is None else key

@@ -152,8 +152,8 @@ def _finding(
     if window.along == "speed":  # no more than was compared
         low = max(low, FAST_STRIBECK_SPEEDS * facts.stribeck_speed_rad_s)
         high = min(high, facts.top_speed_rad_s)
-    sizes = _sizes if source == "torque" else _reading_sizes
-    inside, elsewhere = sizes(fit, window.inside, used)
+    sizes = _sizes(fit, window.inside) if source == "torque" else _reading_sizes(fit, window.inside, used)
+    inside, elsewhere = sizes
     if inside <= elsewhere:
         return None
     return NoiseFinding(window.along, low, high, inside, elsewhere, together, source)
@@ -240,7 +240,7 @@ def _reading_sizes(fit: Fit, inside: BoolArray, used: BoolArray) -> tuple[float,
     return sigma * float(np.sqrt(np.mean(there**2))), sigma * float(np.sqrt(np.mean(elsewhere**2)))
 
 
-def _sizes(fit: Fit, inside: BoolArray, used: BoolArray) -> tuple[float, float]:
+def _sizes(fit: Fit, inside: BoolArray) -> tuple[float, float]:
     """The likeliest torque noise in a window and elsewhere [rad/s per sqrt(s)], the readings' noise at its best."""
     from scipy.optimize import minimize
 

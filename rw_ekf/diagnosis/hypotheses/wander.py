@@ -48,32 +48,38 @@ def pieces(prepared: Prepared) -> list[Term]:
     return [Term.of(WANDERING, WANDERING.piece(float(a), float(b))) for a, b in pairwise(knots)]
 
 
-def walk_of(fit: Fit) -> float | None:
-    """By how much dry friction walks in a fit [rad/s^2 per sqrt(s)], where it has pieces of a walk; else None."""
-    found = [term for term in fit.model.of(WANDERING.id) if not term.settled]
-    if len(found) < 2:
+@dataclass(frozen=True)
+class Walk:
+    """A dry friction that walks, as it is carried on: nobody foretells the line that it took."""
+
+    rate: float  # rad/s^2 per sqrt(s)
+    model: Model  # without it, dry friction as it was on average over the record
+    spread: float  # by which it was off that [rad/s^2]
+
+
+def walk_of(fit: Fit) -> Walk | None:
+    """The walk of a fit that has pieces of one; None of any other."""
+    terms = [term for term in fit.model.of(WANDERING.id) if not term.settled]
+    if len(terms) < 2:
         return None
+    lengths = np.array([term.shape[2] for term in terms])
+    steps = np.array([term.values[0] for term in terms]) * lengths
     if fit.prior is not None and WANDERING.id in fit.prior.effect_ids:
         at = STATE_SIZE + fit.prior.effect_ids.index(WANDERING.id)
-        return float(fit.prior.std[at]) * math.sqrt(found[0].shape[2])
-    steps = [term.values[0] * math.sqrt(term.shape[2]) for term in found]
-    return math.sqrt(math.fsum(step**2 for step in steps) / len(steps))
+        rate = float(fit.prior.std[at]) * math.sqrt(lengths[0])
+    else:
+        rate = math.sqrt(float(np.mean(steps**2 / lengths)))
+    middle = np.cumsum(steps) - 0.5 * steps
+    level = float(np.average(middle, weights=lengths))
+    spread = math.sqrt(float(np.average((middle - level) ** 2, weights=lengths)))
+    dry = fit.model.parameters
+    usual = dry._replace(coulomb=dry.coulomb + level, static=dry.static + level)
+    return Walk(rate, replace(fit.model.without(WANDERING.id), parameters=usual), spread)
 
 
-def standing_still(fit: Fit) -> tuple[Model, float]:
-    """The model of a fit with a walk without it, dry friction as it was on average; and its deviation from that.
-
-    The mean level [rad/s^2] of the broken line over the record goes to Coulomb and break-away friction.
-    """
-    terms = [term for term in fit.model.of(WANDERING.id) if not term.settled]
-    ends = np.cumsum([0.0, *(term.values[0] * term.shape[2] for term in terms)])
-    weights = np.array([term.shape[2] for term in terms])
-    middle = 0.5 * (ends[1:] + ends[:-1])
-    level = float(middle @ weights / weights.sum())
-    spread = math.sqrt(float((middle - level) ** 2 @ weights / weights.sum()))
-    model, dry = fit.model.without(WANDERING.id), fit.model.parameters
-    parameters = dry._replace(coulomb=dry.coulomb + level, static=dry.static + level)
-    return replace(model, parameters=parameters), spread
+def without_walk(fit: Fit) -> Fit:
+    """A fit without its walk, if it has one."""
+    return fit if walk_of(fit) is None else fit.without(WANDERING.id)
 
 
 def followed_finely(fit: Fit) -> Float64Array | None:

@@ -11,7 +11,7 @@ from rw_ekf.diagnosis.checks.checks import Check
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.hypotheses.selection import Selection
-from rw_ekf.diagnosis.hypotheses.wander import followed_finely, standing_still, walk_of
+from rw_ekf.diagnosis.hypotheses.wander import followed_finely, walk_of
 from rw_ekf.diagnosis.ledger.ledger import Ledger
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
@@ -103,13 +103,13 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
     covariance = fit.likelihood.covariance[:known, :known]
     covariance = 0.5 * (covariance + covariance.T)
     variance = fit.noise.variance
-    model, rate = fit.model, walk_of(fit)
-    if rate is not None:
-        model, off = standing_still(fit)
+    walk = walk_of(fit)
+    model = fit.model if walk is None else walk.model
+    if walk is not None:
         kept = [*range(PARAMETER_COUNT)]
         kept += [i for term, at in fit.model.placed if term.id != WANDERING.id for i in range(at.start, at.stop)]
         covariance = covariance[np.ix_(kept, kept)]
-        covariance[COULOMB - 1 : STATIC, COULOMB - 1 : STATIC] += off**2  # the two walk as one
+        covariance[COULOMB - 1 : STATIC, COULOMB - 1 : STATIC] += walk.spread**2  # the two walk as one
     effects, covariance = carried(model, covariance)
     stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))[PARAMETER_COUNT:]
     return WheelModel(
@@ -119,7 +119,7 @@ def model_of_fit(fit: Fit, prepared: Prepared) -> WheelModel:
         stribeck_law=LAW_NAMES[fit.model.stribeck.law],
         speed_noise_rad_s=float(np.sqrt(variance)),
         acceleration_noise=float(np.sqrt(fit.noise.ratio * variance / prepared.course.period_s)),
-        dry_walk=rate,
+        dry_walk=None if walk is None else walk.rate,
         inertia_kg_m2=prepared.setup.inertia_kg_m2,
         inertia_is_assumed=prepared.setup.inertia_from == ASSUMED,
         source={

@@ -182,9 +182,9 @@ def _gain(found: Found, name: str, before: Performance, after: Performance) -> f
 def _described(fit: Fit, name: str) -> dict[str, Any]:
     """`parameters` of a candidate that was fitted, with standard deviations; the strongest term of several first."""
     found: dict[str, Any] = {}
-    rate = walk_of(fit) if name == WANDERING.id else None
-    if rate is not None:
-        return {"walk_rad_s2_per_sqrt_s": {"value": rate, "std": None, "unit": "rad/s^2/sqrt(s)"}}
+    walk = walk_of(fit) if name == WANDERING.id else None
+    if walk is not None:
+        return {"walk_rad_s2_per_sqrt_s": {"value": walk.rate, "std": None, "unit": "rad/s^2/sqrt(s)"}}
     terms = sorted(fit.terms_of(name), key=lambda item: -item.term.size)
     for count, item in enumerate(terms, start=1):
         parameters = dict(item.term.described(item.covariance))

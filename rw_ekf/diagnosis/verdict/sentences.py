@@ -13,10 +13,10 @@ from rw_ekf.diagnosis.checks.heldout import telling_figure
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
 from rw_ekf.diagnosis.hypotheses.laws import has_laws
 from rw_ekf.diagnosis.hypotheses.selection import Selection
-from rw_ekf.diagnosis.hypotheses.wander import walk_of
+from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.investigate.found import Found
 from rw_ekf.diagnosis.verdict.reading import readings
-from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
+from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit, FittedTerm
 from rw_ekf.model.effect import RecordFacts
 from rw_ekf.model.effect_kinds import WanderingEffect
@@ -42,8 +42,7 @@ def measured_by_little(found: Found, names: list[str]) -> str:
             f" The held-out error is no measure of {', '.join(unjudged)}: either part of this record alone knows too"
             " little of the numbers to predict the other."
         )
-    final = found.selection.final
-    excess = for_want_of_knowledge(found.prepared, final if walk_of(final) is None else final.without(WANDERING.id))
+    excess = for_want_of_knowledge(found.prepared, without_walk(found.selection.final))
     if excess < _BLURRED:
         return ""
     return (
@@ -68,9 +67,9 @@ def sentence_of(fit: Fit, name: str, facts: RecordFacts) -> str:
     """What was found of one effect, its size as a share of the friction that the final model has."""
     facts = replace(facts, friction=fit.model.parameters)
     effect, terms = CATALOGUE[name], fit.terms_of(name)
-    rate = walk_of(fit) if issubclass(effect, WanderingEffect) else None
-    if issubclass(effect, WanderingEffect) and rate is not None:
-        return effect.sentence_of_pieces([item.term for item in terms], rate, facts)
+    walk = walk_of(fit)
+    if issubclass(effect, WanderingEffect) and walk is not None:
+        return effect.sentence_of_pieces([item.term for item in terms], walk.rate, facts)
     if effect.repeats:
         terms.sort(key=lambda item: -item.term.size)
     return "; ".join(item.term.sentence(item.covariance, facts) + _as_read(item) for item in terms)
