@@ -68,6 +68,8 @@ def read_own_formulas(path: str | None) -> list[OwnFormula]:
 
 def read_own_effects(path: str | None, model: WheelModel | None) -> list[type[OwnEffect]]:
     """The same as effects of the estimator. Raises ConfigError too where the model has another of one id."""
+    if path is None:
+        return []
     from rw_ekf.effects.own_effect import effect_of
     from rw_ekf.errors import ConfigError
 

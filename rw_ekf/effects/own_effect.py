@@ -38,7 +38,6 @@ _SHOWN = {"omega": "speed", "current": "current", "temperature": "temperature", 
 class OwnEffect(FormulaEffect):
     """What effects by formulas share; `effect_of` makes one of each formula."""
 
-    formula: ClassVar[OwnFormula]
     tree: ClassVar[Node]  # of a drag where the formula is that of a viscous friction
 
     @classmethod

@@ -18,11 +18,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
 from rw_ekf.model.friction import FrictionCurve
 from rw_ekf.model.law import ActsAs
+
+if TYPE_CHECKING:
+    from rw_ekf.checking.effect_file import OwnFormula
 
 # current [A], external [rad/s^2], viscous [1/s], viscous_factor [-], dry_factor [-], dry [rad/s^2]
 Contribution = tuple[float, float, float, float, float, float]
@@ -145,6 +148,7 @@ class ReadingEffect(Effect):
 class FormulaEffect(StaticEffect):
     """An effect that a user wrote down: it enters by a program, as a learned law does, and is none of the compiled."""
 
+    formula: ClassVar[OwnFormula]
     acts_by: ClassVar[ActsAs]  # drag, torque or motor_gain
 
     @classmethod

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -141,7 +142,7 @@ class _Entry(Section):
             return one_of(CATALOGUE).func(name)  # type: ignore[call-arg]
         return name
 
-    @property
+    @cached_property
     def _kind(self) -> type[Effect]:
         if self.formula is None:
             return CATALOGUE[self.effect]

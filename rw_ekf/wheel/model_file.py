@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.checking.wording import shown
-from rw_ekf.effects.own_effect import OwnEffect
 from rw_ekf.errors import ConfigError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import changed
 from rw_ekf.model.effect import Term
+from rw_ekf.model.effect_kinds import FormulaEffect
 from rw_ekf.model.law import Law
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS, FrictionParameters
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
@@ -50,9 +50,9 @@ class WheelModel:
     inertia_is_assumed: bool = False  # it is the default, whatever passed it on
 
     @property
-    def own_effects(self) -> tuple[type[OwnEffect], ...]:
+    def own_effects(self) -> tuple[type[FormulaEffect], ...]:
         """Its effects by formulas of a user's own."""
-        return tuple(t.effect for t in self.effects.terms if issubclass(t.effect, OwnEffect))
+        return tuple(t.effect for t in self.effects.terms if issubclass(t.effect, FormulaEffect))
 
     def document(self) -> dict[str, Any]:
         """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""
@@ -105,7 +105,7 @@ def _effect_documents(term: Term) -> list[dict[str, Any]]:
                 constant.name: float(number) for constant, number in zip(effect.constants, shape, strict=False)
             },
             **({} if term.law is None else {"law": _law_document(term.law)}),
-            **({"formula": effect.formula.document()} if issubclass(effect, OwnEffect) else {}),
+            **({"formula": effect.formula.document()} if issubclass(effect, FormulaEffect) else {}),
         }
         for value, std, shape in zip(term.values, term.stds, shapes, strict=True)
     ]
