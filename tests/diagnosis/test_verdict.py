@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.checks.residual_tests import failed_tests, residual_tests
+from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.diagnosis.investigate.investigation import investigate
 from rw_ekf.diagnosis.prepare.preparation import prepare
 from rw_ekf.diagnosis.prepare.source import source_of
+from rw_ekf.diagnosis.verdict import conclude
 from rw_ekf.diagnosis.verdict.posterior import unlikely
 from rw_ekf.diagnosis.verdict.verdict import Evidence, verdict_on
 from tests.diagnosis.simulated import log_of, simulated
@@ -51,6 +54,20 @@ def test_no_effect_is_named_that_is_less_likely_than_not() -> None:
     verdict = verdict_on(Evidence(found, None, open_, figures, figures, 60.0, {}, None, [name]))
     assert (verdict.kind, verdict.effects) == ("unexplained", [])
     assert f"{name} 30 %" in verdict.statement
+
+
+def test_a_document_of_what_is_doubted_contradicts_itself_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No model, no better figures, no row of the ledger that stands, and each effect said to be unlikely."""
+    monkeypatch.setattr(conclude, "unlikely", lambda found, posterior: found.new_ids)
+    diagnosis = diagnose_log(log_of(simulated(["quadratic_drag"], seed=5)))
+    document = diagnosis.document()
+    assert document["verdict"]["kind"] == "unexplained"
+    assert "less likely than not" in document["verdict"]["statement"]
+    assert "not significant" not in document["verdict"]["statement"]
+    assert (diagnosis.model, document["model"], document["parameters"]["after"]) == (None, None, None)
+    assert document["after"] == document["before"]
+    assert not any(row["stands"] for row in document["ledger"])
+    assert "added" not in {one["decision"] for one in document["candidates"]}
 
 
 def test_no_sentence_stands_against_a_test_of_its_own_document() -> None:

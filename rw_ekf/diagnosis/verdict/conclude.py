@@ -71,11 +71,11 @@ def judgement(found: Found, advance: Advance) -> Judged:
     failed = failed_tests(tests)
     posterior = posterior_of(found, weighed, lattice, noise, min(failed.values(), default=1.0))
     doubted = [] if found.is_unexplained or lattice is not None else unlikely(found, posterior)
-    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed, noise.sentence, doubted))
+    reason = Reason.NOT_LIKELY if doubted else Reason.PARTIAL if found.is_unexplained else Reason.ADDED
     for name in found.new_ids:
-        reason = Reason.NOT_LIKELY if doubted else Reason.PARTIAL if found.is_unexplained else Reason.ADDED
         selection = selection.decided(name, Decision(reason))
     found = replace(found, selection=selection)
+    verdict = verdict_on(Evidence(found, lattice, posterior, before, after, heldout_s, failed, noise.sentence, doubted))
     advance("writing the model")
     model = augmented_model(found, lattice) if is_better and not doubted else None
     refusal = None if model is None else refusal_of(model)

@@ -39,6 +39,7 @@ def document_of(judged: Judged) -> dict[str, Any]:
     found, verdict = judged.found, judged.verdict
     prepared, base = found.prepared, found.selection.base
     course, noise, in_rpm = prepared.record.course, judged.noise, prepared.in_rpm
+    stands = None if found.new_ids and not judged.is_better else found.fit
     usual = with_open_stribeck_speed(with_open_noise(base), prepared.facts)
     return {
         "schema": SCHEMA,
@@ -55,7 +56,7 @@ def document_of(judged: Judged) -> dict[str, Any]:
         "model": MODEL_FILE if judged.model is not None else None,
         **inertia_document(prepared.setup),
         "explanations": explanation_entries(found, surviving(found, judged.weighed)),
-        "ledger": found.ledger.document(None if found.is_unexplained else found.fit),
+        "ledger": found.ledger.document(None if found.is_unexplained else stands),
         "ended": ended(course, found.fit.trajectory.speed, with_temperature=prepared.temperature_is_logged),
         "map": [
             {"dependence": d.name, "statistic": d.statistic, "degrees_of_freedom": d.freedom, "p_value": d.p_value}

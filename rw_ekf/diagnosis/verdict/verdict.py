@@ -56,27 +56,33 @@ class Evidence:
 
 def verdict_on(shown: Evidence) -> Verdict:
     """What is said of a record, from what was found in it."""
-    if shown.found.is_unexplained:
-        return Verdict("unexplained", posterior=shown.posterior, statement=_of_no_catalogue(shown.found))
-    if shown.doubted or (shown.lattice is None and not shown.found.new_ids and _lacks_something(shown.posterior)):
-        doubts = _doubts(shown.found.selection, shown.posterior)
-        text = f"This log wants more than the model, and does not settle what: {doubts}; the residual itself looks like"
-        text += f" noise of {noise_text(shown.found)}."
-        return Verdict("unexplained", posterior=shown.posterior, statement=text)
-    if shown.found.new_ids or shown.lattice is not None:
+    found, elsewhere = shown.found, shown.posterior.get(SOMETHING_ELSE, 0.0)
+    named = bool(found.new_ids) or shown.lattice is not None
+    if found.is_unexplained:
+        text = _of_no_catalogue(found)
+    elif shown.doubted or (not named and _lacks_something(shown.posterior)):
+        text = (
+            "This log wants more than the model, and does not settle what: "
+            f"{_doubts(found.selection, shown.posterior)}; the residual itself looks like noise of {noise_text(found)}."
+        )
+    elif named:
         return _effect(shown)
-    if shown.failed:
+    elif shown.failed:
         beside = "" if shown.noisy is None else f"; and {shown.noisy}"
-        text = f"What is left is not noise: {_told(shown.failed)}{beside}. No effect of the catalogue explains it;"
-        text += " the estimates may be off by more than their sigmas say."
-        return Verdict("unexplained", posterior=shown.posterior, statement=text)
-    if shown.noisy is not None and shown.posterior.get(SOMETHING_ELSE, 0.0) > 0.5:
+        text = (
+            f"What is left is not noise: {_told(shown.failed)}{beside}. No effect of the catalogue explains it; the "
+            "estimates may be off by more than their sigmas say."
+        )
+    elif shown.noisy is not None and elsewhere > 0.5:
         text = f"What is left is not noise as it should be: {shown.noisy}. No effect of the catalogue explains it."
-        return Verdict("unexplained", posterior=shown.posterior, statement=text)
-    if shown.posterior.get(SOMETHING_ELSE, 0.0) > 0.5:
-        text = "Something that is in no catalogue is likelier behind this log than the model alone; see the map of the"
-        return Verdict("unexplained", posterior=shown.posterior, statement=f"{text} residual.")
-    return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
+    elif elsewhere > 0.5:
+        text = (
+            "Something that is in no catalogue is likelier behind this log than the model alone; see the map of the "
+            "residual."
+        )
+    else:
+        return Verdict("adequate", posterior=shown.posterior, statement=_adequate(shown))
+    return Verdict("unexplained", posterior=shown.posterior, statement=text)
 
 
 def _of_no_catalogue(found: Found) -> str:
