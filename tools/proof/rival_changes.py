@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 from tools.proof.rival_terms import Rows, Terms
 
 _ROUNDS = 10  # of thresholding
@@ -32,6 +32,7 @@ class Blocks:
         return float(np.nanmax(speed))
 
 
+@by_identity
 class Normal(NamedTuple):
     """Normal equations of a regression, the columns scaled to a mean square of one."""
 

@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, by_identity
 
 GRID = 2001  # speeds of a friction table
 _LONGEST_S, _FEWEST, _MOST = 2.5e-3, 4, 12  # of a step, and how many between two rows
 _FAR = 20.0  # top speeds: a run that is further away has run off, and stays there
 
 
+@by_identity
 class Driven(NamedTuple):
     """What acts between a row and the next, (n,) each: for `early_s` by the drive before, then by the row's own."""
 
@@ -31,6 +32,7 @@ class Driven(NamedTuple):
     late_slope: Float64Array
 
 
+@by_identity
 class Friction(NamedTuple):
     """Friction over |omega| from 0 to top [rad/s^2], (GRID,), for each direction.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import BSpline
 
-from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.arrays import Float64Array, Int64Array, by_identity
 from rw_ekf.logs.wheel_log import WheelLog
 from tools.proof.rival_run import GRID, Driven, Friction
 
@@ -21,6 +21,7 @@ HARMONICS = 12  # of the angle, where it is logged
 _NEAR = 1.0e-4  # of the range of speeds: what a spline's slope at its ends is taken over
 
 
+@by_identity
 class Rows(NamedTuple):
     """A log as rivals take it, (n,) each, SI."""
 
@@ -56,7 +57,7 @@ class Rows(NamedTuple):
 Acting = Callable[[Rows, Float64Array], Float64Array]
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Terms:
     """Terms in the order of their coefficients: acting, multiplied by the speed, laws of the speed."""
 
