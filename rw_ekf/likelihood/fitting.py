@@ -27,10 +27,12 @@ from rw_ekf.likelihood.one_step import Record, Trajectory
 from rw_ekf.likelihood.phase_particles import LostAngle
 from rw_ekf.likelihood.profile import Likelihood, likelihood, value_of
 from rw_ekf.model.effect import RecordFacts, Term, size_of
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, STATIC
 
 _SKETCH_TURNS = 3
 _NEARLY_AS_LIKELY, _SAME_PLACE = 3.0, 0.5  # log-likelihood, and standard deviations, between two sketches
 _STANDSTILL_TURNS = 10
+_BELOW_SIGMAS = 2.0  # that break-away friction may lie below Coulomb friction by chance
 _COMPARABLE = 6.0  # log-likelihood: along different trajectories values differ by that for no reason
 ROOM_SIGMAS = 2.0  # by which an effect may be larger than it was found
 _LOOSER = 3.0  # than the whole record knows it, a part takes the size of an event over
@@ -77,6 +79,14 @@ class Fit:
         """Standard deviations of the model's vector."""
         return np.sqrt(np.maximum(np.diag(self.likelihood.covariance), 0.0))
 
+    @property
+    def below_coulomb(self) -> float:
+        """By how many standard deviations break-away friction lies below Coulomb friction."""
+        known, apart = self.model.parameters, np.zeros(self.model.vector.size)
+        apart[[COULOMB - MOTOR_GAIN, STATIC - MOTOR_GAIN]] = 1.0, -1.0
+        variance = float(apart @ self.likelihood.covariance @ apart)
+        return (known.coulomb - known.static) / math.sqrt(max(variance, 1.0e-300))
+
     def refitted(self, model: Model, least_gain: float = -math.inf) -> Fit:
         """Another model fitted to the same part of the record, from where this one stands; each model once.
 
@@ -91,7 +101,8 @@ class Fit:
                 sketch, least = self._sketches.get(model), self.likelihood.value + least_gain
                 begun = None if sketch is None else Optimum(sketch.model, sketch.likelihood, sketch.linearised)
                 start = Start(model, self.trajectory, self.noise)
-                self._refits[model] = _fit_of(self.problem, optimum_of(self.problem, start, begun=begun, least=least))
+                found = optimum_of(self.problem, start, begun=begun, least=least)
+                self._refits[model] = _breaking_away(_fit_of(self.problem, found))
         return self._refits[model]
 
     def _turns_with(self, model: Model) -> bool:
@@ -256,6 +267,21 @@ class Fit:
 def fit_model(problem: Problem, start: Start, turns: int = TURNS) -> Fit:
     """A model fitted to the highest likelihood, from a start that need not be near."""
     return _fit_of(problem, optimum_of(problem, start, turns))
+
+
+def _breaking_away(fit: Fit) -> Fit:
+    """The fit; where it breaks away below Coulomb friction, a likelier one begun from where the two are one.
+
+    No bearing takes less to start than to keep going. A model that lacks something may say so, and leave break-away
+    friction near nothing; on a record that hardly rests no single step leads from there to where it belongs, even once
+    the model lacks nothing any more.
+    """
+    if fit.below_coulomb <= _BELOW_SIGMAS:
+        return fit
+    known = fit.model.parameters
+    model = replace(fit.model, parameters=known._replace(static=known.coulomb))
+    other = _fit_of(fit.problem, optimum_of(fit.problem, Start(model, fit.trajectory, fit.noise)))
+    return max(fit, other, key=lambda item: item.likelihood.value)
 
 
 def _fit_of(problem: Problem, found: Optimum) -> Fit:

@@ -19,11 +19,12 @@ from rw_ekf.likelihood.gauss_newton import Start
 from rw_ekf.likelihood.model import Model
 from rw_ekf.likelihood.one_step import Trajectory
 from rw_ekf.model.effect import Term
-from rw_ekf.model.state import FrictionParameters
+from rw_ekf.model.state import CK13_STATISTICAL, FrictionParameters
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.diagnosis import simulated as plant
 from tests.diagnosis.simulated import fitted, record_of, simulated
 from tools.proof.marks import case_called
+from tools.proof.nameless import Nameless
 from tools.proof.plants import log_of, run_of
 
 
@@ -80,6 +81,17 @@ def test_a_verdict_that_names_nothing_says_what_speaks_against_it() -> None:
     assert verdict["posterior"]["none"] < 0.5
     assert "the probability that nothing is missing is" in verdict["statement"]
     assert "quadratic_drag is not significant" in verdict["statement"]
+
+
+def test_a_break_away_that_was_lost_is_found_again() -> None:
+    """A wheel that passes zero and never rests, from a fit that says it takes nothing to start."""
+    case = Nameless("healthy", 11)
+    base = prepare(source_of([case.log()]), None, None, "blocks").base
+    lost = replace(base.model, parameters=base.model.parameters._replace(static=-0.003))
+    fit = base.refitted(lost)
+    assert fit.below_coulomb < 2.0
+    assert fit.likelihood.value > base.likelihood.value - 1.0
+    assert abs(fit.model.parameters.static - CK13_STATISTICAL.static) < 3.0 * fit.std[3]
 
 
 @pytest.mark.slow

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-
-import numpy as np
 
 from rw_ekf.diagnosis.checks.confirmation import veto
 from rw_ekf.diagnosis.checks.cross_fit import disputed_share
@@ -21,7 +18,6 @@ from rw_ekf.diagnosis.thresholds import LAW_GAINS, LEAST_SIGMAS, MOST_DISPUTED, 
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.model.effect_kinds import LawEffect, StribeckEffect
-from rw_ekf.model.state import COULOMB, STATIC
 
 
 @dataclass(frozen=True)
@@ -79,13 +75,8 @@ def of_size(search: Search, fit: Fit, name: str) -> Iterator[Check]:
 
 def _breaks_away(fit: Fit, name: str) -> Check:
     """Whether a wheel of another Stribeck curve takes no less to start than to keep going, as far as that is known."""
-    known = fit.model.parameters
-    apart = np.zeros(fit.std.size)
-    apart[[COULOMB - 1, STATIC - 1]] = 1.0, -1.0
-    std = math.sqrt(max(float(apart @ fit.likelihood.covariance @ apart), 1.0e-300))
-    below = (known.coulomb - known.static) / std
-    why = _unless(below <= LEAST_SIGMAS, Reason.IMPOSSIBLE)
-    return Check("break-away below Coulomb friction, sigmas", name, below, LEAST_SIGMAS, why)
+    why = _unless(fit.below_coulomb <= LEAST_SIGMAS, Reason.IMPOSSIBLE)
+    return Check("break-away below Coulomb friction, sigmas", name, fit.below_coulomb, LEAST_SIGMAS, why)
 
 
 def _of_possible_size(search: Search, fit: Fit, name: str) -> Check:
