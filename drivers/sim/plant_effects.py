@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import ClassVar
 
-from rw_ekf.drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
+from rw_ekf.drivers.sim.plant_parameters import STRIBECK_LAWS, TEMPERATURE_LAWS, PlantParameters
 from rw_ekf.units import RAD_S_PER_RPM
 
 
@@ -70,11 +70,18 @@ class CubicDrag(PlantEffect):
 
 @dataclass(frozen=True)
 class ViscousTemperature(PlantEffect):
-    """b(T) = b (1 + slope (T - 20 degC)): thinner lubricant when warm."""
+    """b(T) = b (1 + slope (T - 20 degC)), or b exp(slope (T - 20 degC)): thinner lubricant when warm."""
 
     id = "viscous_temperature"
     fills = ("viscous_temperature_1_K",)
     slope_1_K: float = -0.02
+    law: str = "linear"
+
+    def applied_to(self, parameters: PlantParameters) -> PlantParameters:
+        """Set slope and law. Raises ValueError for an unknown law."""
+        if self.law not in TEMPERATURE_LAWS:
+            raise ValueError(f"viscous_temperature: unknown law {self.law!r}; one of {', '.join(TEMPERATURE_LAWS)}")
+        return super().applied_to(parameters)._replace(viscous_temperature_law=TEMPERATURE_LAWS[self.law])
 
 
 @dataclass(frozen=True)

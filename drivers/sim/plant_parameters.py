@@ -8,6 +8,7 @@ from rw_ekf.units import RAD_S_PER_RPM
 
 REFERENCE_TEMPERATURE_DEGC = 20.0  # where the temperature effects vanish
 STRIBECK_LAWS = {"gauss": 0.0, "tustin": 1.0, "lorentz": 2.0}
+TEMPERATURE_LAWS = {"linear": 0.0, "exponential": 1.0}
 FINE_STEP_S = 2.0e-4  # the reference step
 QUICK_STEP_S = 5.0e-4  # the step where processor time counts more than the last 0.0001 rpm
 
@@ -29,6 +30,7 @@ class PlantParameters(NamedTuple):
     cubic_drag_s_rad2: float = 0.0
     # relative to 20 degC
     viscous_temperature_1_K: float = 0.0
+    viscous_temperature_law: float = 0.0  # a value of TEMPERATURE_LAWS
     coulomb_temperature_1_K: float = 0.0
     motor_gain_temperature_1_K: float = 0.0
     # motor

@@ -106,7 +106,8 @@ def dry_friction(p: PlantParameters, speed_rad_s: float, shift_rad_s2: float) ->
 
 def drag(p: PlantParameters, speed_rad_s: float, temperature_degC: float) -> float:
     """Signed friction that vanishes at rest [rad/s^2]: viscous, asymmetry, windage, cubic, and the bump."""
-    viscous = p.viscous * (1.0 + p.viscous_temperature_1_K * (temperature_degC - REFERENCE_TEMPERATURE_DEGC))
+    warmer = p.viscous_temperature_1_K * (temperature_degC - REFERENCE_TEMPERATURE_DEGC)
+    viscous = p.viscous * (1.0 + warmer if p.viscous_temperature_law == 0.0 else math.exp(min(warmer, 700.0)))
     size = abs(speed_rad_s)
     total = (
         speed_rad_s * (viscous + size * (p.quadratic_drag_1_rad + p.cubic_drag_s_rad2 * size)) + p.asymmetry_1_s * size

@@ -34,6 +34,7 @@ class Coefficient(NamedTuple):
     step: float = 0.0  # in place of the share where the zero is arbitrary, as that of a time is
     reach: float = 0.0
     whole: bool = False  # a code
+    optional: bool = False  # 0 where a model file lacks it
 
     def step_at(self, value: float) -> float:
         """By how much it is moved for a slope."""
@@ -102,7 +103,7 @@ class Effect(ABC):
     clocked: ClassVar[bool] = False  # periodic in time: its many frequencies are screened before they are scored
     refined: ClassVar[tuple[int, ...]] = ()  # shape constants that are fitted on from where the search found them
     of_one_record: ClassVar[bool] = False  # tied to the clock of the record it was found in
-    linear: ClassVar[bool] = True  # contribution proportional to the coefficient: any start will do
+    linear: ClassVar[bool] = True  # contribution proportional to the coefficient where it is small: any start will do
     analytic: ClassVar[bool] = True  # the flow gives its slope
     in_state: ClassVar[bool] = True  # False: no filter can learn it sample by sample
     shown_against: ClassVar[str] = ""  # the quantity of the report's picture that it is a function of

@@ -52,8 +52,13 @@ class StaticEffect(Effect):
         cls, a: float, q1: float, q2: float, q3: float,
         omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
     ) -> Contribution:  # fmt: skip
-        """Their derivatives by the coefficient: of a linear effect the contributions of a = 1."""
+        """Their derivatives by the coefficient; the contributions of a = 1 where they are proportional to it."""
         return cls.contribution(1.0, q1, q2, q3, omega, current, temperature, angle, time, duration)
+
+    @classmethod
+    def is_proportional(cls) -> bool:
+        """Whether the contributions are proportional to the coefficient, so that `slope` is none of its own."""
+        return "slope" not in {name for kind in cls.__mro__[: cls.__mro__.index(StaticEffect)] for name in vars(kind)}
 
 
 class WanderingEffect(StaticEffect):

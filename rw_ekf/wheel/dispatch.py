@@ -68,11 +68,12 @@ CURRENT_EFFECTS = of_kind(CurrentEffect)
 MEMORY_EFFECTS = of_kind(FrictionMemoryEffect)
 
 contribution = _choice("contribution", _STATIC_ARGUMENTS, [effect.contribution for effect in STATIC_EFFECTS])
-contribution_slope = _choice(  # of a linear effect the contribution of a = 1
+_PROPORTIONAL = [effect.is_proportional() for effect in STATIC_EFFECTS]
+contribution_slope = _choice(  # of a proportional effect the contribution of a = 1
     "contribution_slope",
     _STATIC_ARGUMENTS,
-    [effect.contribution if effect.linear else effect.slope for effect in STATIC_EFFECTS],
-    [_STATIC_ARGUMENTS.replace("a,", "1.0,", 1) if effect.linear else _STATIC_ARGUMENTS for effect in STATIC_EFFECTS],
+    [e.contribution if simply else e.slope for e, simply in zip(STATIC_EFFECTS, _PROPORTIONAL, strict=True)],
+    [_STATIC_ARGUMENTS.replace("a,", "1.0,", 1) if simply else _STATIC_ARGUMENTS for simply in _PROPORTIONAL],
 )
 lagged = _choice("lagged", _LAG_ARGUMENTS, [effect.lagged for effect in CURRENT_EFFECTS])
 memory_flow = _choice("memory_flow", _FLOW_ARGUMENTS, [effect.flow for effect in MEMORY_EFFECTS])
@@ -82,7 +83,7 @@ MODULES: list[ModuleType] = [*catalogue.MODULES, memory_coast_home, memory_flow_
 JITABLE: list[Callable[..., Any]] = [
     *(function for effect in MEMORY_EFFECTS for function in _called_by(effect)),
     *(effect.contribution for effect in STATIC_EFFECTS),
-    *(effect.slope for effect in STATIC_EFFECTS if not effect.linear),
+    *(effect.slope for effect, simply in zip(STATIC_EFFECTS, _PROPORTIONAL, strict=True) if not simply),
     *(effect.lagged for effect in CURRENT_EFFECTS),
     *(effect.flow for effect in MEMORY_EFFECTS),
 ]

@@ -177,7 +177,7 @@ class _Entry(Section):
     def _fault(self, constant: Coefficient) -> str | None:
         value = self.constants.get(constant.name)
         if value is None:
-            return "is missing"
+            return None if constant.optional else "is missing"
         if not constant.lower <= value <= constant.upper:
             return f"is {value:g}; {constant.name} allows {constant.lower:g} to {constant.upper:g}"
         if constant.whole and value != round(value):
@@ -188,7 +188,7 @@ class _Entry(Section):
     def term(self) -> Term:
         """The same as a filter has it."""
         effect = self._kind
-        numbers = [self.constants[constant.name] for constant in effect.constants]
+        numbers = [self.constants.get(constant.name, 0.0) for constant in effect.constants]
         shape: Shape = (*numbers, 0.0, 0.0, 0.0)[:3]  # type: ignore[assignment]
         law = None if self.law is None else self.law.law(0)
         return Term(effect, (self.coefficient.value,), (self.coefficient.std,), shape, law=law)

@@ -17,6 +17,7 @@ import pytest
 from numba import njit
 
 import rw_ekf.effects
+from rw_ekf.diagnosis.hypotheses.laws import has_laws
 from rw_ekf.drivers.sim.plant_effects import EFFECTS
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_terms import (
@@ -35,7 +36,7 @@ from rw_ekf.effects.periodic import PeriodicEffect
 from rw_ekf.effects.speed_quantisation import SpeedQuantisation
 from rw_ekf.effects.stribeck_shape import StribeckShape
 from rw_ekf.errors import ConfigError
-from rw_ekf.model.effect import Effect, RecordFacts, Shape, Term
+from rw_ekf.model.effect import Candidate, Effect, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import (
     Contribution,
     CurrentEffect,
@@ -101,6 +102,8 @@ def draw_size(rng: np.random.Generator, effect: type[Effect]) -> tuple[float, Sh
     a = abs(a) if effect.coefficient.lower >= 0.0 else a
     candidates = effect.candidates(WHEEL)
     shape = candidates[int(rng.integers(len(candidates)))].shape
+    laws = effect.starts(Candidate(a, shape), a) if has_laws(effect.id) else []
+    shape = laws[int(rng.integers(len(laws)))].shape if laws else shape
     if effect.components == 2 and rng.random() < 0.5:
         shape = (shape[0], math.pi / 2.0, shape[2])
     return a, shape
@@ -130,8 +133,9 @@ def with_part(part: Contribution, at: Conditions) -> float:
 def plant_with(effect: type[Effect], a: float, shape: Shape) -> PlantParameters:
     """The simulated wheel with the effect's twin, its numbers given by name."""
     fields = {field.name for field in dataclasses.fields(EFFECTS[effect.id])}
-    numbers = {effect.coefficient.name: a}
-    numbers |= {c.name: q for c, q in zip(effect.constants, shape, strict=False) if c.name in fields}
+    numbers: dict[str, float | str | None] = {effect.coefficient.name: a}
+    described = effect.described(a, 0.0, shape)
+    numbers |= {c.name: described[c.name]["value"] for c in effect.constants if c.name in fields}
     return EFFECTS[effect.id](**numbers).applied_to(PlantParameters())
 
 
@@ -272,9 +276,10 @@ def test_slope_is_the_derivative(effect: type[StaticEffect]) -> None:
         assert effect.slope(a, *shape, *at) == pytest.approx((ahead - behind) / (2.0 * h), rel=1e-8, abs=1e-12)
 
 
-@pytest.mark.parametrize("effect", [e for e in STATIC if e.linear], ids=lambda effect: effect.id)
-def test_a_linear_effect_is_proportional(effect: type[StaticEffect]) -> None:
-    """What says it is linear contributes its coefficient times its slope, at zero coefficient nothing."""
+@pytest.mark.parametrize("effect", [e for e in STATIC if e.is_proportional()], ids=lambda effect: effect.id)
+def test_a_proportional_effect_is_its_slope(effect: type[StaticEffect]) -> None:
+    """What has no slope of its own contributes its coefficient times that of one, at zero coefficient nothing."""
+    assert effect.linear
     for a, shape, at in cases(effect):
         unit = effect.slope(a, *shape, *at)
         assert effect.contribution(a, *shape, *at) == pytest.approx([a * x for x in unit], rel=1e-13)
@@ -365,9 +370,9 @@ def test_compiled_and_plain_are_bitwise_equal(effect: type[StaticEffect]) -> Non
     compiled = njit(effect.contribution)
     for a, shape, at in cases(effect):
         assert compiled(a, *shape, *at) == effect.contribution(a, *shape, *at)
-        if effect.linear:  # its slope is no function of its own
+        if effect.is_proportional():  # its slope is no function of its own
             assert compiled(1.0, *shape, *at) == effect.slope(a, *shape, *at)
-    if not effect.linear:
+    if not effect.is_proportional():
         compiled = njit(effect.slope)
         for a, shape, at in cases(effect):
             assert compiled(a, *shape, *at) == effect.slope(a, *shape, *at)

@@ -44,7 +44,7 @@ class Found:
     nearest: Fit | None = None  # with what was named, where a law without a name is likelier
     unnamed_odds: float | None = None  # log of those of a law without a name to what was named; None: not weighed
     orders: dict[float, float] = field(default_factory=dict)  # how probable each is, of a ripple without a logged angle
-    laws: dict[str, float] = field(default_factory=dict)  # the same of an effect that may follow several
+    laws: dict[str, dict[str, float]] = field(default_factory=dict)  # of each effect that may follow several
     lattice: Lattice | None = None  # the readings' grid, where it is coarser than their noise
     corrected: Prepared | None = None  # the record without what the grid did to the readings, as it was searched
 

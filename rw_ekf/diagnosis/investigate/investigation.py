@@ -42,7 +42,7 @@ def with_widths(found: Found, advance: Advance) -> Found:
     """The same, its numbers as uncertain as what was not fitted leaves them."""
     prepared, reported = found.prepared, found.fit
     orders: dict[float, float] = {}
-    laws: dict[str, float] = {}
+    laws: dict[str, dict[str, float]] = {}
     for name in found.new_ids:
         reported = with_free_shapes(reported, name)
     reported = with_open_noise(reported) if found.new_ids else reported
@@ -55,7 +55,7 @@ def with_widths(found: Found, advance: Advance) -> Found:
             advance(f"profiling {name}")
             reported = with_profiled_widths(reported, name)
         if has_laws(name):
-            reported, laws = with_open_law(found.selection.without(name), reported, name)
+            reported, laws[name] = with_open_law(found.selection.without(name), reported, name)
     reported = with_open_stribeck_speed(reported, prepared.facts) if found.new_ids else reported
     return replace(found, reported=reported, orders=orders, laws=laws)
 

@@ -11,7 +11,7 @@ from rw_ekf.diagnosis.checks.heldout import Performance, gain_over, percent_bett
 from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_tests import left_over, residual_tests
 from rw_ekf.diagnosis.hypotheses.candidates import threshold
-from rw_ekf.diagnosis.hypotheses.laws import LAW, has_laws
+from rw_ekf.diagnosis.hypotheses.laws import LAW
 from rw_ekf.diagnosis.hypotheses.selection import Trial
 from rw_ekf.diagnosis.hypotheses.wander import walk_of
 from rw_ekf.diagnosis.investigate.found import Found
@@ -132,8 +132,8 @@ def candidate_entries(found: Found, verdict: Verdict, before: Performance, after
                 if found.orders and effect.angular:
                     odds = {f"{order:g}": probability for order, probability in found.orders.items()}
                     entry["parameters"]["order"]["probability"] = odds
-                if found.laws and has_laws(name):
-                    entry["parameters"][LAW]["probability"] = found.laws
+                if name in found.laws:
+                    entry["parameters"][LAW]["probability"] = found.laws[name]
                 entry["heldout_gain_percent"] = _gain(found, name, before, after)
             else:
                 entry["parameters"] = _tried(trial)

@@ -11,7 +11,7 @@ import numpy as np
 from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import telling_figure
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of, separates
-from rw_ekf.diagnosis.hypotheses.laws import has_laws
+from rw_ekf.diagnosis.hypotheses.laws import LAW
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.investigate.found import Found
@@ -84,9 +84,11 @@ def _as_read(item: FittedTerm) -> str:
 
 def or_another_law(found: Found, name: str) -> str:
     """Which laws an effect may follow instead, in brackets, where it has several and one is not sure."""
-    if not has_laws(name) or max(found.laws.values(), default=1.0) > _SURE:
+    laws = found.laws.get(name, {})
+    if max(laws.values(), default=1.0) > _SURE:
         return ""
-    others = [f"{law} ({chance_text(chance)})" for law, chance in [*found.laws.items()][1:]]
+    own = CATALOGUE[name].described(1.0, 1.0, found.reported.terms_of(name)[0].term.shape)[LAW]["value"]
+    others = [f"{law} ({chance_text(chance)})" for law, chance in laws.items() if law != own]
     return f" (its law may also be {', '.join(others)})" if others else ""
 
 
