@@ -96,6 +96,21 @@ def test_what_is_open_leads_to_the_experiment_that_settles_it(kind: str, first: 
     assert not any("settle" in step for step in alone)
 
 
+def test_a_walk_is_no_coefficient_and_noise_of_readings_has_its_experiment() -> None:
+    """What comes next is said of what was found: a rate that filters follow, a sensor that may be worse in places."""
+    walk = {"effect": "coulomb_drift", "decision": "added", "parameters": {"walk_rad_s2_per_sqrt_s": {"value": 0.003}}}
+    other = {"effect": "offset_torque", "decision": "added", "parameters": {"torque_rad_s2": {"value": 0.1}}}
+    alone, beside = (
+        next_steps({"verdict": {"kind": "effect"}, "candidates": items})[0] for items in ([walk], [walk, other])
+    )
+    assert "process noise" in alone
+    assert "coefficient" not in alone
+    assert "coefficient" in beside
+    noise = {"sentence": "readings are off by 2.3 rpm between 600 and 1200 rpm"}
+    steps = next_steps({"verdict": {"kind": "unexplained"}, "reading_noise": noise})
+    assert any(step.startswith("Readings are off by 2.3 rpm") and "constant speeds" in step for step in steps)
+
+
 def test_a_headline_does_not_say_which_of_what_cannot_be_told_apart() -> None:
     """Both names where the log cannot tell, the likelier first; one where it can."""
     verdict: dict[str, Any] = {

@@ -18,6 +18,8 @@ _FIRST = {
     "adequate": "Nothing needs to be added: the model may go on as it is.",
     "effect": "Run with the augmented model. The effect's coefficient is then estimated online, with a sigma of its "
     "own; diagnosing another log with this model must say adequate, or find the next effect.",
+    "walk": "Run with the augmented model. It has the rate at which dry friction wanders as process noise, by which "
+    "every filter follows it; diagnosing another log with this model must say adequate, or find the next effect.",
     "unexplained": "No effect of the catalogue explains what is left: log what else changes with it, and record a log "
     "that repeats it.",
     "insufficient_excitation": "Drive the wheel through reversals, low speeds and coast-downs "
@@ -44,7 +46,7 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
         and not (kind == "insufficient_excitation" and steps)
         and not (kind == "adequate" and (document.get("swallowed") or len(open_ones) > 1))
     ):
-        steps.append(_FIRST[kind])
+        steps.append(_FIRST["walk" if kind == "effect" and _only_walks(document) else kind])
     if len(open_ones) > 1:
         steps.append(_settle(open_ones))
     noise = document.get("torque_noise")
@@ -52,6 +54,13 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
         steps.append(
             f"{noise['sentence'][:1].upper()}{noise['sentence'][1:]}. A log that goes slowly through there, both ways, "
             "several times (`rw-ekf excite S1`), with angle and temperature beside it, shows whether it is noise."
+        )
+    readings = document.get("reading_noise")
+    if readings:
+        steps.append(
+            f"{readings['sentence'][:1].upper()}{readings['sentence'][1:]}. Some minutes each at constant speeds and "
+            "currents, there and elsewhere, show whether it is the sensor: their scatter is its alone. A filter is told "
+            "one noise of readings (`filter.speed_noise_rpm`): the larger one is safe."
         )
     if kind == "unexplained":
         steps += [
@@ -63,6 +72,12 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
         for reason, effects in untestable_reasons(document.get("candidates") or ()).items():
             steps.append(f"{_listed(effects)} could not be tested: {reason}.")
     return steps
+
+
+def _only_walks(document: Mapping[str, Any]) -> bool:
+    """Whether all that was added is a dry friction that walks at random: no coefficient, but process noise."""
+    added = [item for item in document.get("candidates") or () if standing_of(item) == "added"]
+    return bool(added) and all("walk_rad_s2_per_sqrt_s" in (item.get("parameters") or {}) for item in added)
 
 
 def _settle(explanations: Sequence[Mapping[str, Any]]) -> str:
