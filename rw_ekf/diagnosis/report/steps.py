@@ -59,8 +59,8 @@ def next_steps(document: Mapping[str, Any]) -> list[str]:
     if readings:
         steps.append(
             f"{readings['sentence'][:1].upper()}{readings['sentence'][1:]}. Some minutes each at constant speeds and "
-            "currents, there and elsewhere, show whether it is the sensor: their scatter is its alone. A filter is told "
-            "one noise of readings (`filter.speed_noise_rpm`): the larger one is safe."
+            "currents, there and elsewhere, show whether it is the sensor: their scatter is its alone. A filter is "
+            "told one noise of readings (`filter.speed_noise_rpm`): the larger one is safe."
         )
     if kind == "unexplained":
         steps += [
