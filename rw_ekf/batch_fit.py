@@ -20,7 +20,7 @@ from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.hindsight import belief_of_fit, with_stribeck_speeds
 from rw_ekf.identify.deterministic import deterministic
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.misread import misreadings, questions, warnings_of
+from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
 from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.likelihood.log_fit import consistency_of_fit, fit_log
 from rw_ekf.log_replay import refuse_runaway_model
@@ -151,8 +151,7 @@ def fit_record(
     if readings < _LEAST_READINGS:
         raise LogError(f"{log.name}: {readings} speed readings are too few to fit four parameters; ten are the least")
     described = configuration is not None or prior is not None
-    odd = misreadings(log, described=described)
-    asked = () if described else questions(log)
+    odd, asked = misreadings_and_questions(log, described=described)
     course, colour = independent_readings(course)
     setup = with_stribeck_speeds(course, setup_of_record(course, configuration, prior))
     if prior is not None and prior.effects.terms:

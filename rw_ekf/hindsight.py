@@ -7,6 +7,7 @@ are to be linearised (docs/filter.md, "In hindsight").
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -14,6 +15,7 @@ from itertools import product
 
 import numpy as np
 
+from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
 from rw_ekf.filter.belief import Belief
@@ -21,15 +23,16 @@ from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.frozen import without_drift
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.second_look import log_likelihood, second_look, was_reset
-from rw_ekf.identify.record_scale import top_speed_of
+from rw_ekf.identify.record_scale import busiest, top_speed_of
 from rw_ekf.likelihood.record_stribeck import stribeck_hypotheses
-from rw_ekf.model.state import PARAMETERS
+from rw_ekf.model.state import PARAMETERS, SPEED, STATE_SIZE
 from rw_ekf.starting_point import LEAST_NOISE_RATIO, FilterSetup, note_of_foreign_machine
 
 _CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
 # Of the first look's sigmas: lags that come out right have 0.75 and more, one that was 12 sigma off had 0.32.
 _AS_SURE = 0.5
 _DIVERGED = 10.0  # log-likelihood: other noises may cost some of it, a filter that went astray more
+_PART, _LONG = 8_000, 4  # samples that show how much wider other noises make it, and how often a long log has these
 
 
 def run_of_log(
@@ -137,7 +140,8 @@ def _over_stribeck_speeds(course: Course, setup: FilterSetup) -> Iterator[tuple[
 def _parts(course: Course, setup: FilterSetup, run: FilterRun) -> Iterator[tuple[float, Belief]]:
     """Beliefs and their weights: one for each torque noise, five values of equal weight (`noise_posterior`).
 
-    And for each set of effects, where the shapes of these are known no better (`rw_ekf.second_record`).
+    And for each set of effects, where the shapes of these are known no better (`rw_ekf.second_record`). Of a long log
+    one, at the middle of the noises: by how much wider all of them make it is seen on a part.
     """
     if setup.effect_hypotheses:
         for effects in setup.effect_hypotheses:
@@ -145,12 +149,54 @@ def _parts(course: Course, setup: FilterSetup, run: FilterRun) -> Iterator[tuple
             for weight, part in _parts(course, there, filtered(course, there)):
                 yield weight / len(setup.effect_hypotheses), part
         return
-    constants = setup.constants
-    noises = setup.acceleration_noises or (constants.acceleration_noise,)
+    noises = setup.acceleration_noises or (setup.constants.acceleration_noise,)
+    if len(noises) > 1 and not setup.constants.wanders and course.samples > _LONG * _PART:
+        middle = _at_noise(course, setup, run, noises[len(noises) // 2])
+        with contextlib.suppress(np.linalg.LinAlgError):  # a part that says nothing of some number
+            yield 1.0, _wider_as(list(_over_part(course, setup, noises)), middle, setup.effects.size)
+            return
     for noise in noises:
-        there = replace(setup, constants=constants.with_acceleration_noise(noise))
-        first = filtered(course, there) if constants.wanders and len(noises) > 1 else run
-        yield 1.0 / len(noises), _looked_at_again(course, there, first)
+        yield 1.0 / len(noises), _at_noise(course, setup, run, noise, alone=len(noises) == 1)
+
+
+def _at_noise(course: Course, setup: FilterSetup, run: FilterRun, noise: float, *, alone: bool = False) -> Belief:
+    """What is believed at one torque noise. run: the first look, where that need not be another at this noise."""
+    there = replace(setup, constants=setup.constants.with_acceleration_noise(noise))
+    first = filtered(course, there) if setup.constants.wanders and not alone else run
+    return _looked_at_again(course, there, first)
+
+
+def _over_part(course: Course, setup: FilterSetup, noises: Sequence[float]) -> Iterator[Belief]:
+    """What is believed at each torque noise after the part of a long log where the wheel moves most."""
+    part = busiest(course, _PART)
+    first = filtered(part, setup)
+    return (_at_noise(part, setup, first, noise) for noise in noises)
+
+
+def _wider_as(found: Sequence[Belief], whole: Belief, effects: int) -> Belief:
+    """A belief whose parameters are as much wider as those of a mixture are than those of its middle component.
+
+    In the middle one's standard deviations sigmas and what moves the means go with the torque noise alike however long
+    a log is: both fall as the root of its length. What moved the means of the part is no guide to where those of the
+    whole would move, so that it counts as uncertainty alone. found: of equal weight, in the order of their noises.
+    """
+    known = slice(SPEED + 1, STATE_SIZE + effects)
+    middle, P = found[len(found) // 2], whole.covariance
+    spread = np.zeros_like(P[known, known])
+    for part in found:
+        off = (part.mean - middle.mean)[known]
+        spread += (part.covariance[known, known] + np.outer(off, off)) / len(found)
+    of_part, of_whole = _root(middle.covariance[known, known]), _root(P[known, known])
+    shares = np.linalg.solve(of_part, np.linalg.solve(of_part, spread).T)
+    wider = of_whole @ (0.5 * (shares + shares.T)) @ of_whole.T
+    follows = np.linalg.solve(P[known, known], P[known]).T  # the speed and hidden states follow the parameters
+    return Belief(whole.mean, P + follows @ (wider - P[known, known]) @ follows.T)
+
+
+def _root(covariance: Float64Array) -> Float64Array:
+    """Lower triangular L with L L' the covariance (n, n), of numbers of any size."""
+    size = np.sqrt(np.diag(covariance))
+    return np.asarray(size[:, None] * np.linalg.cholesky(covariance / np.outer(size, size)))
 
 
 def filtered(course: Course, setup: FilterSetup, *, keep_states: bool = False, keep_history: bool = False) -> FilterRun:

@@ -25,7 +25,7 @@ from rw_ekf.filter.operating_points import OperatingPoints
 from rw_ekf.filter.physician import findings, troubles_of
 from rw_ekf.hindsight import belief_of_log, filtered, run_of_log, with_stribeck_speeds
 from rw_ekf.identify.least_squares import least_squares
-from rw_ekf.identify.misread import misreadings, questions, warnings_of
+from rw_ekf.identify.misread import misreadings_and_questions, warnings_of
 from rw_ekf.identify.noise_colour import independent_readings
 from rw_ekf.identify.record_scale import busiest
 from rw_ekf.learning.carry import carried_over
@@ -168,7 +168,7 @@ def replay_log(
         course, colour = independent_readings(course)
         log = replace(log, speed_rad_s=course.speed_rad_s)
     described = setup is not None or configuration is not None or model is not None
-    odd = warnings_of(misreadings(log, described=described), () if described else questions(log))
+    odd = warnings_of(*misreadings_and_questions(log, described=described))
     if setup is None:
         setup = setup_of_record(course, configuration, model)
     if smooth and setup.effects.table().hidden:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from rw_ekf import hindsight
 from rw_ekf.course.course import Course
 from rw_ekf.drivers.sim.plant_batch import PlantRun, simulate_run
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
+from rw_ekf.filter import second_look
+from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.health import DIVERGED
+from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.hindsight import belief_of_fit, belief_of_log, run_of_log, with_stribeck_speeds
 from rw_ekf.model.state import PARAMETERS
 from rw_ekf.starting_point import setup_of_record
@@ -139,3 +145,28 @@ def test_a_first_pass_that_lost_its_way_is_no_wheel_that_ages() -> None:
     off = found.mean[PARAMETERS] - np.array([wheel.motor_gain, wheel.viscous, wheel.coulomb, wheel.static])
     assert np.all(np.abs(off) < 3.5 * found.std[PARAMETERS])
     assert found.std[PARAMETERS][0] < 0.0005 * wheel.motor_gain  # with drift 0.0015
+
+
+def test_a_long_log_is_looked_at_three_times_and_as_sure_as_after_seven(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half an hour at 20 Hz: what other torque noises make of it is seen on a part, sigmas within 5 % of all."""
+    time_s = np.arange(36_000) / 20.0
+    current = np.repeat(np.random.default_rng(3).uniform(-0.25, 0.25, 360), 100)
+    course = course_of(simulate_run(PlantParameters(), current, time_s, PlantNoise(RAD_S_PER_RPM, 0.0), seed=3))
+    told = setup_of_record(course)
+    looked_at: list[int] = []
+
+    def counted(course: Course, *args: Any, **kwargs: Any) -> FilterRun:
+        looked_at.append(course.samples)
+        return filter_log(course, *args, **kwargs)
+
+    for module in (hindsight, second_look):
+        monkeypatch.setattr(module, "filter_log", counted)
+    run, setup = run_of_log(course, told)
+    found = belief_of_log(course, setup, run)
+    assert looked_at.count(course.samples) == 3  # steady, wandering, and again from where the first one ended
+    assert max(n for n in looked_at if n != course.samples) <= 8_000
+    monkeypatch.setattr(hindsight, "_LONG", 10)
+    of_all = belief_of_log(course, setup, run)
+    assert looked_at.count(course.samples) == 3 + 5
+    assert found.std[PARAMETERS] == pytest.approx(of_all.std[PARAMETERS], rel=0.05)
+    assert np.all(np.abs(found.mean - of_all.mean)[PARAMETERS] < 0.1 * of_all.std[PARAMETERS])

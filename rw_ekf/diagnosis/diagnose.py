@@ -22,7 +22,7 @@ from rw_ekf.diagnosis.verdict.conclude import conclude
 from rw_ekf.diagnosis.verdict.document import SCHEMA
 from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.effects.catalogue import with_own
-from rw_ekf.identify.misread import misreadings, questions
+from rw_ekf.identify.misread import misreadings_and_questions
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Effect
 
@@ -66,13 +66,14 @@ def _diagnosed(
     logs = [log] if isinstance(log, WheelLog) else log
     source = source_of(logs, () if model is None else model.effects.columns)
     described = configuration is not None or model is not None
-    misread = [(one.name, text) for one in logs for text in misreadings(one, described=described)]
+    asked = [(one, *misreadings_and_questions(one, described=described)) for one in logs]
+    misread = [(one.name, text) for one, odd, _ in asked for text in odd]
     if misread:
         faults = "; ".join(f"{name}: {text}" if len(logs) > 1 else text for name, text in misread)
         mend = "Mend the column map (`--columns map.yaml`) as the verdict says, and diagnose again."
         return _unjudged(source, split, f"the log is misread: {faults}", mend)
     if not described:
-        open_questions = tuple(text for one in logs for text in questions(one))
+        open_questions = tuple(text for _, _, texts in asked for text in texts)
         source = replace(source, notes=(*source.notes, *open_questions))
     if source.unfit is not None:
         return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")

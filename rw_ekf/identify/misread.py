@@ -51,25 +51,20 @@ _CIRCLE_DEG = (350.0, 360.0001)
 _CURRENTS = ("current_A", "current_command_A")
 
 
-def misreadings(log: WheelLog, *, described: bool = False) -> tuple[str, ...]:
-    """Sentences, without the final stop, on what a log is not; none of a log that is read as it should be.
+def misreadings_and_questions(log: WheelLog, *, described: bool = False) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Sentences, without the final stop, on what a log is not, and on whether units were mistaken.
 
-    described: a configuration or a model says what machine this is.
+    None of a log that is read as it should be. The second is asked of a log's size alone: a machine may have any, so
+    it withholds nothing, and is not asked where a configuration or a model says what machine this is (described).
     """
     if log.faults:
-        return log.faults
+        return log.faults, ()
     held = _held_against(log)
     if held is None:
-        return ()
-    return tuple(itertools.islice(_suspicions(log, *held, described=described), 1))
-
-
-def questions(log: WheelLog) -> tuple[str, ...]:
-    """Whether units were mistaken, asked of a log's size alone: a machine may have any, so it withholds nothing."""
-    held = None if log.faults else _held_against(log)
-    if held is None:
-        return ()
-    return tuple(itertools.islice(_units(log, held[2], driven=_is_driven(log, held[1])), 1))
+        return (), ()
+    found = tuple(itertools.islice(_suspicions(log, *held, described=described), 1))
+    asked = () if described else itertools.islice(_units(log, held[2], driven=_is_driven(log, held[1])), 1)
+    return found, tuple(asked)
 
 
 def warnings_of(misread: tuple[str, ...], asked: tuple[str, ...] = ()) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 
 from rw_ekf.cli import main
 from rw_ekf.errors import LogError
-from rw_ekf.identify.misread import misreadings, questions
+from rw_ekf.identify.misread import misreadings_and_questions
 from rw_ekf.logs.reader import read_log
 from tests.identify.misread_logs import HEALTHY, MACHINES, MISREADINGS, WHEEL, healthy, misread, motion, write
 
@@ -21,7 +21,8 @@ OF_ANY_SIZE = ("sign", "ms", "us", "int16 speed", "clock back", "set-point", "re
 def said_of(log: Path, columns: Path | None) -> str:
     try:
         read = read_log(log, columns)
-        return " ".join(misreadings(read) or questions(read))
+        found, asked = misreadings_and_questions(read)
+        return " ".join(found or asked)
     except LogError as error:
         return str(error)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.course.course import Course
-from rw_ekf.identify.misread import misreadings, questions
+from rw_ekf.identify.misread import misreadings_and_questions
 from rw_ekf.identify.units_guess import question_of_units, times
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.state import CK13_STATISTICAL
@@ -27,8 +27,8 @@ def test_a_log_in_other_units_is_asked_about_them(speed: float, current: float, 
     run = run_of("P2", 4)
     driven, read, no_delay = current * run.current_A, speed * run.reading_rad_s, np.zeros(run.time_s.size)
     log = WheelLog("a", run.time_s, read, driven, "current_A", no_delay, no_delay.astype(np.int64))
-    assert misreadings(log) == ()
-    (asked,) = questions(log)
+    found, (asked,) = misreadings_and_questions(log)
+    assert found == ()
     assert expected in asked
     (said,) = setup_of_record(Course.of(run.time_s, read, driven)).notes
     assert "of a wheel's" in said or "times a wheel's" in said
