@@ -39,7 +39,9 @@ OUTLIERS_AT_EDGES = _number(
 )
 MOST_OUTLIERS = _number("MOST_OUTLIERS", 0.1, "share", "more are no errors but the record itself", "chosen")
 LEAST_READINGS = int(_number("LEAST_READINGS", 100, "", "fewer cannot be judged", "chosen"))
-LEAST_SECONDS = _number("LEAST_SECONDS", 10.0, "s", "shorter cannot be judged", "chosen")
+LEAST_SECONDS = _number(
+    "LEAST_SECONDS", 5.0, "s", "shorter cannot be judged", "16 healthy motors of 7 s at 100 Hz are adequate"
+)
 LEAST_MOVE = _number("LEAST_MOVE", 0.05, "of top speed", "a speed that changes by less shows no friction law", "chosen")
 SAME_ROWS = _number(
     "SAME_ROWS", 0.9, "share", "two logs that share more rows are one log", "two runs do not read the same noise"

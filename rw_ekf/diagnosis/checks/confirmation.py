@@ -23,6 +23,7 @@ from rw_ekf.diagnosis.thresholds import (
 )
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect_kinds import LawEffect
 
 Figures = dict[str, Any]
 
@@ -41,11 +42,12 @@ def veto(prepared: Prepared, more: Fit, name: str, p_value: float) -> tuple[str 
     What the record leaves no doubt of (p_value: on all of it) is refused only where that is so whichever part is held
     out. One that hardly shows the motor gain, say, may have it several sigma off, and figures in which torque noise
     hides nothing are worse for it. A part that knows so little of the numbers that errors elsewhere would grow by that
-    alone has no say then.
+    alone has no say then. A law without a formula has nothing to show for itself but what it predicts.
     """
     less, unjudged = more.without(name), False
     worse = _worse(prepared, less, more)
-    if worse is not None and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
+    lawful = not issubclass(CATALOGUE[name], LawEffect)
+    if worse is not None and lawful and p_value < UNDOUBTED_P and knows_size(more, name, LEAST_SIGMAS):
         ways = [way for way in (prepared, prepared.exchanged()) if _can_tell(way, less, more)]
         findings = [_worse(way, less, more) for way in ways]
         worse = findings[-1] if findings and None not in findings else None

@@ -95,7 +95,7 @@ def prepare(source: Source, configuration: Configuration | None, model: WheelMod
     """
     log, log_of = source.log, source.log_of
     course, setup, noise, notes = _set_up(source, configuration, model)
-    split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise)
+    split = split_record(course.time_s, course.segment, course.speed_rad_s, kind, noise, log_of)
     kept = split.looked_at
     current, delay = log.current_A, log.command_delay_s
     if not kept.all():

@@ -63,12 +63,18 @@ def running_time(time_s: Float64Array, segment: Int64Array) -> Float64Array:
 
 
 def split_record(
-    time_s: Float64Array, segment: Int64Array, speed_rad_s: Float64Array, kind: Kind, noise_rad_s: float
+    time_s: Float64Array,
+    segment: Int64Array,
+    speed_rad_s: Float64Array,
+    kind: Kind,
+    noise_rad_s: float,
+    log_of: Int64Array | None = None,
 ) -> Split:
     """Cut a record: every other block held out, or its second half.
 
-    Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of a record
-    beyond 50,000 samples only so many blocks are looked at, in pairs evenly spread; `looked_at` tells which.
+    Blocks are 40 s at least and long enough for two reversals; a record under 160 s is cut into four. Of several logs
+    (log_of: (n,), which one a sample is of) that are shorter than a block every other one is held out, whole. Of a
+    record beyond 50,000 samples only so many blocks are looked at, in pairs evenly spread; `looked_at` tells which.
     """
     elapsed = running_time(time_s, segment)
     duration = float(elapsed[-1]) if elapsed.size else 0.0
@@ -81,6 +87,10 @@ def split_record(
         length = max(_LEAST_BLOCK_S, _REVERSALS_A_BLOCK * duration / turns if turns else 0.0)
         count = max(_LEAST_BLOCKS, int(duration / length))
     block = _blocks(elapsed, duration, count)
+    if kind == "blocks" and _are_short(log_of, duration):
+        assert log_of is not None
+        if _both_ways_alike(log_of % 2 == 0, speed_rad_s, noise_rad_s):
+            return Split(kind, log_of % 2 == 0, log_of % 2 == 1, log_of, time_s)
     while (
         kind == "blocks"
         and duration / (2 * count) >= _LEAST_BLOCK_S
@@ -102,6 +112,13 @@ def split_record(
             short = place < _MOST_SAMPLES // chosen.size
             fit, heldout = np.isin(block, chosen) & short, np.isin(block, chosen + 1) & short
     return Split(kind, fit, heldout, block, time_s)
+
+
+def _are_short(log_of: Int64Array | None, duration: float) -> bool:
+    """Whether a record consists of several logs that have no room for a block, and can all be looked at."""
+    if log_of is None or not 0 < log_of.size <= 2 * _MOST_SAMPLES:
+        return False
+    return bool(log_of[-1] > 0) and duration < _LEAST_BLOCK_S * float(log_of[-1] + 1)
 
 
 def _blocks(elapsed: Float64Array, duration: float, count: int) -> Int64Array:
