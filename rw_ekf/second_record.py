@@ -31,6 +31,7 @@ from rw_ekf.wheel.effect_table import EffectSet
 
 _TURNS = 6
 _GAINED = 0.02  # log-likelihood: with less a step was the last
+_OPEN = 3.0  # log-likelihood, by which a law is less likely than another and yet may be it
 _MOVED = 3.0  # sigmas by which a constant is another than the model's, to be told
 # p of the whole disagreement: a healthy wheel with sigmas a tenth too small is told at one in 20,000.
 _DISAGREE_P = 1.0e-5
@@ -44,7 +45,8 @@ def as_of_another_record(course: Course, setup: FilterSetup) -> FilterSetup:
     For a filter and for a fit alike; a run, which goes forward, does without what belonged to one record
     (`rw_ekf.learning.carry`).
     """
-    return with_prior_that_holds(course, with_shapes_of_record(course, with_times_of_record(course, setup)))
+    setup = with_laws_of_record(course, with_times_of_record(course, setup))
+    return with_prior_that_holds(course, with_shapes_of_record(course, setup))
 
 
 def with_times_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
@@ -70,6 +72,40 @@ def _passes(term: Term) -> bool:
 
 def _held(effects: EffectSet, end: int) -> EffectSet:
     terms = (replace(t, law=t.law.held(end)) if t.law is not None and _passes(t) else t for t in effects.terms)
+    return EffectSet(tuple(terms))
+
+
+def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
+    """The setup with the law that this log makes likeliest, of an effect that may follow several with one coefficient.
+
+    The record in which a model was found may have shown too little of a range to tell them apart; where this one does
+    not either, both are in the belief.
+    """
+    ways = [setup.effects]
+    for i, term in enumerate(setup.effects.terms):
+        place = next((j for j, c in enumerate(term.effect.constants) if c.whole and term.effect.linear), None)
+        if place is not None:
+            limits = term.effect.constants[place]
+            codes = range(int(limits.lower), int(limits.upper) + 1)
+            ways += [
+                _by_law(effects, i, place, code) for effects in ways for code in codes if code != term.shape[place]
+            ]
+    if len(ways) == 1:
+        return setup
+    steady = replace(setup, constants=without_drift(setup.constants))
+    values = [
+        log_likelihood(filtered(course, replace(steady, effects=effects)), setup.constants.gate) for effects in ways
+    ]
+    open_ones = tuple(way for way, value in zip(ways, values, strict=True) if value > max(values) - _OPEN)
+    likeliest = ways[int(np.argmax(values))]
+    return replace(setup, effects=likeliest, effect_hypotheses=open_ones if len(open_ones) > 1 else ())
+
+
+def _by_law(effects: EffectSet, number: int, place: int, code: int) -> EffectSet:
+    terms = list(effects.terms)
+    shape = list(terms[number].shape)
+    shape[place] = float(code)
+    terms[number] = replace(terms[number], shape=(shape[0], shape[1], shape[2]))
     return EffectSet(tuple(terms))
 
 

@@ -175,6 +175,9 @@ def _chain_memory(
     Behind those `row` has room for the step's own slopes by the flow's seven inputs, twice: differences from where the
     step ends. By the coefficients of static effects the chain rule leads, at no further run of the flow. at.omega,
     memory, drive and curve are what the flow began with.
+
+    Whether a slow wheel is held or breaks away is a jump, no slope: a difference across it is as large as its step is
+    small, and a fit that takes it for a slope knows break-away friction a hundred times better than the readings do.
     """
     n = table.size
     a = x[table.memory_at]
@@ -192,6 +195,8 @@ def _chain_memory(
         elif which == 6:
             h = max(_COEFFICIENT_STEP * abs(a), 1.0e-12)
         moved_omega, moved_memory = _memory_moved(which, h, table, a, at.omega, memory, drive, curve, at.duration)
+        if table.memory_holds and (moved_omega == 0.0) != (end_omega == 0.0):
+            moved_omega, moved_memory = end_omega, end_memory
         row[at_slopes + which] = (moved_omega - end_omega) / h
         row[at_slopes + _INPUTS + which] = (moved_memory - end_memory) / h
     for j in range(1, n if carried else 1):
