@@ -10,15 +10,18 @@ import numpy as np
 import pytest
 
 from rw_ekf.cli import main
+from rw_ekf.diagnosis.diagnose import diagnose_log
 from rw_ekf.drivers.sim.plant_effect_text import parse_effects
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.effects.catalogue import CATALOGUE
 from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.wheel_log import WheelLog
 from rw_ekf.model.effect import Term
-from rw_ekf.model.state import FrictionParameters
+from rw_ekf.model.state import PARAMETERS, FrictionParameters
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel
+from tests.diagnosis.simulated import TRUTH, simulated
+from tests.diagnosis.simulated import log_of as run_log
 from tools.proof.cases import Case
 from tools.proof.plants import log_of, save_log
 
@@ -72,3 +75,36 @@ def test_a_model_that_the_log_contradicts_is_said_to_and_counts_for_less() -> No
     assert abs(wrong.belief.parameters.motor_gain - WHEEL.motor_gain) < 0.02
     unknown = replace(model(ONSET_S), effects=EffectSet(()), covariance=tuple(r[:4] for r in model(0.0).covariance[:4]))
     assert replay_log(record(3), model=unknown).setup.effect_hypotheses == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 2])
+def test_break_away_under_a_lagging_friction_is_known_no_better_than_it_is(number: int) -> None:
+    """Its jump is no slope for a fit and no certainty for a filter: it was 47 and 8 to 145 of its sigmas off."""
+    effect = f"friction_lag:time_constant_s={(0.155839, 0.0, 0.202511)[number]}"
+    first, second = (run_log(simulated([effect], seed=seed)) for seed in (52_865 + number, 1_267_444 + number))
+    found = diagnose_log(first)
+    assert found.verdict["effects"] == ["friction_lag"]
+    assert found.model is not None
+    parameters = found.model.parameters
+    std = np.sqrt(np.diag(np.array(found.model.covariance)))[3]
+    assert abs(parameters.static - WHEEL.static) < 3.0 * std
+    assert 5.0e-4 < std < 5.0e-3
+    run = replay_log(second, model=found.model)
+    off = (run.belief.mean[PARAMETERS] - np.array(TRUTH.parameters)) / run.belief.std[PARAMETERS]
+    assert np.all(np.abs(off) < 3.5), off
+    assert not any("not noise" in warning for warning in run.warnings)
+
+
+@pytest.mark.slow
+def test_a_law_that_one_record_left_open_is_settled_by_the_next_or_left_open() -> None:
+    """Viscous friction by temperature, linear, called exponential with .54: its slope was 32 sigma off in the next."""
+    effect = "viscous_temperature:slope_1_K=-0.01714"
+    first, second = (run_log(simulated([effect], seed=seed)) for seed in (85_998, 2_075_708))
+    model = diagnose_log(first).model
+    assert model is not None
+    (term,) = model.effects.terms
+    other = replace(term, shape=(1.0 - term.shape[0], 0.0, 0.0))
+    for one in (term, other):
+        run = replay_log(second, model=replace(model, effects=EffectSet((one,))))
+        assert abs(run.belief.mean[5] + 0.01714) < 3.0 * run.belief.std[5]

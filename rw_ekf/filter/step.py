@@ -162,6 +162,8 @@ def predict(
         for j in range(x.size):
             x[j] += F[j, SPEED] * away
     noise[SPEED] = constants.acceleration_density * dt + curvature
+    for m in range(hidden):
+        noise[x.size - hidden + m] = memory.factor[x.size + 1, 1 + m]
     if x[SPEED] == 0.0:
         noise[SPEED] += constants.stuck_variance
     if hidden > 0:

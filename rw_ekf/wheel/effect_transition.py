@@ -53,8 +53,10 @@ def effect_transition(
 ) -> float:
     """Predict x (n,) over one interval in place; F (n, n) gets the rows of speed and hidden states.
 
-    Returns the variance of the neglected curvature [rad^2/s^2]. work (3 n + 6, n) is scratch: the root and its turn,
-    then points, ends and differences.
+    Returns the variance of the neglected curvature of the speed [rad^2/s^2]; those of the hidden states' are left in
+    work[n + 1, 1:]. A friction that jumps as a wheel breaks away would else be as good as known once the speed is:
+    break-away friction was 145 of its sigmas off. work (3 n + 6, n) is scratch: the root and its turn, then points,
+    ends and differences.
     """
     n = table.size
     hidden = table.hidden
@@ -74,28 +76,34 @@ def effect_transition(
                     spread += row[i] * P[i, j] * row[j]
             reach = _REACH * math.sqrt(max(spread, P[SPEED, SPEED]))
             needed = not (nearest > reach and reach < stribeck.omega_s)
-    curvature = 0.0
-    if needed:
-        bends = _differences(x, P, table, stribeck, pieces, interval, end[SPEED], F, work)
-        if nearest <= FAST_STRIBECK_SPEEDS * stribeck.omega_s:
-            curvature = bends * bends / 12.0
+    bends = 0.0
+    if needed:  # always where there are hidden states
+        bends = _differences(x, P, table, stribeck, pieces, interval, end, F, work)
+    is_near = nearest <= FAST_STRIBECK_SPEEDS * stribeck.omega_s
+    for m in range(hidden):
+        work[n + 1, 1 + m] = work[n + 1, 1 + m] ** 2 / 12.0 if is_near else 0.0
     x[SPEED] = end[SPEED]
     for j in range(n - hidden, n):
         x[j] = end[j]
-    return curvature
+    return bends * bends / 12.0 if is_near else 0.0
 
 
 def _differences(
-    x: Any, P: Any, table: EffectTable, stribeck: Stribeck, pieces: Pieces, interval: Interval, middle: float,
+    x: Any, P: Any, table: EffectTable, stribeck: Stribeck, pieces: Pieces, interval: Interval, middle: Any,
     F: Any, work: Any,
 ) -> float:  # fmt: skip
-    """Central divided differences of speed and hidden states over the columns of the turned root; the speed's bends."""
+    """Central divided differences of speed and hidden states over the columns of the turned root; the speed's bends.
+
+    middle (n,): where the interval leads from x. The bends of hidden states are left in work[n + 1, 1:].
+    """
     n = table.size
     hidden = table.hidden
     factor_covariance(P, work)
     turn_root(x, work, pieces.current_A[interval.stop - 1], n)
     end, point, up = work[3 * n + 3], work[3 * n + 4], work[3 * n + 5]
     bends = 0.0
+    for m in range(hidden):
+        work[n + 1, 1 + m] = 0.0
     for j in range(n):
         differs = False
         for i in range(n):
@@ -112,9 +120,10 @@ def _differences(
             point[i], up[i] = up[i], end[i]
         effect_interval(point, table, stribeck, pieces, interval, False, F[SPEED], end)
         work[2 * n + 2, j] = (up[SPEED] - end[SPEED]) / (2.0 * _SPREAD)
-        bends += up[SPEED] + end[SPEED] - 2.0 * middle
+        bends += up[SPEED] + end[SPEED] - 2.0 * middle[SPEED]
         for m in range(hidden):
             at = n - hidden + m
+            work[n + 1, 1 + m] += up[at] + end[at] - 2.0 * middle[at]
             work[2 * n + 3 + m, j] = (up[at] - end[at]) / (2.0 * _SPREAD)
     solve_slopes(work, work[2 * n + 2], F[SPEED], n)
     for m in range(hidden):
