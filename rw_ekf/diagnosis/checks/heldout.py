@@ -29,6 +29,7 @@ from rw_ekf.model.state import COULOMB, SPEED
 from rw_ekf.units import rpm_from_rad_s
 
 _STARTS = 400  # of a horizon: more would add nothing but time
+_FEWEST = 30  # of a horizon: the root mean square of fewer is uncertain by an eighth, and refuses an effect by chance
 _OBSERVER_RATIO = 0.05  # q dt / R of the disturbance observer: it follows a torque within a second at 10 Hz
 _STEPS_AT_MOST = 4_000_000
 
@@ -164,7 +165,7 @@ _SETTLE_SAMPLES = 20
 def _horizon(
     record: Record, model: Model, states: Float64Array, heldout: BoolArray, seconds: float, lattice: Lattice | None
 ) -> Float64Array:
-    """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]."""
+    """Errors of predictions `seconds` ahead that end, and stay, within one held-out stretch [rad/s]; none of a few."""
     period = record.period_s
     steps = max(1, round(seconds / period))
     run = np.zeros(heldout.size, dtype=np.int64)  # how many intervals in a row lead here within the held-out part
@@ -176,7 +177,7 @@ def _horizon(
     most = max(10, min(_STARTS, _STEPS_AT_MOST // steps))
     if ends.size > most:
         ends = ends[np.linspace(0, ends.size - 1, most).astype(int)]
-    if ends.size == 0:
+    if ends.size < _FEWEST:
         return np.zeros(0)
     first = ends - steps
     predicted = free_run(record.course, model.effects, model.stribeck, states[first], first, ends).ends_rad_s
