@@ -25,7 +25,7 @@ from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.filter.second_look import log_likelihood, second_look, was_reset
 from rw_ekf.identify.record_scale import busiest, top_speed_of
 from rw_ekf.likelihood.record_stribeck import stribeck_hypotheses
-from rw_ekf.model.state import PARAMETERS, SPEED, STATE_SIZE
+from rw_ekf.model.state import PARAMETERS
 from rw_ekf.starting_point import LEAST_NOISE_RATIO, FilterSetup, note_of_foreign_machine
 
 _CLEARLY = 2.0  # log-likelihood: parameters wander where that makes the readings likelier by so much
@@ -153,7 +153,7 @@ def _parts(course: Course, setup: FilterSetup, run: FilterRun) -> Iterator[tuple
     if len(noises) > 1 and not setup.constants.wanders and course.samples > _LONG * _PART:
         middle = _at_noise(course, setup, run, noises[len(noises) // 2])
         with contextlib.suppress(np.linalg.LinAlgError):  # a part that says nothing of some number
-            yield 1.0, _wider_as(list(_over_part(course, setup, noises)), middle, setup.effects.size)
+            yield 1.0, _wider_as(list(_over_part(course, setup, noises)), middle)
             return
     for noise in noises:
         yield 1.0 / len(noises), _at_noise(course, setup, run, noise, alone=len(noises) == 1)
@@ -173,14 +173,14 @@ def _over_part(course: Course, setup: FilterSetup, noises: Sequence[float]) -> I
     return (_at_noise(part, setup, first, noise) for noise in noises)
 
 
-def _wider_as(found: Sequence[Belief], whole: Belief, effects: int) -> Belief:
+def _wider_as(found: Sequence[Belief], whole: Belief) -> Belief:
     """A belief whose parameters are as much wider as those of a mixture are than those of its middle component.
 
     In the middle one's standard deviations sigmas and what moves the means go with the torque noise alike however long
     a log is: both fall as the root of its length. What moved the means of the part is no guide to where those of the
     whole would move, so that it counts as uncertainty alone. found: of equal weight, in the order of their noises.
     """
-    known = slice(SPEED + 1, STATE_SIZE + effects)
+    known = PARAMETERS  # a record that has to tell its torque noise comes without a model, and so without effects
     middle, P = found[len(found) // 2], whole.covariance
     spread = np.zeros_like(P[known, known])
     for part in found:

@@ -88,7 +88,10 @@ def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
             limits = term.effect.constants[place]
             codes = range(int(limits.lower), int(limits.upper) + 1)
             ways += [
-                _by_law(effects, i, place, code) for effects in ways for code in codes if code != term.shape[place]
+                _with_constant(effects, i, place, code)
+                for effects in ways
+                for code in codes
+                if code != term.shape[place]
             ]
     if len(ways) == 1:
         return setup
@@ -101,10 +104,11 @@ def with_laws_of_record(course: Course, setup: FilterSetup) -> FilterSetup:
     return replace(setup, effects=likeliest, effect_hypotheses=open_ones if len(open_ones) > 1 else ())
 
 
-def _by_law(effects: EffectSet, number: int, place: int, code: int) -> EffectSet:
+def _with_constant(effects: EffectSet, number: int, place: int, value: float) -> EffectSet:
+    """The effects, one shape constant of one term another number."""
     terms = list(effects.terms)
     shape = list(terms[number].shape)
-    shape[place] = float(code)
+    shape[place] = float(value)
     terms[number] = replace(terms[number], shape=(shape[0], shape[1], shape[2]))
     return EffectSet(tuple(terms))
 
@@ -198,15 +202,12 @@ def _widened(setup: FilterSetup, known: slice, times: float) -> FilterSetup:
 
 def _with_shapes(effects: EffectSet, places: list[tuple[int, int]], shapes: Float64Array) -> EffectSet | None:
     """The effects with other shape constants; None outside of what the constants may be."""
-    terms: list[Term] = list(effects.terms)
     for (i, constant), value in zip(places, shapes, strict=True):
-        limits = terms[i].effect.constants[constant]
+        limits = effects.terms[i].effect.constants[constant]
         if not limits.lower < value < limits.upper:
             return None
-        shape = list(terms[i].shape)
-        shape[constant] = float(value)
-        terms[i] = replace(terms[i], shape=(shape[0], shape[1], shape[2]))
-    return EffectSet(tuple(terms))
+        effects = _with_constant(effects, i, constant, value)
+    return effects
 
 
 def _likeliest(

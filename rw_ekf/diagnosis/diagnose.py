@@ -72,9 +72,7 @@ def _diagnosed(
         faults = "; ".join(f"{name}: {text}" if len(logs) > 1 else text for name, text in misread)
         mend = "Mend the column map (`--columns map.yaml`) as the verdict says, and diagnose again."
         return _unjudged(source, split, f"the log is misread: {faults}", mend)
-    if not described:
-        open_questions = tuple(text for _, _, texts in asked for text in texts)
-        source = replace(source, notes=(*source.notes, *open_questions))
+    source = replace(source, notes=(*source.notes, *(text for _, _, texts in asked for text in texts)))
     if source.unfit is not None:
         return _unjudged(source, split, f"{source.unfit}; {_EXCITE}")
     advance("fitting the base model")
