@@ -68,4 +68,4 @@ def _checked(text: LogText, sums: Sums, name: str) -> tuple[LogText, str | None]
     )
 
 
-FORMAT = LogFormat(lambda head, suffix: True, _read)  # whatever else no format has taken
+FORMAT = LogFormat(lambda head, suffix: True, _read, "nothing: takes what no other format has taken")

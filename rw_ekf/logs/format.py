@@ -17,6 +17,9 @@ class LogFormat(NamedTuple):
 
     recognises: Callable[[bytes, str], bool]  # by the first HEAD_BYTES; by the suffix, in small letters, if at all
     read: Callable[[Path, str, ColumnMap], RawTable]  # str: stands for the file in messages. Raises LogError
+    by: str = ""  # by what it is recognised, in words, for the list of formats
+    extra: str = ""  # what `pip install "rw-ekf[EXTRA]"` brings to read it; empty: nothing more is needed
+    modules: tuple[str, ...] = ()  # what that installs, as it is imported
 
 
 def noting_suffix(table: RawTable, path: Path, suffix: str, kind: str) -> RawTable:

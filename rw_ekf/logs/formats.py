@@ -1,7 +1,12 @@
-"""Which form a log file has, by its first bytes, for names lie; installed packages add forms (rw_ekf.log_formats)."""
+"""Which form a log file has, by its first bytes, for names lie; installed packages add forms (rw_ekf.log_formats).
+
+`python -m rw_ekf.logs.formats` lists them.
+"""
 
 from __future__ import annotations
 
+import importlib.util
+import sys
 from pathlib import Path
 
 from rw_ekf.errors import EmptyLogError, LogError
@@ -11,16 +16,17 @@ from rw_ekf.plugins import loaded_as, registered
 _OWN = {
     "parquet": "rw_ekf.logs.parquet_table:FORMAT",
     "matlab": "rw_ekf.logs.matlab_table:FORMAT",
+    "arrow": "rw_ekf.logs.foreign.arrow:FORMAT",
+    "sheet": "rw_ekf.logs.foreign.sheets:FORMAT",
+    "hdf5": "rw_ekf.logs.foreign.hdf5:FORMAT",
     "csv": "rw_ekf.logs.csv_log:FORMAT",
 }
 _LAST = "csv"  # takes what nobody else takes
 _FOREIGN = (
-    (b"\x89HDF\r\n\x1a\n", "a MATLAB v7.3 (HDF5) file: save it in MATLAB with save(..., '-v7')"),
-    (b"MATLAB 7.3", "a MATLAB v7.3 (HDF5) file: save it in MATLAB with save(..., '-v7')"),
     (b"BZh", "compressed with bzip2: unpack it first"),
     (b"\xfd7zXZ", "compressed with xz: unpack it first"),
-    (b"PK\x03\x04", "a zip archive or a spreadsheet: unpack it, or save the sheet as CSV"),
-    (b"ARROW1", "an Arrow (Feather) file: save it as Parquet or CSV"),
+    (b"PK\x03\x04", "a zip archive: unpack it first, or save the sheet as CSV if it is a spreadsheet"),
+    (b"FEA1", "a Feather file of version 1: save it as Feather 2, Parquet or CSV"),
 )
 
 
@@ -61,3 +67,19 @@ def _head_of(path: Path, name: str) -> bytes:
     if not head:
         raise EmptyLogError(f"{name}: the file is empty")
     return head
+
+
+def listed() -> str:
+    """A table of the forms in the order in which they are asked: name, how recognised, extra, installed or not."""
+    rows = [("format", "recognised by", "extra", "installed")]
+    for key, point in registered("rw_ekf.log_formats", _OWN).items():
+        form = loaded_as(LogFormat, point)
+        there = all(importlib.util.find_spec(module) is not None for module in form.modules)
+        rows.append((key, form.by or "its own rule", form.extra or "-", "yes" if there else "no"))
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows)
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(listed())

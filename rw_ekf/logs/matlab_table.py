@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.matlab_check import check_skeleton
 from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.vectors import vector_of, vectors_of
 
 
 def read_matlab_table(path: Path, name: str, variable: str | None, layout: str) -> RawTable:
@@ -26,12 +26,20 @@ def read_matlab_table(path: Path, name: str, variable: str | None, layout: str) 
     holds for its whole segment.
     Raises LogError if the file or the variable cannot be used.
     """
-    content = _load(path, name)
+    return table_of_variables(_load(path, name), name, variable, layout)
+
+
+def table_of_variables(content: dict[str, Any], name: str, variable: str | None, layout: str) -> RawTable:
+    """The table of what a file holds, by `read_matlab_table`'s rules.
+
+    content: by name, arrays of at least two dimensions as scipy.io.loadmat gives them: a struct is a record array, a
+    cell array one of objects.
+    """
     if variable is None:
         if layout != "columns":
             raise LogError(f"{name}: layout '{layout}' needs `variable`, one of: {', '.join(content) or 'none'}")
         structs = [value for value in content.values() if np.asarray(value).dtype.names]
-        columns = _vectors(content) or (_vectors(_fields(np.asarray(structs[0]))) if len(structs) == 1 else [])
+        columns = vectors_of(content) or (vectors_of(_fields(np.asarray(structs[0]))) if len(structs) == 1 else [])
         kind = "the file holds no numeric vectors"
     else:
         if variable not in content:
@@ -60,31 +68,12 @@ def _load(path: Path, name: str) -> dict[str, Any]:
     return {key: value for key, value in content.items() if not key.startswith("__")}
 
 
-def _vectors(content: dict[str, Any]) -> list[tuple[str, Any]]:
-    """Columns from top-level vectors: those of the most common length, the longer in a tie; scalars only if alone."""
-    vectors = {key: _vector(value) for key, value in content.items()}
-    found = {key: value for key, value in vectors.items() if value is not None}
-    lengths = Counter(len(value) for value in found.values() if len(value) > 1) or Counter(map(len, found.values()))
-    if not lengths:
-        return []
-    rows = max(lengths, key=lambda length: (lengths[length], length))
-    return [(key, value) for key, value in found.items() if len(value) == rows]
-
-
-def _vector(value: Any) -> Any:
-    """Flatten a numeric vector (1 x n, n x 1); None for anything else."""
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and min(array.shape) > 1):
-        return None
-    return array.reshape(-1)
-
-
 def _columns_of(value: Any, name: str, variable: str, layout: str) -> list[tuple[str, Any]]:
     array = np.asarray(value)
     if layout == "cells":
         return _cells(array, name, variable)
     if array.dtype.names:  # a struct: its fields are columns, those of structs within it too
-        return _vectors(_fields(array))
+        return vectors_of(_fields(array))
     if array.dtype.kind not in "fiub" or array.ndim != 2:
         hint = "; it is a cell array: use `layout: cells`" if array.dtype.kind == "O" else ""
         raise LogError(f"{name}: variable '{variable}' is not a matrix of numbers{hint}")
@@ -127,7 +116,7 @@ def _cells(array: Any, name: str, variable: str) -> list[tuple[str, Any]]:
     joined: list[list[Any]] = [[] for _ in range(channels)]
     numbers = []
     for segment in range(segments):
-        vectors = [_vector(array[channel, segment]) for channel in range(channels)]
+        vectors = [vector_of(array[channel, segment]) for channel in range(channels)]
         if any(vector is None for vector in vectors):
             raise LogError(f"{name}: variable '{variable}', segment {segment}: a cell is not a vector of numbers")
         rows = max(len(vector) for vector in vectors)
@@ -156,4 +145,4 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     return noting_suffix(table, path, ".mat", "MATLAB")
 
 
-FORMAT = LogFormat(_recognises, _read)
+FORMAT = LogFormat(_recognises, _read, "the first bytes 'MATLAB 5.0'; version 4 by .mat and its first number")

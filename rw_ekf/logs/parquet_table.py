@@ -32,4 +32,5 @@ def read_parquet_table(path: Path, name: str) -> RawTable:
 FORMAT = LogFormat(
     lambda head, suffix: head.startswith(b"PAR1"),
     lambda path, name, columns: noting_suffix(read_parquet_table(path, name), path, ".parquet", "Parquet"),
+    "the first bytes 'PAR1'",
 )

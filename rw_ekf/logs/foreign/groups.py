@@ -1,0 +1,127 @@
+"""Files that hold several groups (topics, messages) of different rates: one of them, or all on the times of one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
+from rw_ekf.logs.vectors import vector_of
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+
+_CLOCKS = ("time_s", "clock_s")  # what a group's time is called: the second where a channel has the first name
+
+
+@dataclass(eq=False)
+class Group:
+    """Channels that were sampled together, n times."""
+
+    name: str
+    time_s: Float64Array | None  # (n,) [s]; None: the file has no time for them
+    channels: dict[str, Any]  # (n,) each, as they are in the file: those that are no numeric vectors are left out
+
+    def __post_init__(self) -> None:
+        vectors = {channel: vector_of(values) for channel, values in self.channels.items()}
+        self.channels = {channel: values for channel, values in vectors.items() if values is not None}
+
+    @property
+    def rows(self) -> int:
+        """How many times it was sampled."""
+        if self.time_s is not None:
+            return len(self.time_s)
+        return max(map(len, self.channels.values()), default=0)
+
+
+def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTable:
+    """The group that the map's `variable` names; else the only one; else all on the times of the one with most rows.
+
+    Joined, a column is called `group.channel` and has at each time the last value known by then, NaN before the first.
+    What is joined are the columns that the map asks for; all of them where one that it asks for is not there.
+    Raises LogError if `variable` names no group, EmptyLogError if no group holds a number.
+    """
+    groups = _distinct([group for group in groups if group.rows and group.channels])
+    shown = _shown([group.name for group in groups])
+    if columns.variable is not None:
+        chosen = [group for group in groups if group.name == columns.variable]
+        if not chosen:
+            raise LogError(f"{name}: has no '{columns.variable}' (`variable` in the column map); it holds {shown}")
+        return _table(name, _alone(chosen[0]), chosen[0].rows)
+    if not groups:
+        raise EmptyLogError(f"{name}: holds no numbers: nothing was logged")
+    if len(groups) == 1:
+        return _table(name, _alone(groups[0]), groups[0].rows)
+    timed = [group for group in groups if group.time_s is not None]
+    if not timed:
+        raise LogError(f"{name}: holds {shown}, none with a time: name one (`variable` in the column map)")
+    base = max(timed, key=lambda group: group.rows)
+    table = _table(name, _joined(timed, base, columns), base.rows)
+    table.warnings.append(
+        f"{name}: holds {shown}: all were put on the times of '{base.name}', the last value known at each; `variable` "
+        "in the column map takes one alone"
+    )
+    untimed = [group.name for group in groups if group.time_s is None]
+    if untimed:
+        table.warnings.append(f"{name}: {_shown(untimed)} have no time and were left out")
+    return table
+
+
+def held_at(at_s: Float64Array, time_s: Float64Array, values: Any) -> Float64Array:
+    """The last of `values` (n,), sampled at `time_s` (n,) in any order, known at each of `at_s` (m,); NaN before."""
+    order = np.argsort(time_s, kind="stable")
+    index = np.searchsorted(time_s[order], at_s, side="right") - 1
+    held = np.asarray(values, dtype=np.float64)[order[np.maximum(index, 0)]]
+    held[index < 0] = np.nan
+    return held
+
+
+def _distinct(groups: list[Group]) -> list[Group]:
+    """Give groups of one name a number each, from 0: `name[1]`."""
+    repeated = {name for name, count in Counter(group.name for group in groups).items() if count > 1}
+    numbers: Counter[str] = Counter()
+    for group in groups:
+        if group.name in repeated:
+            numbers[group.name] += 1
+            group.name = f"{group.name}[{numbers[group.name] - 1}]"
+    return groups
+
+
+def _alone(group: Group) -> dict[str, Any]:
+    clock = {} if group.time_s is None else {_clock(group.channels): group.time_s}
+    return {**clock, **{key: values for key, values in group.channels.items() if len(values) == group.rows}}
+
+
+def _joined(groups: list[Group], base: Group, columns: ColumnMap) -> dict[str, Any]:
+    """Columns of all groups on the times of `base`, the base's own as they are."""
+    assert base.time_s is not None
+    places = {f"{g.name}.{key}": (g, key) for g in groups for key in g.channels if len(g.channels[key]) == g.rows}
+    clock = _clock(places)
+    asked = [c for source in columns.sources.values() for c in (source.column, source.sign_of) if c is not None]
+    every = not asked or any(column != clock and column not in places for column in asked)
+    joined: dict[str, Any] = {clock: base.time_s}
+    for name, (group, key) in places.items():
+        if group is base:
+            joined[name] = group.channels[key]
+        elif (every or name in asked or key in READABLE_COLUMNS) and group.time_s is not None:
+            joined[name] = held_at(base.time_s, group.time_s, group.channels[key])
+    return joined
+
+
+def _clock(taken: dict[str, Any]) -> str:
+    return next((name for name in _CLOCKS if name not in taken), "clock of the file")
+
+
+def _shown(names: list[str]) -> str:
+    """Names for a message: `3 groups (a, b, c)`."""
+    rest = len(names) - MAX_NAMES_SHOWN
+    more = f" and {rest} more" if rest > 0 else ""
+    return f"{len(names)} group{'' if len(names) == 1 else 's'} ({', '.join(names[:MAX_NAMES_SHOWN]) or 'none'}{more})"
+
+
+def _table(name: str, columns: dict[str, Any], rows: int) -> RawTable:
+    return RawTable(name, tuple(columns), list(columns.values()), rows, lambda row: f"row {row + 1}")

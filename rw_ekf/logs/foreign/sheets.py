@@ -1,0 +1,163 @@
+"""Spreadsheets (XLSX, XLS, XLSB, ODS): one sheet is the table, found by its header row above numbers."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.guard import Library, foreign_format
+from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+
+_OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # XLS, and all that Office wrote before 2007
+_ZIP = b"PK\x03\x04"
+_FIRST_IN_ZIP = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetypeapplication/vnd.oasis")
+_EPOCH, _DAY_0 = datetime.datetime(1970, 1, 1), datetime.datetime(1899, 12, 31)
+_UNITS = re.compile(
+    r"s|sec|[mµun]s|min|h|rpm|(1/|U/)?min(-1)?|rps|Hz|(rad|deg|°)(/s)?|turns|counts|m?[AVW]|m?N|m?N\.?m|K|°?C|degC|"
+    r"[hk]?Pa|m?bar|%|-|m?m|m/s"
+)
+_HEADER_WITHIN = 200  # rows
+_BELOW = 3  # rows under a header that are looked at
+
+
+def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
+    """The sheet that `variable` names, or the only one with a table. Raises LogError where there is no such one."""
+    import python_calamine
+
+    with path.open("rb") as stream:
+        book = python_calamine.CalamineWorkbook.from_filelike(stream)
+        sheets = list(book.sheet_names)
+        if columns.variable is not None:
+            if columns.variable not in sheets:
+                raise LogError(f"{name}: has no sheet '{columns.variable}'; sheets: {', '.join(sheets)}")
+            return _table(_rows(book, columns.variable), name, columns)
+        found = {sheet: rows for sheet in sheets if _first_data(rows := _rows(book, sheet), columns) is not None}
+    if not found:
+        raise EmptyLogError(f"{name}: no sheet ({', '.join(sheets)}) holds a table of numbers: nothing was logged")
+    if len(found) > 1:
+        raise LogError(
+            f"{name}: {len(found)} sheets hold tables ({', '.join(found)}): name one (`variable` in the column map)"
+        )
+    return _table(next(iter(found.values())), name, columns)
+
+
+def _rows(book: Any, sheet: str) -> list[tuple[int, list[Any]]]:
+    """The rows that hold something, each with its number in the sheet, from 1."""
+    rows = enumerate(book.get_sheet_by_name(sheet).to_python(skip_empty_area=False), start=1)
+    return [(number, row) for number, row in rows if any(cell not in ("", None) for cell in row)]
+
+
+def _first_data(rows: list[tuple[int, list[Any]]], columns: ColumnMap) -> int | None:
+    """Index of the first row of numbers: under a header row, mostly text, or from the beginning on; None: no table."""
+    begin = sum(1 for number, _ in rows if number <= columns.csv.skip_rows)
+    if columns.csv.header is False:
+        return begin if begin < len(rows) else None
+    for index in range(begin, min(len(rows), begin + _HEADER_WITHIN)):
+        below = rows[index : index + _BELOW]
+        starts = index == begin or _share_of_numbers(rows[index - 1][1]) < 0.5
+        if starts and all(_share_of_numbers(row) > 0.5 for _, row in below):
+            return index
+    return None
+
+
+def _share_of_numbers(row: list[Any]) -> float:
+    """Which share of the filled cells holds a number, a date or a time."""
+    filled = [cell for cell in row if cell not in ("", None)]
+    return sum(_number(cell) is not None for cell in filled) / max(len(filled), 1)
+
+
+def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> RawTable:
+    first = _first_data(rows, columns)
+    if first is None:
+        raise EmptyLogError(f"{name}: the sheet '{columns.variable}' holds no table of numbers: nothing was logged")
+    data = rows[first:]
+    width = max(len(row) for _, row in data)
+    names = _names(rows[:first], width, columns)
+    filled = [column for column in range(width) if names[column] or any(_cell(row, column) != "" for _, row in data)]
+    numbers = np.array([number for number, _ in data])
+    held = [_column([_cell(row, column) for _, row in data], names[column], column, columns, name, numbers)
+            for column in filled]  # fmt: skip
+    return RawTable(
+        name, tuple(names[column] for column in filled), held, len(data), lambda row: f"row {numbers[row]} of the sheet"
+    )
+
+
+def _names(above: list[tuple[int, list[Any]]], width: int, columns: ColumnMap) -> list[str]:
+    """Names of the columns from the row above the numbers; where that has their units, from the row above it."""
+    if columns.csv.header is False:
+        above = []
+    texts = [[str(_cell(row, column)).strip() for column in range(width)] for _, row in above[-2:]]
+    if not texts:
+        return [""] * width
+    last = texts[-1]
+    upper = texts[0] if len(texts) == 2 else [""] * width
+    if _are_units(upper, last):
+        return [f"{name} [{unit.strip('[]()')}]" if unit else name for name, unit in zip(upper, last, strict=True)]
+    return last
+
+
+def _are_units(names: list[str], units: list[str]) -> bool:
+    """Whether a row has the units to the names in the row above it: all known or in brackets, under a name each."""
+    filled = [unit for unit in units if unit]
+    bracketed = all(unit[0] in "[(" and unit[-1] in "])" for unit in filled)
+    return all(name for name, unit in zip(names, units, strict=True) if unit) and (
+        bracketed or all(_UNITS.fullmatch(unit.strip("[]()")) for unit in filled)
+    )
+
+
+def _cell(row: list[Any], column: int) -> Any:
+    cell = row[column] if column < len(row) else ""
+    return "" if cell is None else cell
+
+
+def _column(cells: list[Any], title: str, column: int, columns: ColumnMap, name: str, numbers: Any) -> Any:
+    """Values (n,), or texts where the log needs no numbers. Raises LogError for a text where it does."""
+    values = [_number(cell) for cell in cells]
+    if None not in values:
+        return np.array(values, dtype=np.float64)
+    if title in READABLE_COLUMNS or columns.uses(column, title):
+        row = values.index(None)
+        raise LogError(
+            f"{name}: row {numbers[row]} of the sheet, column '{title or column}': {cells[row]!r} is not a number: "
+            "mend or empty the cell"
+        )
+    import pyarrow as pa
+
+    return pa.array([str(cell) for cell in cells], type=pa.string())
+
+
+def _number(cell: Any) -> float | None:
+    """A cell as a number: a date as seconds since 1970, a time of day as seconds; empty is NaN, a text None."""
+    if isinstance(cell, str):
+        return number_or_none(cell)
+    if isinstance(cell, datetime.date):  # a datetime is one too
+        moment = cell if isinstance(cell, datetime.datetime) else datetime.datetime.combine(cell, datetime.time())
+        # A time of day that has run past midnight is a date of 1900 to the sheet, whose day 1 that year begins with.
+        since = _DAY_0 if moment.year == 1900 else _EPOCH
+        return (moment.replace(tzinfo=None) - since) / datetime.timedelta(seconds=1)
+    if isinstance(cell, datetime.timedelta):
+        return cell.total_seconds()
+    if isinstance(cell, datetime.time):
+        return 3600.0 * cell.hour + 60.0 * cell.minute + cell.second + 1.0e-6 * cell.microsecond
+    return float(cell)
+
+
+def _recognises(head: bytes, suffix: str) -> bool:
+    return head.startswith(_OLE) or (head.startswith(_ZIP) and head[30:].startswith(_FIRST_IN_ZIP))
+
+
+FORMAT = foreign_format(
+    "a spreadsheet",
+    _recognises,
+    "a zip archive that begins as XLSX and ODS do, or the first bytes of XLS",
+    _read,
+    Library("xlsx", ("python_calamine",)),
+    "save the sheet as CSV",
+)

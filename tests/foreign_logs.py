@@ -1,0 +1,75 @@
+"""What the tests of foreign log formats share: a record, the map that reads it, and files that are damaged."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.errors import LogError
+from rw_ekf.logs.reader import read_log
+from rw_ekf.logs.wheel_log import WheelLog
+
+ROWS = 60
+
+
+class Record:
+    """A seeded random walk of a speed [rad/s] and a current [A], every 0.25 s."""
+
+    def __init__(self, seed: int, rows: int = ROWS, digits: int = 17) -> None:
+        draws = np.random.default_rng(seed)
+        self.time_s: Float64Array = 0.25 * np.arange(rows)
+        self.speed: Float64Array = np.cumsum(draws.normal(size=rows)).round(digits)
+        self.current: Float64Array = np.cumsum(0.1 * draws.normal(size=rows)).round(digits)
+
+
+def read_with(path: Path, *lines: str) -> WheelLog:
+    """Read a log with a column map of these lines beside it."""
+    columns = path.with_name("map.yaml")
+    columns.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return read_log(path, columns)
+
+
+def assert_same(log: WheelLog, record: Record) -> None:
+    """Every number of the record came back as it was."""
+    assert np.array_equal(log.time_s, record.time_s)
+    assert np.array_equal(log.speed_rad_s, record.speed)
+    assert np.array_equal(log.current_A, record.current)
+
+
+def refusal(path: Path, *lines: str) -> str:
+    """What is said of a log that is refused: one line, with the file's name before it."""
+    with pytest.raises(LogError) as caught:
+        read_with(path, *lines)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def assert_says_what_to_install(monkeypatch: pytest.MonkeyPatch, path: Path, module: str, extra: str) -> None:
+    """Without the library the refusal names the extra that brings it."""
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, module, None)
+        assert f'pip install "rw-ekf[{extra}]"' in refusal(path, "time_s: t")
+
+
+def assert_survives_damage(path: Path, *lines: str, seed: int = 1, begin: int = 16) -> None:
+    """Cut at 20 places, and with 50 bytes changed behind `begin`, one at a time and together: a log or a LogError."""
+    whole = path.read_bytes()
+    draws = random.Random(seed)
+    damaged = [whole[: begin + (len(whole) - begin) * part // 20] for part in range(20)]
+    for number in range(50):
+        data = bytearray(whole)
+        for _ in range(1 if number % 2 else 50):
+            data[draws.randrange(begin, len(data))] = draws.randrange(256)
+        damaged.append(bytes(data))
+    target = path.with_name(f"damaged{path.suffix}")
+    for data in damaged:
+        target.write_bytes(data)
+        with contextlib.suppress(LogError):
+            read_with(target, *lines)

@@ -1,0 +1,117 @@
+"""Spreadsheets are read as tables: header, units, dates, times of day, several sheets."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pytest
+
+from rw_ekf.logs.reader import read_log
+from tests.foreign_logs import (
+    Record,
+    assert_same,
+    assert_says_what_to_install,
+    assert_survives_damage,
+    read_with,
+    refusal,
+)
+
+MAP = ("time_s: t", "speed_rad_s: w", "current_A: i")
+
+
+def save(path: Path, sheets: dict[str, list[list[Any]]]) -> Path:
+    """An XLSX file with these sheets, row by row."""
+    book = openpyxl.Workbook()
+    book.remove(book.worksheets[0])
+    for title, rows in sheets.items():
+        sheet = book.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+def rows_of(record: Record) -> list[list[Any]]:
+    """Time, speed and current, row by row."""
+    return [list(row) for row in np.c_[record.time_s, record.speed, record.current].tolist()]
+
+
+def test_a_sheet_is_read_as_it_was_written(tmp_path: Path) -> None:
+    """A preamble, a blank row, a note beside it and a sheet of remarks are no obstacle, and no digit is lost."""
+    record = Record(1, digits=6)
+    rows = [["Bench 3"], ["rate", 4], [], ["t", "w", "i", "note"], *rows_of(record)]
+    rows[7].append("warm")
+    path = save(tmp_path / "a.xlsx", {"Remarks": [["nothing to see"]], "Run": rows})
+    log = read_with(path, *MAP)
+    assert_same(log, record)
+    assert log.other["note"].to_pylist()[3] == "warm"
+    assert_same(read_with(path, "variable: Run", *MAP), record)
+
+
+def test_two_runs_are_named(tmp_path: Path) -> None:
+    """Where two sheets hold tables, the refusal says which there are; so it does for one that is not there."""
+    first, second = Record(1, digits=6), Record(2, digits=6)
+    head = ["t", "w", "i"]
+    path = save(tmp_path / "a.xlsx", {"up": [head, *rows_of(first)], "down": [head, *rows_of(second)]})
+    assert "2 sheets hold tables (up, down): name one (`variable`" in refusal(path, *MAP)
+    assert "has no sheet 'side'; sheets: up, down" in refusal(path, "variable: side", *MAP)
+    assert_same(read_with(path, "variable: down", *MAP), second)
+
+
+def test_units_below_the_names_are_part_of_them(tmp_path: Path) -> None:
+    """A row of units goes into the names, where a unit that the map forgets is seen."""
+    path = save(tmp_path / "a.xlsx", {"a": [["t", "n", "i"], ["s", "rpm", "(A)"], *rows_of(Record(3, digits=6))]})
+    log = read_with(path, "time_s: 't [s]'", "speed_rpm: 'n [rpm]'", "current_A: 'i [A]'")
+    assert log.in_rpm
+    log = read_with(path, "time_s: 't [s]'", "speed_rad_s: 'n [rpm]'", "current_A: 'i [A]'")
+    assert "its name says rpm" in log.faults[0]
+
+
+def test_dates_and_times_of_day_are_seconds(tmp_path: Path) -> None:
+    """A date is seconds since 1970; a time of day is seconds, and goes on past midnight."""
+    noon = datetime.datetime(2024, 5, 1, 12, 0, 0)
+    days = [noon + datetime.timedelta(seconds=0.5 * row) for row in range(4)]
+    path = save(tmp_path / "a.xlsx", {"a": [["t", "w", "i"], *([day, 1.0, 2.0] for day in days)]})
+    assert read_with(path, *MAP).time_s.tolist() == [1714564800.0 + 0.5 * row for row in range(4)]
+    book = openpyxl.Workbook()
+    sheet = book.worksheets[0]
+    sheet.append(["t", "w", "i"])
+    for row in range(4):
+        sheet.append([(86390.0 + 5.0 * row) / 86400.0, 1.0, 2.0])
+        sheet.cell(row=row + 2, column=1).number_format = "h:mm:ss"
+    book.save(tmp_path / "b.xlsx")
+    assert np.allclose(read_with(tmp_path / "b.xlsx", *MAP).time_s, [86390, 86395, 86400, 86405])
+
+
+def test_a_sheet_without_names_goes_by_number(tmp_path: Path) -> None:
+    """Numbers from the first row on are data; a text among them is named by its row of the sheet."""
+    record = Record(4, digits=6)
+    numbers = ("time_s: {column: 0}", "speed_rad_s: {column: 1}", "current_A: {column: 2}")
+    path = save(tmp_path / "a.xlsx", {"a": rows_of(record)})
+    assert_same(read_with(path, *numbers), record)
+    rows = rows_of(record)
+    rows[9][1] = "broken"
+    assert "row 10 of the sheet, column '1': 'broken' is not a number" in refusal(
+        save(tmp_path / "b.xlsx", {"a": rows}), *numbers
+    )
+
+
+def test_what_cannot_be_read_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An archive that is no sheet, a sheet without numbers, a damaged one, a library that is missing: LogErrors."""
+    path = save(tmp_path / "a.xlsx", {"a": [["t", "w", "i"], *rows_of(Record(5, digits=6))]})
+    assert_says_what_to_install(monkeypatch, path, "python_calamine", "xlsx")
+    assert_survives_damage(path, *MAP)
+    assert "no sheet (a) holds a table" in refusal(save(tmp_path / "b.xlsx", {"a": [["t"], ["u"]]}), *MAP)
+    (tmp_path / "c.xls").write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + b"\0" * 600)
+    assert "is a spreadsheet that is damaged" in refusal(tmp_path / "c.xls", *MAP)
+
+
+def test_columns_of_the_log_s_own_names_need_no_map(tmp_path: Path) -> None:
+    """A sheet with the log's columns is a log."""
+    record = Record(6, digits=6)
+    path = save(tmp_path / "a.xlsx", {"a": [["time_s", "speed_rad_s", "current_A"], *rows_of(record)]})
+    assert_same(read_log(path), record)
