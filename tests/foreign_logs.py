@@ -24,8 +24,10 @@ class Record:
     def __init__(self, seed: int, rows: int = ROWS, digits: int = 17) -> None:
         draws = np.random.default_rng(seed)
         self.time_s: Float64Array = 0.25 * np.arange(rows)
-        self.speed: Float64Array = np.cumsum(draws.normal(size=rows)).round(digits)
-        self.current: Float64Array = np.cumsum(0.1 * draws.normal(size=rows)).round(digits)
+        self.speed: Float64Array = np.asarray(np.cumsum(draws.normal(size=rows)).round(digits), dtype=np.float64)
+        self.current: Float64Array = np.asarray(
+            np.cumsum(0.1 * draws.normal(size=rows)).round(digits), dtype=np.float64
+        )
 
 
 def read_with(path: Path, *lines: str) -> WheelLog:
@@ -64,10 +66,10 @@ def assert_survives_damage(path: Path, *lines: str, seed: int = 1, begin: int = 
     draws = random.Random(seed)
     damaged = [whole[: begin + (len(whole) - begin) * part // 20] for part in range(20)]
     for number in range(50):
-        data = bytearray(whole)
+        flipped = bytearray(whole)
         for _ in range(1 if number % 2 else 50):
-            data[draws.randrange(begin, len(data))] = draws.randrange(256)
-        damaged.append(bytes(data))
+            flipped[draws.randrange(begin, len(flipped))] = draws.randrange(256)
+        damaged.append(bytes(flipped))
     target = path.with_name(f"damaged{path.suffix}")
     for data in damaged:
         target.write_bytes(data)

@@ -6,7 +6,8 @@
     delimiter: ";"    skip_rows: 3    header: false       how a CSV file is laid out
     rate_hz: 100      decimate: 10                        where there is no time column; keep every n-th row
     reverse: true                                         the last row is the first in time
-    variable: data    layout: cells                       what to take from a MATLAB file
+    variable: data    layout: cells                       what to take from a MATLAB file; a sheet, a group, a topic
+    dbc: wheel.dbc                                        what the frames of a CAN log mean; relative to the map
 
 `column: v` may be shortened to its name alone. The value is scale * column + offset. `wrap: 65536` takes the numbers of
 the column for a counter of that many (two's complement, an angle that begins anew each turn); `sign_of: dir` gives a
@@ -62,6 +63,7 @@ class ColumnMap:
     reverse: bool = False
     variable: str | None = None
     layout: MatlabLayout = "columns"
+    dbc: str | None = None  # path
 
     def uses(self, number: int, name: str) -> bool:
         """Whether a source takes the column with this number or name."""

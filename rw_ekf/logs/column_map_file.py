@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, PlainValidator, ValidationInfo, create_model, model_validator
@@ -102,6 +103,7 @@ class _Options(Section):
     reverse: bool | None = Key(None, description="whether the last row is the first in time")
     variable: str | None = Key(None, min_length=1, description="variable of a MATLAB file")
     layout: MatlabLayout = "columns"
+    dbc: str | None = Key(None, min_length=1, description="database of a CAN log, relative to the map")
 
     @model_validator(mode="after")
     def _together(self) -> Self:
@@ -132,4 +134,5 @@ def column_map_from(document: YamlDocument) -> ColumnMap:
         reverse=bool(found.reverse),
         variable=found.variable,
         layout=found.layout,
+        dbc=None if found.dbc is None else str(Path(document.path).parent / found.dbc),
     )

@@ -19,6 +19,16 @@ _OWN = {
     "arrow": "rw_ekf.logs.foreign.arrow:FORMAT",
     "sheet": "rw_ekf.logs.foreign.sheets:FORMAT",
     "hdf5": "rw_ekf.logs.foreign.hdf5:FORMAT",
+    "mdf": "rw_ekf.logs.foreign.mdf:FORMAT",
+    "tdms": "rw_ekf.logs.foreign.tdms:FORMAT",
+    "lvm": "rw_ekf.logs.foreign.lvm:FORMAT",
+    "mcap": "rw_ekf.logs.foreign.mcap:FORMAT",
+    "rosbag2": "rw_ekf.logs.foreign.rosbag:FORMAT",
+    "rosbag1": "rw_ekf.logs.foreign.rosbag:ROS_1",
+    "ulog": "rw_ekf.logs.foreign.ulog:FORMAT",
+    "can": "rw_ekf.logs.foreign.can_log:FORMAT",
+    "influx_csv": "rw_ekf.logs.foreign.influx:ANNOTATED",
+    "influx": "rw_ekf.logs.foreign.influx:FORMAT",
     "csv": "rw_ekf.logs.csv_log:FORMAT",
 }
 _LAST = "csv"  # takes what nobody else takes

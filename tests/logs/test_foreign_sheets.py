@@ -43,7 +43,7 @@ def rows_of(record: Record) -> list[list[Any]]:
 def test_a_sheet_is_read_as_it_was_written(tmp_path: Path) -> None:
     """A preamble, a blank row, a note beside it and a sheet of remarks are no obstacle, and no digit is lost."""
     record = Record(1, digits=6)
-    rows = [["Bench 3"], ["rate", 4], [], ["t", "w", "i", "note"], *rows_of(record)]
+    rows: list[list[Any]] = [["Bench 3"], ["rate", 4], [], ["t", "w", "i", "note"], *rows_of(record)]
     rows[7].append("warm")
     path = save(tmp_path / "a.xlsx", {"Remarks": [["nothing to see"]], "Run": rows})
     log = read_with(path, *MAP)

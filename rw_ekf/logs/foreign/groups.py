@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,6 +70,12 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
     if untimed:
         table.warnings.append(f"{name}: {_shown(untimed)} have no time and were left out")
     return table
+
+
+def channels_of(rows: Sequence[Mapping[str, float]]) -> dict[str, Float64Array]:
+    """Channels (n,) of n messages, in the order in which they first appear; NaN where a message has none of it."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: np.array([row.get(name, np.nan) for row in rows], dtype=np.float64) for name in names}
 
 
 def held_at(at_s: Float64Array, time_s: Float64Array, values: Any) -> Float64Array:

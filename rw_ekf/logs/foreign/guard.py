@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import logging
+import sys
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -76,6 +79,21 @@ def only_log_errors(name: str, kind: str, otherwise: str = "") -> Iterator[None]
         reason = (str(error).strip().splitlines() or [""])[0][:_MOST_OF_A_REASON] or type(error).__name__
         advice = f"write it again, or {otherwise}" if otherwise else "write it again"
         what = "that is damaged, incomplete or of an unknown kind"
+        _drop_remains(error)
         raise LogError(f"{name}: is {kind} {what} ({reason}): {advice}") from None
     finally:
         logging.disable(disabled)
+
+
+def _drop_remains(error: BaseException) -> None:
+    """Free what a library had half built, now: some complain on standard error when that is deleted."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda unraisable: None
+    try:
+        link: BaseException | None = error
+        while link is not None:
+            traceback.clear_frames(link.__traceback__)
+            link = link.__context__
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook

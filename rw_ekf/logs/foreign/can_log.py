@@ -1,0 +1,106 @@
+"""CAN logs (Vector ASC and BLF, candump), decoded with the database that the column map names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.groups import Group, channels_of, table_of_groups
+from rw_ekf.logs.foreign.guard import Library, foreign_format, only_log_errors
+from rw_ekf.logs.raw_table import RawTable
+
+_BLF = b"LOGG"
+_ASC = re.compile(rb"(//[^\n]*\n)?(date [^\n]*\r?\n)?base +(hex|dec)")
+_CANDUMP = re.compile(rb"\(\d+\.\d+\) +\w+ +[0-9A-Fa-f]{3,8}#")
+_IDS_SHOWN = 8
+
+
+def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
+    """Messages as groups, their signals in their units. Raises LogError without a fitting database."""
+    if columns.dbc is None:
+        raise LogError(
+            f"{name}: is a CAN log, whose frames mean nothing without their database: name it in the column map "
+            "(`dbc: wheel.dbc`)"
+        )
+    messages = _messages(columns.dbc)
+    times: dict[str, list[float]] = {}
+    rows: dict[str, list[dict[str, float]]] = {}
+    unknown: dict[int, int] = {}
+    for frame in _frames(path):
+        decoded = _decoded(messages.get((frame.arbitration_id, frame.is_extended_id)), frame)
+        if decoded is None:
+            unknown[frame.arbitration_id] = unknown.get(frame.arbitration_id, 0) + 1
+            continue
+        message, values = decoded
+        times.setdefault(message, []).append(frame.timestamp)
+        rows.setdefault(message, []).append(values)
+    if not rows:
+        raise LogError(f"{name}: none of its frames ({_shown(unknown)}) is in {columns.dbc}: name the right database")
+    table = table_of_groups([Group(key, np.array(times[key]), channels_of(rows[key])) for key in rows], columns, name)
+    if unknown:
+        count = sum(unknown.values())
+        table.warnings.append(f"{name}: {count} frames ({_shown(unknown)}) are not in {columns.dbc} and were left out")
+    return table
+
+
+def _messages(database: str) -> dict[tuple[int, bool], Any]:
+    """Messages of a database by id, and whether that is an extended one. Raises LogError if it cannot be read."""
+    import cantools
+
+    if not Path(database).is_file():
+        raise LogError(f"{database}: no such file (`dbc` in the column map; relative to it)")
+    with only_log_errors(database, "a CAN database"):
+        found = cantools.database.load_file(database, strict=False)
+        return {(message.frame_id, message.is_extended_frame): message for message in found.messages}
+
+
+def _frames(path: Path) -> Any:
+    """Data frames in the order of the file."""
+    from can.io import asc, blf, canutils
+
+    with path.open("rb") as stream:
+        head = stream.read(len(_BLF) + 256)
+    if head.startswith(_BLF):
+        with path.open("rb") as stream, blf.BLFReader(stream) as frames:
+            yield from filter(_has_data, frames)
+    else:
+        kind: Any = canutils.CanutilsLogReader if _CANDUMP.match(head) else asc.ASCReader
+        with path.open(encoding="utf-8", errors="replace") as text, kind(text) as frames:
+            yield from filter(_has_data, frames)
+
+
+def _has_data(frame: Any) -> bool:
+    return not (frame.is_error_frame or frame.is_remote_frame)
+
+
+def _decoded(message: Any, frame: Any) -> tuple[str, dict[str, float]] | None:
+    """Name and signals of a frame; None if it is not in the database, or not as that says."""
+    if message is None:
+        return None
+    try:
+        values = message.decode(bytes(frame.data), decode_choices=False, allow_truncated=True)
+    except Exception:  # noqa: BLE001 - of what a frame holds too much or too little is made what it is: unknown
+        return None
+    return (
+        (str(message.name), {key: float(value) for key, value in values.items()}) if isinstance(values, dict) else None
+    )
+
+
+def _shown(ids: dict[int, int]) -> str:
+    shown = ", ".join(f"0x{number:X}" for number in list(ids)[:_IDS_SHOWN])
+    return f"ids {shown}{', ...' if len(ids) > _IDS_SHOWN else ''}" if ids else "there is none"
+
+
+FORMAT = foreign_format(
+    "a CAN log",
+    lambda head, suffix: head.startswith(_BLF) or bool(_ASC.match(head) or _CANDUMP.match(head)),
+    "the first bytes 'LOGG' (BLF); the first lines of ASC or candump",
+    _read,
+    Library("can", ("can", "cantools")),
+    "decode it to CSV",
+)
