@@ -59,6 +59,7 @@ def test_round_trip(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_damage_and_a_missing_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither ends in anything but a LogError."""
     path = save(tmp_path / "a.mf4", Record(2))

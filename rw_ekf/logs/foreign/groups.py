@@ -78,6 +78,11 @@ def channels_of(rows: Sequence[Mapping[str, float]]) -> dict[str, Float64Array]:
     return {name: np.array([row.get(name, np.nan) for row in rows], dtype=np.float64) for name in names}
 
 
+def seconds_of(ticks: Sequence[int], per_second: int) -> Float64Array:
+    """Times (n,) [s] of a clock that counts so many ticks a second, each the nearest number to it."""
+    return np.array([tick / per_second for tick in ticks], dtype=np.float64)
+
+
 def held_at(at_s: Float64Array, time_s: Float64Array, values: Any) -> Float64Array:
     """The last of `values` (n,), sampled at `time_s` (n,) in any order, known at each of `at_s` (m,); NaN before."""
     order = np.argsort(time_s, kind="stable")

@@ -9,11 +9,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.foreign.groups import Group, channels_of, table_of_groups
+from rw_ekf.logs.foreign.groups import Group, channels_of, seconds_of, table_of_groups
 from rw_ekf.logs.foreign.guard import foreign_format
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
@@ -30,12 +28,8 @@ _BEGIN = re.compile(
 _NO_POINT = ("#", "CREATE ")  # comments, and what influx_inspect writes to make the database
 _ANNOTATIONS = (b"#group", b"#datatype", b"#default")
 _TRUTH = {"t": 1.0, "true": 1.0, "f": 0.0, "false": 0.0}
-_UNITS = (
-    (1e17, 1e-9),
-    (1e14, 1e-6),
-    (1e11, 1e-3),
-    (0.0, 1.0),
-)  # from which number on a time since 2001 is in which [s]
+# From which number on a time since 1973 has how many units a second.
+_UNITS = ((10**17, 10**9), (10**14, 10**6), (10**11, 10**3), (0, 1))
 _OWN = ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
 _FRACTION = re.compile(r"(.*:\d\d)(?:\.(\d{1,9}))?Z")
 
@@ -68,7 +62,9 @@ def _read_lines(path: Path, name: str, columns: ColumnMap) -> RawTable:
             one = series.setdefault(_plain(point["name"] + point["tags"]), _Series(_plain(point["name"])))
             fields = {_plain(key): _value(value) for key, value in _FIELD.findall(point["fields"])}
             one.add(None if point["time"] is None else int(point["time"]), _numbers(fields))
-    return table_of_groups(_groups(series), columns, name)
+    largest = max((abs(time) for one in series.values() if one.timed for time in one.rows), default=0)
+    per_second = next(per_second for least, per_second in _UNITS if largest >= least)  # nothing else says it
+    return table_of_groups(_groups(series, per_second), columns, name)
 
 
 def _read_annotated(path: Path, name: str, columns: ColumnMap) -> RawTable:
@@ -92,7 +88,7 @@ def _read_annotated(path: Path, name: str, columns: ColumnMap) -> RawTable:
                     _add_row(series, dict(zip(header, cells, strict=False)), dict(zip(header, kinds, strict=False)))
                 except ValueError as error:
                     raise LogError(f"{name}: record {number}: {error}: mend or remove it") from None
-    return table_of_groups(_groups(series), columns, name)
+    return table_of_groups(_groups(series, 10**9), columns, name)
 
 
 def _add_row(series: dict[str, _Series], row: dict[str, str], kinds: dict[str, str]) -> None:
@@ -109,23 +105,16 @@ def _add_row(series: dict[str, _Series], row: dict[str, str], kinds: dict[str, s
     series.setdefault(name, _Series(measurement)).add(_nanoseconds(time) if time else None, _numbers(fields))
 
 
-def _groups(series: dict[str, _Series]) -> list[Group]:
+def _groups(series: dict[str, _Series], per_second: int) -> list[Group]:
     """Series as groups in the order of time; one that is alone in its measurement goes by that."""
     counts = Counter(one.measurement for one in series.values())
     groups = []
     for name, one in series.items():
         times = sorted(one.rows)
-        time_s = _seconds(times) if one.timed else None
+        time_s = seconds_of(times, per_second) if one.timed else None
         shown = name if counts[one.measurement] > 1 else one.measurement
         groups.append(Group(shown, time_s, channels_of([one.rows[time] for time in times])))
     return groups
-
-
-def _seconds(times: list[int]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Times (n,) as seconds since 1970: nothing says their unit but their size."""
-    largest = max(map(abs, times), default=0)
-    unit = next(unit for least, unit in _UNITS if largest >= least)
-    return np.asarray(unit * np.array(times, dtype=np.float64))
 
 
 def _nanoseconds(stamp: str) -> int:

@@ -31,7 +31,7 @@ class Topic:
     def add(self, logged_ns: int, message: Any) -> None:
         """Add a message that was written to the log at this time."""
         self.rows.append(row_of(message))
-        self.logged_s.append(1.0e-9 * logged_ns)
+        self.logged_s.append(logged_ns / 10**9)
 
     def group(self) -> Group:
         """On the times that its messages bear, if all have one; else on those when they were logged."""
@@ -98,5 +98,5 @@ def _stamp(fields: Any) -> float | None:
         stamp = _plain(holder.get(key)) if isinstance(holder, Mapping) else None
         for seconds, nanoseconds in _STAMP_KEYS:
             if isinstance(stamp, Mapping) and seconds in stamp and nanoseconds in stamp:
-                return (1.0e-9 * (int(stamp[seconds]) * 1_000_000_000 + int(stamp[nanoseconds]))) or None
+                return ((int(stamp[seconds]) * 10**9 + int(stamp[nanoseconds])) / 10**9) or None
     return None

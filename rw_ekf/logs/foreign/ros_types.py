@@ -21,11 +21,11 @@ def decoders(definitions: Mapping[str, str], wire: Wire) -> Callable[[str], Deco
     for name, text in definitions.items():
         types = get_types_from_msg(text, name)
         own.register({key: value for key, value in types.items() if key not in own.fielddefs})
-    standard = get_typestore(Stores.LATEST if wire == "cdr" else Stores.ROS1_NOETIC)
 
     def decoder(name: str) -> Decoder:
         full = name if "/msg/" in name else name.replace("/", "/msg/")
-        store = own if full in own.fielddefs else standard
+        standard = Stores.LATEST if wire == "cdr" else Stores.ROS1_NOETIC
+        store = own if full in own.fielddefs else get_typestore(standard)
         if full not in store.fielddefs:
             raise KeyError(full)
         read = store.deserialize_cdr if wire == "cdr" else store.deserialize_ros1

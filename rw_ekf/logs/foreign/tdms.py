@@ -57,7 +57,7 @@ def _group(name: str, held: list[Any], step_s: float, offset_s: float) -> Group:
 
 def _seconds(stamps: Any) -> Float64Array:
     """Time stamps (n,) as seconds since 1970."""
-    return np.asarray(1.0e-6 * stamps.astype("datetime64[us]").astype(np.int64))
+    return np.asarray(stamps.astype("datetime64[us]").astype(np.int64) / 1.0e6)
 
 
 FORMAT = foreign_format(

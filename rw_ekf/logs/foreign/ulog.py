@@ -14,7 +14,7 @@ from rw_ekf.logs.foreign.groups import Group, table_of_groups
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.raw_table import RawTable
 
-_US = 1.0e-6
+_PER_SECOND = 1.0e6
 _CLOCK = "timestamp"  # [us]
 
 
@@ -37,7 +37,7 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
 def _group(data: Any, several: set[str]) -> Group:
     channels = {key: values for key, values in data.data.items() if key != _CLOCK}
     name = f"{data.name}[{data.multi_id}]" if data.name in several else data.name
-    return Group(name, _US * np.asarray(data.data[_CLOCK], dtype=np.float64), channels)
+    return Group(name, np.asarray(data.data[_CLOCK] / _PER_SECOND, dtype=np.float64), channels)
 
 
 FORMAT = foreign_format(
