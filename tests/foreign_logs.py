@@ -23,7 +23,7 @@ class Record:
 
     def __init__(self, seed: int, rows: int = ROWS, digits: int = 17) -> None:
         draws = np.random.default_rng(seed)
-        self.time_s: Float64Array = 0.25 * np.arange(rows)
+        self.time_s: Float64Array = np.asarray(0.25 * np.arange(rows), dtype=np.float64)
         self.speed: Float64Array = np.asarray(np.cumsum(draws.normal(size=rows)).round(digits), dtype=np.float64)
         self.current: Float64Array = np.asarray(
             np.cumsum(0.1 * draws.normal(size=rows)).round(digits), dtype=np.float64
@@ -60,12 +60,14 @@ def assert_says_what_to_install(monkeypatch: pytest.MonkeyPatch, path: Path, mod
         assert f'pip install "rw-ekf[{extra}]"' in refusal(path, "time_s: t")
 
 
-def assert_survives_damage(path: Path, *lines: str, seed: int = 1, begin: int = 16) -> None:
-    """Cut at 20 places, and with 50 bytes changed behind `begin`, one at a time and together: a log or a LogError."""
+def assert_survives_damage(
+    path: Path, *lines: str, seed: int = 1, begin: int = 16, cuts: int = 20, flips: int = 50
+) -> None:
+    """Cut at 20 places; with 50 bytes changed behind `begin`, in every other file 50 times: a log or a LogError."""
     whole = path.read_bytes()
     draws = random.Random(seed)
-    damaged = [whole[: begin + (len(whole) - begin) * part // 20] for part in range(20)]
-    for number in range(50):
+    damaged = [whole[: begin + (len(whole) - begin) * part // cuts] for part in range(cuts)]
+    for number in range(flips):
         flipped = bytearray(whole)
         for _ in range(1 if number % 2 else 50):
             flipped[draws.randrange(begin, len(flipped))] = draws.randrange(256)

@@ -64,9 +64,8 @@ class RawTable:
             return np.full(self.rows, np.nan)
         if not pa.types.is_float64(column.type):  # to cast imports what arrow computes with, which takes a while
             column = column.cast(pa.float64(), safe=False)
-        values: Float64Array = column.to_numpy()
-        # An array that arrow lends is read-only, and compiled code would be built twice for it; of chunks it is a copy.
-        return values if values.flags.writeable else values.copy()
+        chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
+        return np.concatenate([np.empty(0), *map(_float64_of, chunks)])
 
     def begin_segment(self, number: int) -> None:
         """Set the segments apart from those of other tables, where there are any: rows are missing before the first."""
@@ -111,6 +110,19 @@ def stacked(tables: list[RawTable], name: str) -> RawTable:
     columns = [_stacked_column([table.columns[index] for table in tables]) for index in range(len(first.names))]
     warnings = [text for table in tables for text in table.warnings]
     return RawTable(name, first.names, columns, int(begins[-1]), place, warnings)
+
+
+def _float64_of(chunk: Any) -> Float64Array:
+    """Values (n,) of a float64 array, NaN where null. Arrow's own to_numpy() imports pandas where that is installed."""
+    if len(chunk) == 0:
+        return np.empty(0)
+    valid, held = chunk.buffers()
+    rows = slice(chunk.offset, chunk.offset + len(chunk))
+    values: Float64Array = np.frombuffer(held, dtype=np.float64, count=rows.stop)[rows]
+    if chunk.null_count == 0:
+        return values
+    known = np.unpackbits(np.frombuffer(valid, dtype=np.uint8), count=rows.stop, bitorder="little")[rows]
+    return np.where(known, values, np.nan)
 
 
 def _backward(column: Any) -> Any:

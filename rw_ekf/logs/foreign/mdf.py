@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.child import groups_by_child
 from rw_ekf.logs.foreign.groups import Group, table_of_groups
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.raw_table import RawTable
@@ -18,11 +19,15 @@ _LONGEST_NAME = 60
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     """Channel groups as groups, each on its master channel. A value that the recorder marked as invalid is a gap."""
+    return table_of_groups(groups_by_child(f"{__name__}:groups_of", path), columns, name)  # it crashes of damage
+
+
+def groups_of(path: Path) -> list[Group]:
+    """All groups of a file. Raises whatever the library does."""
     import asammdf
 
     with path.open("rb") as stream, asammdf.MDF(stream) as file:
-        groups = [_group(file, number) for number in range(len(file.groups))]
-    return table_of_groups(groups, columns, name)
+        return [_group(file, number) for number in range(len(file.groups))]
 
 
 def _group(file: Any, number: int) -> Group:
