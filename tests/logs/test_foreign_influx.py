@@ -89,6 +89,13 @@ def test_annotated_csv(tmp_path: Path, wide: bool) -> None:
     assert_same(read_with(path, *MAP), expected(record))
 
 
+def test_a_heading_is_no_point(tmp_path: Path) -> None:
+    """A CSV log below a line like `sample rate=100` is CSV."""
+    path = tmp_path / "a.csv"
+    path.write_text("sample rate=100\ntime_s,w,i\n0,1,2\n1,1,2\n")
+    assert len(read_with(path, "skip_rows: 1", *MAP)) == 2
+
+
 def test_mistakes_and_damage(tmp_path: Path) -> None:
     """A line that is no point and a time that is none have their place; damage ends in nothing but a LogError."""
     path = tmp_path / "a.lp"

@@ -45,8 +45,9 @@ def lvm(record: Record, columns: str = "One", point: str = ".", blocks: int = 2,
 
 def save(path: Path, record: Record, waveform: bool) -> Path:
     """A fast group with or without a waveform's step, and a slow one with a channel of time stamps."""
-    step = {"wf_increment": 0.25, "wf_start_offset": 0.0} if waveform else {}
-    stamps = np.datetime64("1970-01-01T00:00:01", "us") + np.arange(10) * np.timedelta64(1, "s")
+    begun = np.datetime64("2024-05-01T12:00:00", "us")
+    step = {"wf_increment": 0.25, "wf_start_offset": 0.0, "wf_start_time": begun} if waveform else {}
+    stamps = begun + (1 + np.arange(10)) * np.timedelta64(1, "s")
     with TdmsWriter(path) as writer:
         channels = [ChannelObject("fast", "w", record.speed, step), ChannelObject("fast", "i", record.current, step)]
         if not waveform:
@@ -63,8 +64,9 @@ def test_tdms_round_trip(tmp_path: Path, waveform: bool) -> None:
     path = save(tmp_path / "a.tdms", record, waveform)
     log = read_with(path, "speed_rad_s: fast.w", "current_A: fast.i", "temperature_degC: slow.T")
     assert_same(log, record)
-    assert np.isnan(log.channels["temperature_degC"][:4]).all()
-    assert log.channels["temperature_degC"][4:9].tolist() == [0, 0, 0, 0, 1]
+    late = 4 if waveform else 0  # only a waveform has a date, by which the groups can be put beside each other
+    assert np.isnan(log.channels["temperature_degC"][:late]).all()
+    assert log.channels["temperature_degC"][late : late + 5].tolist() == [0, 0, 0, 0, 1]
     assert_same(read_with(path, "variable: fast", "speed_rad_s: w", "current_A: i"), record)
 
 
@@ -116,9 +118,9 @@ def test_lvm_mistakes_have_their_line(tmp_path: Path) -> None:
     """A text among numbers, other columns, no rows: each is said; damage ends in nothing but a LogError."""
     path = tmp_path / "a.lvm"
     whole = lvm(Record(6))
-    assert_path = whole.splitlines()
-    line = assert_path[25].split("\t")
-    path.write_text(whole.replace(assert_path[25], "\t".join([line[0], "oops", line[2]])))
+    row = whole.splitlines()[25]
+    time, _, current = row.split("\t")
+    path.write_text(whole.replace(row, f"{time}\toops\t{current}"))
     assert "line 26, column 'w': 'oops' is not a number" in refusal(path, *MAP)
     path.write_text("\tspeed\t".join(whole.rsplit("\tw\t", 1)))
     assert "a block has other columns (X_Value, speed, i) than the first" in refusal(path, *MAP)

@@ -22,9 +22,11 @@ _POINT = re.compile(
     r"(?: +(?P<time>-?\d{1,19}))?"
 )
 _FIELD = re.compile(rf"({_KEY})=({_VALUE})")
-_BEGIN = re.compile(
-    rf'(?:(?:#[^\n]*|CREATE [^\n]*|)\r?\n)*{_KEY}(?:,{_KEY}={_KEY})* +{_KEY}=(?:-?[\d.]|[tTfF]|")'.encode()
+_BEGIN = re.compile(  # the time, tags or a second field: `sample rate=100` may head any text
+    rf"(?:(?:#[^\n]*|CREATE [^\n]*|)\r?\n)*{_KEY}(?:(?:,{_KEY}={_KEY})+ +{_KEY}=|"
+    rf" +{_KEY}=(?:{_VALUE})(?:,{_KEY}=| +\d{{9,19}}\r?\n))".encode()
 )
+_SUFFIXES = (".lp", ".line", ".influx")
 _NO_POINT = ("#", "CREATE ")  # comments, and what influx_inspect writes to make the database
 _ANNOTATIONS = (b"#group", b"#datatype", b"#default")
 _TRUTH = {"t": 1.0, "true": 1.0, "f": 0.0, "false": 0.0}
@@ -143,8 +145,8 @@ def _plain(key: str) -> str:
 
 FORMAT = foreign_format(
     "InfluxDB line protocol",
-    lambda head, suffix: bool(_BEGIN.match(head)),
-    "a first point: name,tag=a field=1",
+    lambda head, suffix: suffix in _SUFFIXES or bool(_BEGIN.match(head)),
+    "a first point, `name,tag=a field=1 TIME`, or .lp",
     _read_lines,
 )
 ANNOTATED = foreign_format(

@@ -18,46 +18,54 @@ _TIME = re.compile(r"(time|t|zeit|timestamp|time[ _]stamp)([ _]*[\[(]?s(ec(onds)
 
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
-    """Groups as they are in the file, taken apart where their channels have several rates."""
+    """Groups as they are in the file, taken apart where their channels have several rates.
+
+    Times count from the first that is known of the file as a date; those that are no dates stay as they are.
+    """
     import nptdms
 
     with path.open("rb") as stream:
         file = nptdms.TdmsFile.read(stream)
-        groups = [part for group in file.groups() for part in _parts(group)]
-    return table_of_groups(groups, columns, name)
+        parts = [part for group in file.groups() for part in _parts(group)]
+    first = min((start for _, start in parts if start is not None), default=np.datetime64(0, "us"))
+    for group, start in parts:
+        if start is not None and group.time_s is not None:
+            group.time_s = _seconds(start - first) + group.time_s
+    return table_of_groups([group for group, _ in parts], columns, name)
 
 
-def _parts(group: Any) -> list[Group]:
-    """Channels of one length and one waveform timing each; a part of several goes by its first channel too."""
-    parts: dict[tuple[float, ...], list[Any]] = {}
+def _parts(group: Any) -> list[tuple[Group, Any]]:
+    """Channels of one length and one waveform timing each, with their start; several go by their first channel too."""
+    parts: dict[tuple[Any, ...], list[Any]] = {}
     for channel in group.channels():
-        parts.setdefault((len(channel), *_timing(channel)), []).append(channel)
+        timing = (channel.properties.get(key) for key in ("wf_increment", "wf_start_offset", "wf_start_time"))
+        parts.setdefault((len(channel), *timing), []).append(channel)
     return [
-        _group(group.name if len(parts) == 1 else f"{group.name}/{held[0].name}", held, step_s, offset_s)
-        for (_, step_s, offset_s), held in parts.items()
+        _group(group.name if len(parts) == 1 else f"{group.name}/{held[0].name}", held, step_s, offset_s, start)
+        for (_, step_s, offset_s, start), held in parts.items()
     ]
 
 
-def _timing(channel: Any) -> tuple[float, float]:
-    """Step and offset of a waveform [s]; zero where the channel is none."""
-    return tuple(float(channel.properties.get(key, 0.0)) for key in ("wf_increment", "wf_start_offset"))  # type: ignore[return-value]
-
-
-def _group(name: str, held: list[Any], step_s: float, offset_s: float) -> Group:
-    """Times from the waveform's step, or from a channel of time stamps, or from one that is called time."""
+def _group(
+    name: str, held: list[Any], step_s: float | None, offset_s: float | None, start: Any
+) -> tuple[Group, np.datetime64 | None]:
+    """Times from the waveform's step [s], or from a channel of time stamps, or from one that is called time."""
     channels = {channel.name: channel[:] for channel in held}
-    if step_s > 0.0:
-        return Group(name, np.asarray(offset_s + step_s * np.arange(len(held[0])), dtype=np.float64), channels)
-    stamps = next((key for key, values in channels.items() if values.dtype.kind == "M"), None)
+    if step_s is not None and step_s > 0.0:
+        time_s = (offset_s or 0.0) + step_s * np.arange(len(held[0]))
+        begun = None if start is None else np.datetime64(start, "us")
+        return Group(name, np.asarray(time_s, dtype=np.float64), channels), begun
+    stamps = next((key for key, values in channels.items() if values.dtype.kind == "M" and len(values)), None)
     if stamps is not None:
-        return Group(name, _seconds(channels.pop(stamps)), channels)
+        moments = channels.pop(stamps).astype("datetime64[us]")
+        return Group(name, _seconds(moments - moments[0]), channels), moments[0]
     called = next((key for key, values in channels.items() if _TIME.fullmatch(key) and values.dtype.kind == "f"), None)
-    return Group(name, None if called is None else np.asarray(channels[called], dtype=np.float64), channels)
+    return Group(name, None if called is None else np.asarray(channels[called], dtype=np.float64), channels), None
 
 
-def _seconds(stamps: Any) -> Float64Array:
-    """Time stamps (n,) as seconds since 1970."""
-    return np.asarray(stamps.astype("datetime64[us]").astype(np.int64) / 1.0e6)
+def _seconds(spans: Any) -> Float64Array:
+    """Spans of time, one or (n,), as seconds."""
+    return np.asarray(spans.astype("timedelta64[us]").astype(np.int64) / 1.0e6, dtype=np.float64)
 
 
 FORMAT = foreign_format(
