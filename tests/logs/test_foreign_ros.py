@@ -142,6 +142,8 @@ def test_rosbag_2(tmp_path: Path) -> None:
     record.time_s = 1.0 + record.time_s
     assert_same(log, record)
     assert path.read_bytes() == before
+    path.with_name("bag_1.db3").write_bytes(before)
+    assert "1 more files of this bag are beside it" in read_with(path, *MAP).warnings[-1]
     unknown = save_bag(tmp_path / "unknown", record, unknown=True)
     assert "/joints (mine/msg/Wheel): no definition of this type is at hand" in refusal(unknown, *MAP)
     with sqlite3.connect(tmp_path / "a.db") as base:
