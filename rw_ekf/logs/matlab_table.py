@@ -12,7 +12,7 @@ from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.matlab_check import check_skeleton
-from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.vectors import vector_of, vectors_of
 
 
@@ -48,7 +48,10 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
         kind = f"variable '{variable}' holds no numbers"
     rows = len(columns[0][1]) if columns else 0
     if rows == 0:
-        raise LogError(f"{name}: {kind}: name the variable that holds the record (`variable` in the column map)")
+        held = ", ".join(list(content)[:MAX_NAMES_SHOWN]) or "none"
+        raise LogError(
+            f"{name}: {kind}: name the variable that holds the record (`variable` in the column map); variables: {held}"
+        )
     names = tuple(column[0] for column in columns)
     return RawTable(name, names, [column[1] for column in columns], rows, lambda row: f"row {row + 1}")
 
