@@ -20,6 +20,7 @@ VERBS = {
     "fit": "fit",
     "diagnose": "diagnose",
     "check-config": "check_config",
+    "columns": "columns",
     "export": "export",
     "stop": "stop",
     "status": "status",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rw_ekf.batch_fit import Fit, Method, fit_record
 from rw_ekf.checking.effect_file import read_effect_file
@@ -22,10 +22,11 @@ from rw_ekf.errors import RwEkfError as Error
 from rw_ekf.filter.belief import DEFAULT_PRIOR, with_prior_table
 from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.estimator import Estimator as Filter
+from rw_ekf.foreign_columns import GuessedColumns, guessed_columns
 from rw_ekf.identify.record_scale import DEFAULT_STRIBECK_SPEED_RAD_S
 from rw_ekf.log_replay import Run, replay_log
 from rw_ekf.log_simulation import simulate
-from rw_ekf.logs.reader import read_log
+from rw_ekf.logs.reader import read_columns, read_log
 from rw_ekf.logs.wheel_log import WheelLog as Log
 from rw_ekf.one_thread import one_thread
 from rw_ekf.records import Estimate, IssuedCommand, WheelSample
@@ -38,19 +39,31 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 __all__ = [
-    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit", "Log", "Model", "Run",
-    "compare", "diagnose", "fit", "read", "replay", "simulate",
+    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit", "GuessedColumns", "Log", "Model", "Run",
+    "compare", "diagnose", "fit", "guess_columns", "read", "replay", "simulate",
 ]  # fmt: skip
 
 HasModel = Model | Fit | Diagnosis | Run
 
 
-def read(path: str | Path, columns: str | Path | ColumnMap | None = None) -> Log:
-    """Read a log: CSV, Parquet or MATLAB. columns: the column map of a foreign one, or its path.
+def read(source: Any, columns: str | Path | ColumnMap | GuessedColumns | None = None) -> Log:
+    """Read a log: a file of any form of docs/logs.md, a pandas, polars or arrow table, or a mapping of names to arrays.
 
-    Raises Error with file, line and column, and what to do.
+    columns: the column map of a foreign one, its path, or what `guess_columns` found; without it columns of other names
+    are guessed, if that is certain. Raises Error with file, line and column, and what to do.
     """
-    return read_log(path, columns)
+    taken = columns.column_map if isinstance(columns, GuessedColumns) else columns
+    return read_log(source, taken) if isinstance(source, str | Path) else read_columns(source, taken)
+
+
+def guess_columns(path: str | Path, columns: str | Path | ColumnMap | None = None, **answers: object) -> GuessedColumns:
+    """Guess which column of a foreign log is what; what it cannot know, it asks.
+
+    answers: `current=3`, `speed="n:rpm"`, or of a part, with two underscores, `current__unit="mA"`. columns: a map that
+    says only how the file is laid out. Raises Error.
+    """
+    told = {name.replace("__", "."): "none" if value is None else str(value) for name, value in answers.items()}
+    return guessed_columns(path, told, columns)
 
 
 @one_thread()

@@ -16,8 +16,10 @@ from rw_ekf.cli import main
 from tests.live.bench import ROOT
 
 PUBLIC = [
-    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit", "Log", "Model", "Run", "__version__",
-    "compare", "diagnose", "fit", "read", "replay", "simulate",
+    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit",
+    "GuessedColumns", "Log", "Model", "Run", "__version__",
+    "compare", "diagnose", "fit",
+    "guess_columns", "read", "replay", "simulate",
 ]  # fmt: skip
 
 

@@ -6,10 +6,13 @@
     delimiter: ";"    skip_rows: 3    header: false       how a CSV file is laid out
     rate_hz: 100      decimate: 10                        where there is no time column; keep every n-th row
     reverse: true                                         the last row is the first in time
+    restarts: true                                        a segment begins wherever time falls back to its beginning
+    repeats: drop                                         rows that repeat the one before; `spread`: coarse stamps
     variable: data    layout: cells                       what to take from a MATLAB file; a sheet, a group, a topic
     dbc: wheel.dbc                                        what the frames of a CAN log mean; relative to the map
 
-`column: v` may be shortened to its name alone. The value is scale * column + offset. `wrap: 65536` takes the numbers of
+`column: v` may be shortened to its name alone. The value is scale * column + offset. `unit: mA` takes the numbers
+in that unit, before the scale (`unit: counts, counts_per_turn: 4096`). `wrap: 65536` takes the numbers of
 the column for a counter of that many (two's complement, an angle that begins anew each turn); `sign_of: dir` gives a
 magnitude the sign of another column. docs/logs.md has examples.
 """
@@ -25,6 +28,7 @@ from typing import Literal
 from rw_ekf.logs.csv_table import CsvLayout
 
 MatlabLayout = Literal["columns", "rows", "cells"]
+Repeats = Literal["refuse", "drop", "spread"]
 
 
 @dataclass(frozen=True)
@@ -61,13 +65,15 @@ class ColumnMap:
     rate_hz: float | None = None
     decimate: int = 1
     reverse: bool = False
+    restarts: bool = False
+    repeats: Repeats = "refuse"
     variable: str | None = None
     layout: MatlabLayout = "columns"
     dbc: str | None = None  # path
 
     def uses(self, number: int, name: str) -> bool:
-        """Whether a source takes the column with this number or name."""
-        taken = [column for source in self.sources.values() for column in (source.column, source.sign_of)]
+        """Whether a source takes the numbers of the column with this number or name; a direction may be in words."""
+        taken = [source.column for source in self.sources.values()]
         return any(column == number or (bool(name) and column == name) for column in taken if column is not None)
 
 

@@ -6,29 +6,45 @@ import csv
 import io
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs import csv_slow
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
+from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.text_layout import BLANKS, TextLayout, encoding_of, is_stamp, layout_of, lines_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 _BLOCK_BYTES = 1 << 22  # read and parsed at a time: a fifth less work than by pyarrow's own 1 MB
-_STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settled by the slow pass
+_LOOKED_AT_BYTES = 1 << 18  # to see how a text is laid out
+_LOOKED_AT_ROWS = 40
+_A_NAME = 8  # characters: a shorter line may come again by chance
+
+
+class Rewritten(NamedTuple):
+    """How a text was laid out that was not in this program's own way, and its lines that hold no row."""
+
+    layout: TextLayout
+    left_out: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class CsvLayout:
-    """How the text is laid out. `header` None: there is one unless the first row holds numbers only."""
+    """How the text is laid out, as far as it was told; None: found out, if it is not as this program writes it.
 
-    delimiter: str = ","
+    `header` None: there is one unless the first row holds numbers only.
+    """
+
+    delimiter: str | None = None
     skip_rows: int = 0  # physical lines before the header
     header: bool | None = None
+    decimal: str | None = None
+    encoding: str | None = None
 
 
 @dataclass(frozen=True)
@@ -50,9 +66,91 @@ def read_csv_table(
 
     Raises LogError naming the line and the column of the first fault, EmptyLogError for a file without data.
     """
+    plain = _as_plain(text, layout, must_be_numeric)
+    if plain is not None:
+        return _read_plain(*plain, must_be_numeric, name_shown)
+    return _read_plain(text, replace(layout, delimiter=layout.delimiter or ","), None, must_be_numeric, name_shown)
+
+
+def _as_plain(
+    text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]
+) -> tuple[LogText, CsvLayout, Rewritten] | None:
+    """The text in this program's own way, where it is a table laid out otherwise; else None."""
+    with text.open() as stream:
+        head = stream.read(_LOOKED_AT_BYTES)
+        if _is_own(head, layout):
+            return None
+        whole = head + stream.read()
+    if _is_plain(head, layout, must_be_numeric) and not _names_again(whole, layout):
+        return None
+    found = layout_of(
+        head, delimiter=layout.delimiter, decimal=layout.decimal, encoding=layout.encoding, skip_rows=layout.skip_rows
+    )
+    if found is None:
+        return None
+    if layout.header is False:
+        found = replace(found, names=())
+    written = rewritten(whole, found)
+    skip = found.first_line - (2 if found.names else 1)
+    return (
+        replace(text, unpacked=written.text),
+        CsvLayout(",", skip, bool(found.names)),
+        Rewritten(found, written.left_out),
+    )
+
+
+def _is_own(head: bytes, layout: CsvLayout) -> bool:
+    """Whether a text begins with names of a log's own, between commas."""
+    first = next((line for line in head.lstrip(b"\xef\xbb\xbf").splitlines() if line.strip()), b"")
+    names = {name.strip().strip('"') for name in first.decode("utf-8", "replace").split(",")}
+    own = "time_s" in names and bool({"speed_rad_s", "speed_rpm"} & names)
+    return own and layout.delimiter in (None, ",") and layout == CsvLayout(layout.delimiter, header=layout.header)
+
+
+def _names_again(text: bytes, layout: CsvLayout) -> bool:
+    """Whether the row of names stands in the text again, as where runs were put under each other."""
+    names = text.split(b"\n", layout.skip_rows + 1)[layout.skip_rows : layout.skip_rows + 1]
+    return layout.header is not False and any(len(line) > _A_NAME and text.count(b"\n" + line) > 0 for line in names)
+
+
+def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]) -> bool:
+    """Whether a text is in this program's own way as far as its head shows, or is none that another would mend."""
+    if layout.encoding is not None or layout.decimal is not None or layout.delimiter == BLANKS:
+        return False
+    text = head.decode("utf-8-sig", "replace")
+    if "\0" in text[:4096]:
+        return encoding_of(head) == "utf-8-sig"
+    lines = [line for line in lines_of(text)[layout.skip_rows : layout.skip_rows + _LOOKED_AT_ROWS] if line.strip()]
+    if not lines:
+        return True
+    try:
+        rows = list(csv.reader(lines, delimiter=layout.delimiter or ","))
+    except csv.Error:
+        return True
+    names = [name.strip() for name in rows[0]]
+    if encoding_of(head) != "utf-8-sig":
+        return False
+    numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]
+    whole = all(len(row) == len(names) for row in rows[1:-1] or rows)
+    sound = len(names) > 1 and whole and not any(name.startswith(("#", "%", "//")) for name in names)
+    cells = [
+        cell for row in rows[1:-1] for cell, needed in zip(row, numeric, strict=False) if needed or not any(numeric)
+    ]
+    return sound and all(number_or_none(cell) is not None or is_stamp(cell.strip()) for cell in cells)
+
+
+def _read_plain(
+    text: LogText,
+    layout: CsvLayout,
+    foreign: Rewritten | None,
+    must_be_numeric: Callable[[int, str], bool],
+    name_shown: str,
+) -> RawTable:
     names, has_header, first_line = _header(text, layout, name_shown)
-    numeric = tuple(must_be_numeric(index, name) for index, name in enumerate(names))
-    file = CsvFile(text, layout, names, has_header, first_line, numeric)
+    numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]
+    file = CsvFile(text, layout, names, has_header, first_line, tuple(numeric))
+    stamps = _stamps(file)
+    file = replace(file, numeric=tuple(must and not stamp for must, stamp in zip(numeric, stamps, strict=True)))
     table = _fast(file)
     if table is None:
         read = csv_slow.read_slowly(file, name_shown)
@@ -67,6 +165,15 @@ def read_csv_table(
             f"{name_shown}: is a damaged or incomplete compressed file ({text.torn}); the {read.rows} rows before that "
             "were read"
         )
+    if foreign is not None:
+        read.preamble, read.layout = foreign.layout.preamble, foreign.layout
+        if foreign.left_out:
+            lines = (
+                f"line {foreign.left_out[0]}"
+                if len(foreign.left_out) == 1
+                else (f"{len(foreign.left_out)} lines, first line {foreign.left_out[0]},")
+            )
+            read.warnings.append(f"{name_shown}: {lines} below the first row hold no row of numbers and were left out")
     return read
 
 
@@ -76,11 +183,7 @@ def _fast(file: CsvFile) -> pa.Table | None:
     import pyarrow.csv as pa_csv
 
     keys = [str(index) for index in range(len(file.names))]  # positions: names may repeat, or have blanks around
-    types = {
-        key: pa.float64()
-        for key, numeric, stamp in zip(keys, file.numeric, _stamps(file), strict=True)
-        if numeric and not stamp
-    }
+    types = {key: pa.float64() for key, numeric in zip(keys, file.numeric, strict=True) if numeric}
     try:
         with file.text.for_arrow() as text:
             table = pa_csv.read_csv(
@@ -88,7 +191,7 @@ def _fast(file: CsvFile) -> pa.Table | None:
                 read_options=pa_csv.ReadOptions(
                     skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES
                 ),
-                parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter),
+                parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter or ","),
                 convert_options=pa_csv.ConvertOptions(column_types=types, null_values=_GAPS),
             )
     except (pa.ArrowException, OSError, ValueError):
@@ -98,16 +201,15 @@ def _fast(file: CsvFile) -> pa.Table | None:
 
 
 def _stamps(file: CsvFile) -> list[bool]:
-    """Of each column, whether its first cell is a date with a time (ISO 8601), which arrow reads as such."""
+    """Of each column, whether its first cell is a date or a time of day."""
     with file.text.open() as stream:
-        lines = stream.read(HEAD_BYTES).decode("utf-8", "replace").splitlines()[file.first_line - 1 :][:1]
+        lines = lines_of(stream.read(HEAD_BYTES).decode("utf-8", "replace"))[file.first_line - 1 :]
+    first = [line for line in lines[:_LOOKED_AT_ROWS] if line.strip()][:1]
     try:
-        cells = next(csv.reader(lines, delimiter=file.layout.delimiter), [])
+        cells = next(csv.reader(first, delimiter=file.layout.delimiter or ","), [])
     except csv.Error:  # the slow pass will say where
         cells = []
-    return [bool(_STAMP.match(cell.strip())) for cell in cells[: len(file.names)]] + [False] * (
-        len(file.names) - len(cells)
-    )
+    return [is_stamp(cell.strip()) for cell in cells[: len(file.names)]] + [False] * (len(file.names) - len(cells))
 
 
 def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], bool, int]:
@@ -123,7 +225,7 @@ def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, .
         skipped = f" after the {layout.skip_rows} skipped rows" if layout.skip_rows else ""
         raise EmptyLogError(f"{name}: the file is empty{skipped}: there is no header and no row")
     try:
-        cells = next(csv.reader(io.StringIO(lines[number]), delimiter=layout.delimiter))
+        cells = next(csv.reader(io.StringIO(lines[number]), delimiter=layout.delimiter or ","))
     except csv.Error as error:
         raise LogError(f"{name}: line {number + 1}: the header cannot be read ({error})") from None
     has_header = layout.header

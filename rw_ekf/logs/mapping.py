@@ -10,9 +10,10 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
+from rw_ekf.logs.direction import signs_of
 from rw_ekf.logs.odd_columns import faults_of_column
 from rw_ekf.logs.raw_table import RawTable
-from rw_ekf.logs.row_rules import segment_ids
+from rw_ekf.logs.row_rules import segment_ids, unwrapped
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.units import rad_s_from_rpm
 
@@ -47,7 +48,10 @@ def map_columns(table: RawTable, columns: ColumnMap) -> MappedColumns:
         if source.kind == "derivative":
             mapped.position = (values, source, name)
         else:
-            mapped.values[name] = _signed(table, source, _scaled(table, source, values), used)
+            scaled = _scaled(
+                table, source, unwrapped(values, source.wrap) if name == "time_s" else _wrapped(values, source.wrap)
+            )
+            mapped.values[name] = _signed(table, source, scaled, used)
     _take_by_own_name(table, columns, mapped, used)
     _make_time(table, columns, mapped)
     _one_speed(table, mapped)
@@ -86,10 +90,13 @@ def _finite(table: RawTable, index: int, name: str = "") -> Float64Array:
     return values
 
 
+def _wrapped(values: Float64Array, wrap: float) -> Float64Array:
+    """Numbers that count modulo `wrap`, around zero; 0: they do not."""
+    return np.asarray((values + 0.5 * wrap) % wrap - 0.5 * wrap) if wrap else values
+
+
 def _scaled(table: RawTable, source: Source, values: Float64Array) -> Float64Array:
-    """Apply wrap, scale and offset; without them the values stay bit for bit what they were."""
-    if source.wrap:
-        values = (values + 0.5 * source.wrap) % source.wrap - 0.5 * source.wrap
+    """Apply scale and offset; without them the values stay bit for bit what they were."""
     if source.scale == 1.0 and source.offset == 0.0:
         return values
     with np.errstate(over="ignore"):
@@ -106,7 +113,7 @@ def _signed(table: RawTable, source: Source, values: Float64Array, used: set[int
         return values
     index = _find(table, replace(source, column=source.sign_of))
     used.add(index)
-    return np.asarray(np.abs(values) * np.sign(_finite(table, index)))
+    return np.asarray(np.abs(values) * signs_of(table, index))
 
 
 def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:

@@ -11,6 +11,8 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
+from rw_ekf.logs.text_layout import TextLayout
+from rw_ekf.logs.time_text import past_midnight, seconds_of
 
 MAX_NAMES_SHOWN = 30
 _SEGMENTS = 2.0**32  # more than any log has
@@ -27,6 +29,8 @@ class RawTable:
     place: Callable[[int], str]  # row index (from 0) -> "line 17", for messages
     warnings: list[str] = field(default_factory=list)
     torn: bool = False  # rows are missing behind the last one
+    preamble: tuple[str, ...] = ()  # lines of a text above the names
+    layout: TextLayout | None = None  # of a text that is laid out otherwise than this program's own
 
     def index_of(self, name: str) -> int | None:
         """Position of the column called `name`; None if there is none. Raises LogError if the name is repeated."""
@@ -42,7 +46,7 @@ class RawTable:
     def floats(self, index: int, *, stamps: bool = False) -> Float64Array:
         """Column at `index` as a new float64 array (n,), NaN where empty. Raises LogError if it is not numeric.
 
-        stamps: dates with a time are taken too, as seconds since 1970.
+        stamps: dates are taken too, as seconds since 1970, and times of day, as seconds since midnight.
         """
         column = self.columns[index]
         if isinstance(column, np.ndarray):
@@ -55,6 +59,19 @@ class RawTable:
         elif stamps and pa.types.is_timestamp(kind):
             column = column.cast(pa.timestamp("ns", kind.tz), safe=False).cast(pa.int64())
             return np.asarray(1.0e-9 * column.to_numpy())
+        elif stamps and pa.types.is_time(kind):
+            ticks = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
+            whole = column.cast(pa.int32() if pa.types.is_time32(kind) else pa.int64()).cast(pa.float64())
+            return past_midnight(np.asarray(whole.to_numpy(zero_copy_only=False)) / ticks)
+        elif (stamps and pa.types.is_string(kind)) or pa.types.is_date(kind):
+            texts = [None if value is None else str(value) for value in column.to_pylist()]
+            seconds = seconds_of(texts)
+            if seconds is None:
+                raise LogError(
+                    f"{self.path}: column '{self.names[index]}' is to be a time and holds what is no number, "
+                    f"date or a time of day, such as {next(text for text in texts if text)!r}: name another column"
+                )
+            return seconds
         elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
             raise LogError(
                 f"{self.path}: column '{self.names[index]}' holds {kind}, not numbers: convert it to a number "

@@ -13,8 +13,10 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.formats import format_of
+from rw_ekf.logs.guessed_map import UncertainColumnsError, guessed_map
 from rw_ekf.logs.mapping import MappedColumns, map_columns
 from rw_ekf.logs.odd_columns import clock_set_back
 from rw_ekf.logs.packing import packed_path
@@ -25,8 +27,11 @@ from rw_ekf.logs.row_rules import (
     block_means,
     decimated_rows,
     held_current,
+    new_rows,
+    restarted,
     rows_in_order,
     segment_ids,
+    spread_stamps,
 )
 from rw_ekf.logs.sums import all_sums, part_key, sums_of
 from rw_ekf.logs.wheel_log import CHANNELS, Drive, WheelLog
@@ -45,15 +50,56 @@ def read_log(path: str | Path, columns: ColumnMap | str | Path | None = None) ->
     Raises LogError (file, line, column, what to do) if the log cannot be used, ConfigError if the map is wrong.
     A log of one row, or without a single speed, is an error only for who needs more: it is read, with a warning.
     """
-    column_map = columns if isinstance(columns, ColumnMap) else load_column_map(columns) if columns else ColumnMap()
-    table = read_table(Path(path), column_map)
-    if column_map.reverse:
+    column_map = _map_of(columns)
+    return _log_of_any(read_table(Path(path), column_map), column_map)
+
+
+def read_columns(source: Any, columns: ColumnMap | str | Path | None = None, name: str = "table") -> WheelLog:
+    """A log of a table in memory: pandas, polars, arrow, or a mapping of names to arrays. Raises LogError."""
+    import pyarrow as pa
+
+    if not isinstance(source, Mapping):
+        try:
+            table = pa.table(source)
+        except (TypeError, ValueError, pa.ArrowException) as error:
+            raise LogError(
+                f"a log is a path, a table or a mapping of names to arrays; found {type(source).__name__} ({error})"
+            ) from None
+        source = {str(key): column for key, column in zip(table.column_names, table.columns, strict=True)}
+    return _log_of_any(_table_of(source, name), _map_of(columns))
+
+
+def _map_of(columns: ColumnMap | str | Path | None) -> ColumnMap:
+    return columns if isinstance(columns, ColumnMap) else load_column_map(columns) if columns else ColumnMap()
+
+
+def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
+    if not column_map.sources and column_map.rate_hz is None and needs_guess(table):
+        try:
+            column_map = guessed_map(table, column_map)
+        except UncertainColumnsError as asked:
+            try:
+                return log_of_table(table, column_map)
+            except LogError as error:
+                raise LogError(
+                    f"{error}; `rw-ekf columns {table.path} --out map.yaml` writes one and asks: {asked}"
+                ) from None
+    return log_of_table(table, column_map)
+
+
+def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
+    """A log of a table that has been read. Raises LogError as `read_log`."""
+    if columns.reverse:
         table = table.reversed()
-    return _assemble(table, map_columns(table, column_map), column_map)
+    return _assemble(table, map_columns(table, columns), columns)
 
 
 def log_of_arrays(columns: Mapping[str, Any], name: str = "arrays", column_map: ColumnMap | None = None) -> WheelLog:
-    """A log of columns in memory (name -> n values), by the same rules. Raises LogError as `read_log`."""
+    """A log of columns in memory (name -> n values) of a log's own names. Raises LogError as `read_log`."""
+    return log_of_table(_table_of(columns, name), column_map or ColumnMap())
+
+
+def _table_of(columns: Mapping[str, Any], name: str) -> RawTable:
     sizes = {key: len(values) for key, values in columns.items()}
     if len(set(sizes.values())) > 1:
         raise LogError(f"{name}: the columns are of unequal length ({sizes}): a log has a value, or NaN, in each row")
@@ -61,9 +107,7 @@ def log_of_arrays(columns: Mapping[str, Any], name: str = "arrays", column_map: 
     if rows == 0:
         raise EmptyLogError(f"{name}: has no rows: nothing was logged")
     held = [values if hasattr(values, "type") else np.asarray(values) for values in columns.values()]
-    table = RawTable(name, tuple(columns), held, rows, lambda row: f"row {row + 1}")
-    taken = column_map or ColumnMap()
-    return _assemble(table, map_columns(table, taken), taken)
+    return RawTable(name, tuple(columns), held, rows, lambda row: f"row {row + 1}")
 
 
 def read_table(path: Path, columns: ColumnMap) -> RawTable:
@@ -153,16 +197,23 @@ def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> Whe
     warnings = [*table.warnings, *mapped.warnings]
     time_s = mapped.values["time_s"]
     _all_present(table, time_s, "time_s", "every row needs its time")
+    if columns.restarts and "segment" not in mapped.values:
+        mapped.values["segment"] = restarted(time_s)
     segment = _segments(table, mapped)
-    keep = rows_in_order(time_s, segment)
-    skipped = int(len(keep) - keep.sum())
-    rows: Any = slice(None)
+    if columns.repeats == "spread":
+        time_s = mapped.values["time_s"] = spread_stamps(time_s, segment)
+    new = np.ones(table.rows, dtype=np.bool_)
+    if columns.repeats == "drop":
+        new = new_rows([time_s, *(values for name, values in mapped.values.items() if name != "time_s")], segment)
+    keep = new.copy()
+    keep[new] = rows_in_order(time_s[new], segment[new])
+    skipped = int(new.sum() - keep.sum())
+    rows: Any = slice(None) if keep.all() else np.flatnonzero(keep)
     faults = list(mapped.faults)
     if skipped:
         stepped = clock_set_back(time_s, _reading(mapped), segment, table.place)
-        warnings.append(_skipped_message(table, keep, skipped, stepped))
+        warnings.append(_skipped_message(table, keep | ~new, skipped, stepped))
         faults += [] if stepped is None else [stepped]
-        rows = np.flatnonzero(keep)
     values = {name: array[rows] for name, array in mapped.values.items()}
     position = None if mapped.position is None else mapped.position[0][rows]
     segment = segment[rows]

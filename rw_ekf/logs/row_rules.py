@@ -7,12 +7,67 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 
+_LANDS = 10.0  # usual steps: so near to its beginning is a clock that begins anew
+
 
 def segment_ids(values: Float64Array) -> Int64Array:
     """Number the segments (n,): from 0, one more wherever `values` (n,) differs from the row before."""
     ids = np.zeros(len(values), dtype=np.int64)
     np.cumsum(values[1:] != values[:-1], out=ids[1:])
     return ids
+
+
+def unwrapped(time_s: Float64Array, wrap: float) -> Float64Array:
+    """A clock (n,) that counts modulo `wrap` and only goes forward; 0: it does not."""
+    if not wrap:
+        return time_s
+    turns = np.zeros(len(time_s))
+    turns[1:] = np.cumsum(np.diff(time_s) < -0.5 * wrap)
+    return np.asarray(time_s + wrap * turns)
+
+
+def restarted(time_s: Float64Array) -> Float64Array:
+    """Number of the run (n,) where one file holds several: one more wherever time falls back to near where it began."""
+    step = np.diff(time_s)
+    forth = step[step > 0.0]
+    usual = float(np.median(forth)) if forth.size else 0.0
+    run = np.zeros(len(time_s))
+    begin = 0
+    for row in np.flatnonzero(step < 0.0) + 1:
+        new = time_s[row] <= time_s[begin] + _LANDS * usual and time_s[row - 1] > time_s[row] + usual * _LANDS
+        if new:
+            begin = int(row)
+            run[row:] += 1.0
+    return run
+
+
+def new_rows(columns: list[Float64Array], segment: Int64Array) -> BoolArray:
+    """Rows (n,) that differ from the one before in one of the columns, or begin a segment."""
+    keep = np.ones(len(segment), dtype=np.bool_)
+    same = segment[1:] == segment[:-1]
+    for values in columns:
+        same &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    keep[1:] = ~same
+    return keep
+
+
+def spread_stamps(time_s: Float64Array, segment: Int64Array) -> Float64Array:
+    """Times (n,) between coarse stamps: rows of one stamp are evenly between it and the next."""
+    first = np.ones(len(time_s), dtype=np.bool_)
+    first[1:] = (time_s[1:] != time_s[:-1]) | (segment[1:] != segment[:-1])
+    spread = np.array(time_s)
+    for number in np.unique(segment):
+        inside = np.flatnonzero(segment == number)
+        begins = inside[first[inside]]
+        if begins.size < 3:
+            continue
+        row_s = float(time_s[begins[-1]] - time_s[begins[1]]) / float(begins[-1] - begins[1])  # the first may be cut
+        at = np.interp(inside, begins, time_s[begins])
+        early, late = inside < begins[1], inside > begins[-1]
+        at[early] = time_s[begins[1]] - row_s * (begins[1] - inside[early])
+        at[late] = time_s[begins[-1]] + row_s * (inside[late] - begins[-1])
+        spread[inside] = at
+    return spread
 
 
 def rows_in_order(time_s: Float64Array, segment: Int64Array) -> BoolArray:

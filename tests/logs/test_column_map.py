@@ -114,7 +114,7 @@ def test_decimation_keeps_rows_and_averages_the_current(tmp_path: Path) -> None:
         ("layout: cell", "1:9: layout must be one of columns, rows, cells"),
         ("variable: 3", "1:11: variable must be text, found 3 (variable of a MATLAB file)"),
         ("time_s: t\ntime_s: u", "2:1: key 'time_s' is repeated"),
-        ("- a", "1:1: a column map must be a table of delimiter, skip_rows"),
+        ("- a", "1:1: a column map must be a table of delimiter, decimal"),
         ("", "empty"),
     ],
 )

@@ -39,7 +39,6 @@ def message(path: Path) -> str:
         ("time_s,current_A\n0,1\n", ["speed_rad_s or speed_rpm is missing", "columns: time_s, current_A"]),
         ("t,speed_rad_s,current_A\n0,1,2\n", ["column time_s is missing", "--columns"]),
         ("time_S,speed_rad_s,current_A\n0,1,2\n", ["did you mean 'time_S'?"]),
-        ("time_s;speed_rad_s;current_A\n0;1;2\n", ["is missing", 'delimiter: ";"']),
         ("time_s,speed_rad_s,current_A,speed_rad_s\n0,1,2,3\n", ["'speed_rad_s' appears 2 times", "columns 1, 3"]),
         (HEADER + "0,1,2\n1,abc,2\n2,x,3\n", ["line 3, column 'speed_rad_s': 'abc' is not a number"]),
         (HEADER + "0,1,2\n\n1,1,0x10\n2,1,1\n", ["line 4, column 'current_A': '0x10' is not a number"]),

@@ -1,0 +1,94 @@
+"""The columns of a foreign log, guessed: the map, what is asked, and whether the log then moves as a machine does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rw_ekf.errors import BadInputError, RwEkfError
+from rw_ekf.identify.misread import misreadings_and_questions
+from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.column_guess import Guess, guess_columns
+from rw_ekf.logs.column_map import ColumnMap, load_column_map
+from rw_ekf.logs.guessed_map import map_of_guess
+from rw_ekf.logs.map_text import map_text
+from rw_ekf.logs.reader import log_of_table, read_table
+from rw_ekf.shown import Shown
+
+COLUMNS_SCHEMA = "rw_ekf.columns/1"
+
+
+@dataclass(eq=False, frozen=True, repr=False)
+class GuessedColumns(Shown):
+    """A column map for a log, as far as it can be guessed."""
+
+    log: str
+    guess: Guess
+    layout: ColumnMap
+    doubts: tuple[str, ...] = ()  # what its motion says against it
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def column_map(self) -> ColumnMap:
+        """The map, to read the log with. Raises BadInputError while something is asked."""
+        if not self.guess.is_certain:
+            raise BadInputError(f"{self.log}: not certain: {'; '.join(item.text for item in self.guess.questions)}")
+        return map_of_guess(self.guess, self.log, self.layout)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether nothing that a log needs is left open, and its motion does not speak against the map."""
+        return self.guess.is_certain and not self.doubts
+
+    def document(self) -> dict[str, Any]:
+        """The JSON document of `rw-ekf columns`."""
+        return {
+            "schema": COLUMNS_SCHEMA,
+            "log": self.log,
+            "certain": self.is_certain,
+            "map": self.guess.mapping(),
+            "columns": [{"name": line.name, "from": line.entry, "why": line.why} for line in self.guess.lines],
+            "questions": [
+                {
+                    "name": item.name,
+                    "text": item.text,
+                    "answers": [{answer.name: answer.entry} for answer in item.answers],
+                }
+                for item in self.guess.questions
+            ],
+            "doubts": list(self.doubts),
+            "notes": self.guess.notes,
+            "warnings": list(self.warnings),
+        }
+
+    def text(self) -> str:
+        """The map as YAML; what is asked, and what the motion speaks against, are comments."""
+        doubts = "".join(f"# DOUBTED: {doubt}\n" for doubt in self.doubts)
+        return map_text(self.guess, self.log) + doubts
+
+    def save(self, path: str | Path) -> None:
+        """Write the map. Raises BadInputError."""
+        write_text(path, self.text())
+
+    def __repr__(self) -> str:
+        return f"GuessedColumns({self.log!r}, {'certain' if self.is_certain else 'with questions'})"
+
+
+def guessed_columns(
+    path: str | Path, answers: Mapping[str, str], given: ColumnMap | str | Path | None
+) -> GuessedColumns:
+    """Guess the map of a log. given: how it is laid out, in a map without columns. Raises LogError, ConfigError."""
+    layout = given if isinstance(given, ColumnMap) else load_column_map(given) if given else ColumnMap()
+    table = read_table(Path(path), layout)
+    guess = guess_columns(table, dict(answers))
+    warnings = tuple(table.warnings)
+    if not guess.is_certain:
+        return GuessedColumns(str(path), guess, layout, (), warnings)
+    try:
+        log = log_of_table(table, map_of_guess(guess, str(path), layout))
+        doubts, asked = misreadings_and_questions(log)
+    except RwEkfError as error:
+        doubts, asked = (str(error),), ()
+    return GuessedColumns(str(path), guess, layout, (*doubts, *asked), warnings)

@@ -1,0 +1,198 @@
+"""What a column's name says: the words of labs in several languages, and the unit that stands with them."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import unicodedata
+from typing import Literal, NamedTuple
+
+from rw_ekf.logs.column_units import Unit, plain_spelling, unit_of
+
+Role = Literal[
+    "time", "speed", "speed_set", "angle", "current", "current_set", "torque", "force", "voltage", "share",
+    "temperature", "pressure", "bus_voltage", "direction", "segment", "count", "other",
+]  # fmt: skip
+
+_WORDS: dict[str, frozenset[str]] = {
+    name: frozenset(words.split())
+    for name, words in {
+        "set": "ref reference set setpoint sp cmd command commanded target desired des demand soll sollwert vorgabe "
+            "consigne goal request "
+        "requested req wanted setspeed setcurrent sollstrom solldrehzahl",
+        "time": "time timestamp timestamps zeit temps tiempo tempo tijd tid aika czas elapsed clock stamp ts uhrzeit"
+            " zeitstempel datetime date datum "
+        "t millis micros heure fecha hora sec seconds zeitpunkt",
+        "speed": "speed speeds velocity velocities vel velo omega omegas rpm erpm drehzahl motordrehzahl raddrehzahl"
+            " geschwindigkeit "
+        "winkelgeschwindigkeit vitesse regime velocidad velocita giri hastighet spd w wm n nm1 omg thetadot "
+            "dtheta qd dq qdot phidot tacho tachometer "
+        "angvel rotationspeed wheelspeed motorspeed istdrehzahl gyro rotrate tours rotation",
+        "angle": "angle theta phi position pos winkel drehwinkel encoder enc counts ticks angolo angulo posicion "
+            "posizione q angular mechangle rotorangle count_enc",
+        "current": "current currents curr cur amp amps ampere amperes amperage strom motorstrom iststrom courant "
+            "corrente corriente stroem i iq im ia imot imotor isense "
+        "motorcurrent phasecurrent i_q",
+        "supply": "bat batt battery supply input in bus dc psu line source mains charge quiescent total",
+        "torque": "torque tau moment drehmoment couple par trq tq kraftmoment effort koppel",
+        "force": "force kraft thrust",
+        "voltage": "voltage volt volts spannung tension voltaje tensione u v vm vmot armature motorvoltage uq vq",
+        "bus": "bus bat batt battery supply vbat vbus vin vdd psu dc ubat input netzteil versorgung",
+        "share": "pwm duty dutycycle throttle effort power u_norm",
+        "temperature": "temp temperature temperatur temperatura temps_c t_motor tmot tmotor lagertemperatur "
+            "motortemp bearingtemp",
+        "pressure": "pressure druck pression presion press vacuum",
+        "direction": "dir direction richtung drehrichtung sense sens sign sentido senso forward reverse cw ccw "
+            "vorwaerts",
+        "segment": "segment run trial experiment versuch test_no run_id lauf essai cycle",
+        "count": "index idx sample samples nr no row record id seq counter number count line tick packet step",
+        "direct": "id d vd ud daxis",
+        "derived": "filtered filt smooth smoothed est estimated estimate mean avg average lp hat observer kalman "
+            "error err std sigma max min limit peak acc "
+        "accel acceleration abs diff derivative",
+        "raw": "raw meas measured act actual ist fb feedback istwert mesure real",
+        "machine": "wheel rw motor rotor shaft mot rad welle flywheel schwungrad moteur roue m",
+        "linear": "vehicle car gps ground linear wind air",
+    }.items()
+}  # fmt: skip
+_UNIT_TAIL = re.compile(r"^(?P<name>.*?)[\s_.,:-]*[\[(<{](?P<unit>[^\])>}]*)[\])>}]\s*(?P<rest>.*)$")
+_SPOKEN = re.compile(r"^(?P<name>.+?)(?:\s+in\s+|\s*/\s+|\s+/\s*|,\s*)(?P<unit>[^\s,]+)$")
+
+
+_CHINESE = {
+    "轉速": "speed", "转速": "speed", "速度": "speed", "電流": "current", "电流": "current",
+    "時間": "time", "时间": "time",
+    "電壓": "voltage", "电压": "voltage", "轉矩": "torque", "转矩": "torque", "扭矩": "torque",
+    "角度": "angle", "温度": "temperature",
+    "溫度": "temperature",
+}  # fmt: skip
+
+
+class Said(NamedTuple):
+    """What a name says."""
+
+    words: frozenset[str]
+    unit_text: str  # as it stands there; empty: none
+    unit: Unit | None
+
+    def has(self, *groups: str) -> bool:
+        """Whether one of the words belongs to one of the groups."""
+        return any(self.words & _WORDS[group] for group in groups)
+
+    @property
+    def says_time(self) -> bool:
+        """Whether one of the words is a time's, in one piece or at its end: Laufzeit, runtime."""
+        return self.has("time") or any(word.endswith(("zeit", "time")) for word in self.words)
+
+    def any_of(self, *words: str) -> bool:
+        """Whether one of these words is among them."""
+        return bool(self.words.intersection(words))
+
+
+def said_by(name: str, unit_text: str = "") -> Said:
+    """Take a name apart; unit_text: from a row of units, which goes before what the name says."""
+    bare, unit, text = name.strip(), unit_of(unit_text) if unit_text else None, unit_text.strip("[](){} ")
+    if unit is None:
+        bare, text, unit = _split(bare, text)
+    words = _words(bare)
+    return Said(frozenset(words), text, unit)
+
+
+def _split(name: str, text: str) -> tuple[str, str, Unit | None]:
+    """Name, unit as written, unit."""
+    for pattern in (_UNIT_TAIL, _SPOKEN):
+        match = pattern.match(name)
+        if match and match["unit"] and (unit := unit_of(match["unit"])) is not None:
+            return f"{match['name']} {match.groupdict().get('rest') or ''}".strip() or name, match["unit"], unit
+    for cut in re.finditer(r"[\s_.\-]", name):  # the longest tail that is a unit: speed_rad_s, t ms
+        tail = name[cut.end() :]
+        unit = unit_of(tail) or unit_of(tail.replace("_", "/")) or unit_of(tail.replace("per", "/").replace("_", ""))
+        if unit is not None and (len(plain_spelling(tail)) > 1 or tail in {"s", "A", "V", "N"}):
+            return name[: cut.start()], tail, unit
+    if (unit := unit_of(name)) is not None and len(plain_spelling(name)) > 1:
+        return name, name, unit
+    first = re.match(r"^(ms|us|millis|micros)[_ ](.+)$", name)
+    if first and (unit := unit_of(first[1])) is not None:
+        return f"{first[2]} time", first[1], unit
+    camel = re.match(r"^(.*[a-z])(RPM|Rpm|MA|mA|Ms|Us|Deg|Rad|DegC|Nm|Volts?|Amps?|RadS|DegS|Rps|Dps)$", name)
+    if camel and (unit := unit_of({"MA": "mA", "RadS": "rad/s", "DegS": "deg/s"}.get(camel[2], camel[2]))) is not None:
+        return camel[1], camel[2], unit
+    glued = re.match(r"^(.*[^\x00-\x7f])([A-Za-z/%]+)$", name)  # Chinese and the like: no blank before the unit
+    if glued and (unit := unit_of(glued[2])) is not None:
+        return glued[1], glued[2], unit
+    return name, text, None
+
+
+def _words(text: str) -> list[str]:
+    """The words of a name, in small letters without accents; camel case and digits are cut."""
+    for signs, word in _CHINESE.items():
+        text = text.replace(signs, f" {word} ")
+    text = (
+        text.replace("ω", " omega ")
+        .replace("Ω", " omega ")
+        .replace("θ", " theta ")
+        .replace("φ", " phi ")
+        .replace("τ", " tau ")
+    )
+    text = text.replace("ä", "ae").replace("ö", "oe").replace("ü", "ue").replace("ß", "ss")
+    text = unicodedata.normalize("NFKD", text)
+    text = "".join(sign for sign in text if not unicodedata.combining(sign))
+    whole = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
+    text = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", text)
+    text = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", text)
+    parts = [word.lower() for word in re.split(r"[^A-Za-z]+", text) if word]
+    return [*parts, whole, *("".join(pair) for pair in itertools.pairwise(parts))]
+
+
+def role_of(said: Said) -> Role:
+    """What a column is, by its unit first and then by its words; "other" where neither says."""
+    kind = said.unit.quantity if said.unit is not None else None
+    is_set = said.has("set")
+    if kind in {"acceleration", "other"} or said.any_of("error", "err", "fehler"):
+        return "other"
+    if kind == "temperature" or (kind is None and said.has("temperature")):
+        return "temperature"
+    if kind == "pressure" or (kind is None and said.has("pressure")):
+        return "pressure"
+    if kind == "time":  # a slip, a delay and a time constant may be in seconds too
+        alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower()}
+        return "time" if alone or said.says_time else "other"
+    if kind in {"speed", "linear_speed"}:
+        return "speed_set" if is_set else "speed"
+    if kind == "current":
+        return "current_set" if is_set else "current"
+    if kind == "torque":
+        return "torque"
+    if kind == "force":
+        return "force"
+    if kind == "voltage":
+        return "bus_voltage" if said.has("bus") else "voltage"
+    if kind in {"angle", "length"}:
+        return "other" if is_set else "angle"
+    if kind == "share":
+        return "share"
+    if said.has("direct") and not said.any_of("q"):
+        return "other"
+    if said.has("direction") and not said.has("speed", "current"):
+        return "direction"
+    if said.has("share"):
+        return "share"
+    if said.has("torque"):
+        return "torque"
+    if said.has("force"):
+        return "force"
+    if said.has("current"):
+        return "current_set" if is_set else "current"
+    if said.has("speed"):
+        return "speed_set" if is_set else "speed"
+    if said.has("voltage"):
+        return "bus_voltage" if said.has("bus") else "voltage"
+    if said.has("bus") and said.any_of("vbat", "vbus", "vin", "ubat", "vdd"):
+        return "bus_voltage"
+    if said.says_time:
+        return "time"
+    if said.has("angle"):
+        return "other" if is_set else "angle"
+    if said.has("segment"):
+        return "segment"
+    return "count" if said.has("count") else "other"

@@ -1,0 +1,142 @@
+"""Which column is a clock, in which unit, and what is odd about it: it wraps, begins anew, or its stamps are coarse."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.column_names import Said
+from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.row_rules import restarted, unwrapped
+
+_EPOCHS = ((1.0e9, 2.3e9, "s"), (1.0e12, 2.3e12, "ms"), (1.0e15, 2.3e15, "us"), (1.0e18, 2.3e18, "ns"))
+_SERIAL_DAYS = ((3.0e4, 6.5e4, "Excel"), (6.9e5, 7.8e5, "MATLAB"))  # from 1900 and from year 0
+_COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31)
+_REPEATED = 0.01  # of the rows: beyond it, they are no accident
+_BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
+_SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
+
+
+@dataclass(eq=False)
+class Clock:
+    """A column that may be the time."""
+
+    number: int
+    time_s: Float64Array  # (n,)
+    unit: str = ""  # as a map has it; empty: seconds, or stamps
+    why: str = ""
+    asks: tuple[str, ...] = ()  # units that it may have, where that cannot be told
+    wrap: float | None = None
+    restarts: bool = False
+    repeats: str = ""
+    rank: int = 0
+    is_clock: bool = True
+    notes: list[str] = field(default_factory=list)
+
+
+def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str, stamps: bool) -> Clock | None:
+    """A column (n,) as a clock; told: the unit that was given. None where it holds no rising numbers."""
+    if len(values) < 3 or not np.isfinite(values).all() or float(np.ptp(values)) == 0.0:
+        return None
+    wrap = _wrap(values)
+    raw = unwrapped(values, wrap or 0.0)
+    unit, asks, why = _unit(name, said, raw, told, stamps)
+    known = unit_of(unit) if unit else None
+    time_s = raw * (known.factor if known is not None else 1.0)
+    clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap)
+    step = np.diff(time_s)
+    run = restarted(time_s)
+    clock.restarts = bool(run[-1])
+    inside = np.diff(run) == 0
+    back = float(np.mean(step[inside] < 0.0))
+    clock.is_clock = back < _BACKWARD and (bool(asks) or _usual(step[inside]))
+    same = float(np.mean(step[inside] == 0.0))
+    if same > _REPEATED and clock.is_clock:
+        clock.repeats = "spread"
+    if clock.restarts:
+        clock.notes.append(f"column '{name}' begins anew {int(run[-1])} times: each run is a segment")
+    # A clock of the log's own name, then one that counts from the run's begin with a unit, then stamps, then others.
+    known_unit = said.unit is not None and not stamps
+    clock.rank = (
+        4 if name == "time_s" else 3 if known_unit and not clock.repeats else 2 if stamps and not clock.repeats else 1
+    )
+    return clock
+
+
+def _usual(step_s: Float64Array) -> bool:
+    forth = step_s[step_s > 0.0]
+    return forth.size > 0 and _FASTEST_S / 4.0 <= float(np.median(forth)) <= 30.0 * _SLOWEST_S
+
+
+def _wrap(values: Float64Array) -> float | None:
+    """After how many counts a counter begins anew; None where it does not."""
+    step = np.diff(values)
+    falls = step < 0.0
+    if not falls.any() or not np.all(values == np.round(values)):
+        return None
+    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
+    for turn in _COUNTERS:
+        mended = step[falls] + turn
+        if float(values.max()) < turn and np.all((mended > 0.0) & (mended < max(10.0 * usual, 1.0))):
+            return turn
+    return None
+
+
+def _unit(name: str, said: Said, values: Float64Array, told: str, stamps: bool) -> tuple[str, tuple[str, ...], str]:
+    """Unit, what it may be where that is open, and what says so."""
+    if told:
+        return told, (), "as it was set"
+    if stamps:
+        return "", (), "its cells are dates or times of day"
+    if said.unit is not None and said.unit.quantity == "time":
+        return said.unit_text, (), f"its name says {said.unit_text}"
+    if name == "time_s":
+        return "", (), "its name is the log's own"
+    middle = float(np.median(values))
+    step = np.diff(values)
+    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
+    for low, high, unit in _EPOCHS:
+        if low <= middle < high and usual < 0.01 * low:
+            return unit, (), f"counts from 1970 in {unit}"
+    for low, high, program in _SERIAL_DAYS:
+        if low <= middle < high and 0.0 < usual < 1.0e-3 and not np.all(values == np.round(values)):
+            return "days", (), f"serial days, as {program} has them"
+    return _by_steps(values, usual)
+
+
+def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...], str]:
+    """The unit that the steps between rows leave: logs have 0.2 to 5,000 rows a second."""
+    whole = bool(np.all(values == np.round(values)))
+    told = f"its rows are {usual:.4g} apart"
+    if not whole:
+        if usual < 0.9:
+            return "s", (), told
+        return ("ms", (), told) if usual > _SLOWEST_S else ("", ("s", "ms"), told)
+    if usual < _SLOWEST_S:
+        return "", ("s", "ms"), told
+    if usual < 900.0:
+        return "ms", (), told
+    return ("", ("ms", "us"), told) if usual < 1100.0 else ("us", (), told)
+
+
+def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
+    """Rows a second, and the words that say so, where a line above the names has them."""
+    for text in texts:
+        match = re.search(
+            r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(k?hz|ms|us|s(?:ec\w*)?)\b",
+            text,
+            re.I,
+        )
+        if match is None:
+            continue
+        value, unit = float(match[1].replace(",", ".")), match[2].lower()
+        if value <= 0.0:
+            continue
+        rate = {"hz": value, "khz": 1e3 * value, "ms": 1e3 / value, "us": 1e6 / value}.get(unit, 1.0 / value)
+        if 0.1 <= rate <= 1e5:
+            return rate, match[0]
+    return None

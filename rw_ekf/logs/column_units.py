@@ -1,0 +1,139 @@
+"""Units as people write them at a column, and what one of each is in the log's own.
+
+Spellings are compared without case, blanks and the marks of a power or a product: `min^-1`, `1/min`, `U/min` and `rpm`
+are one.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Literal, NamedTuple
+
+from rw_ekf.units import RAD_S_PER_RPM
+
+Quantity = Literal[
+    "time", "speed", "angle", "current", "torque", "force", "voltage", "temperature", "pressure", "share",
+    "acceleration", "linear_speed", "length", "other",
+]  # fmt: skip
+Per = Literal["", "counts_per_turn", "pole_pairs", "gear_ratio"]
+_DEGREE = math.radians(1.0)
+_TURN = 2.0 * math.pi
+
+
+class Unit(NamedTuple):
+    """One of it is `factor` of the log's own unit, `offset` more where zero is elsewhere."""
+
+    quantity: Quantity
+    factor: float = 1.0
+    offset: float = 0.0
+    per: Per = ""  # a number that the column does not say, by which it is divided
+
+
+def _all(unit: Unit, spellings: str) -> dict[str, Unit]:
+    return dict.fromkeys(spellings.split(), unit)
+
+
+_SPELLINGS: dict[str, Unit] = {
+    **_all(Unit("time"), "s sec secs second seconds sekunde sekunden sek seconde secondes segundos secondi"),
+    **_all(Unit("time", 1e-3), "ms msec msecs millis millisec millisecs millisecond milliseconds millisekunden"),
+    **_all(Unit("time", 1e-6), "us usec usecs micros microsec microsecond microseconds mus"),
+    **_all(Unit("time", 1e-9), "ns nsec nanos nanosec nanosecond nanoseconds"),
+    **_all(Unit("time", 60.0), "min mins minute minutes minuten"),
+    **_all(Unit("time", 3600.0), "h hr hrs hour hours std stunden"),
+    **_all(Unit("time", 86400.0), "d day days tage"),
+    **_all(Unit("speed"), "rad/s rads rad/sec radps rads-1 rads/s rad/second radian/s radians/s radians/sec "
+        "radianspersecond"),
+    **_all(Unit("speed", 1e-3), "mrad/s"),
+    **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 1/min /min min-1 u/min upm umin umdr/min tr/min r/min rev/min "
+        "revs/min "
+           "turn/min turns/min giri/min ot/min rot/min revolutionsperminute"),
+    **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
+    **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
+    **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),
+    **_all(Unit("speed", _DEGREE), "deg/s deg/sec degs-1 dps degree/s degrees/s degrees/sec degps grad/s gradsec "
+        "degreespersecond"),
+    **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s tr/s r/s 1/s s-1 "
+        "cyclespersecond"),
+    **_all(Unit("speed", _TURN, per="counts_per_turn"), "counts/s count/s cps ticks/s tick/s pulses/s inc/s steps/s"),
+    **_all(Unit("angle"), "rad radian radians bogenmass"),
+    **_all(Unit("angle", 1e-3), "mrad"),
+    **_all(Unit("angle", _DEGREE), "deg degs degree degrees grad °"),
+    **_all(Unit("angle", _TURN), "turn turns rev revs revolution revolutions umdrehung umdrehungen umdr tour tours"),
+    **_all(Unit("angle", _TURN, per="counts_per_turn"), "counts count cnt cnts ticks tick inc increments inkremente "
+        "pulses lsb steps"),
+    **_all(Unit("current"), "a amp amps ampere amperes"),
+    **_all(Unit("current", 1e-3), "ma milliamp milliamps milliampere milliamperes"),
+    **_all(Unit("current", 1e-6), "ua µa"),
+    **_all(Unit("torque"), "nm n.m newtonmeter newtonmeters nmeter"),
+    **_all(Unit("torque", 1e-3), "mnm"),
+    **_all(Unit("torque", 1e-6), "unm"),
+    **_all(Unit("torque", 1e-2), "ncm"),
+    **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb ftlb ftlbs ft-lbs"),
+    **_all(Unit("torque", 0.1129848290), "lbin inlb in-lb lbfin"),
+    **_all(Unit("torque", 7.0615518e-3), "ozin oz-in"),
+    **_all(Unit("force"), "n newton newtons"),
+    **_all(Unit("force", 1e3), "kn"),
+    **_all(Unit("voltage"), "v volt volts"),
+    **_all(Unit("voltage", 1e-3), "mv millivolt millivolts"),
+    **_all(Unit("temperature"), "degc °c celsius c degreescelsius degreec"),
+    **_all(Unit("temperature", 5.0 / 9.0, -160.0 / 9.0), "degf °f fahrenheit f"),
+    **_all(Unit("temperature", 1.0, -273.15), "k kelvin degk"),
+    **_all(Unit("temperature", 1e-3), "mdegc"),
+    **_all(Unit("pressure"), "pa pascal"),
+    **_all(Unit("pressure", 1e2), "hpa mbar"),
+    **_all(Unit("pressure", 1e3), "kpa"),
+    **_all(Unit("pressure", 1e5), "bar"),
+    **_all(Unit("pressure", 133.322368), "torr mmhg"),
+    **_all(Unit("pressure", 101325.0), "atm"),
+    **_all(Unit("share", 1e-2), "% percent prozent pct"),
+    **_all(Unit("share"), "-1..1 0..1 pu p.u."),
+    **_all(Unit("acceleration"), "rad/s2 rad/s/s m/s2 g deg/s2 rpm/s"),
+    **_all(Unit("linear_speed"), "m/s"),
+    **_all(Unit("linear_speed", 1e-3), "mm/s"),
+    **_all(Unit("length"), "m"),
+    **_all(Unit("length", 1e-3), "mm"),
+    **_all(Unit("length", 1e-6), "um"),
+    **_all(Unit("other"), "w kw mw kg gf kgf j wh ah mah ohm ohms mohm db khz mhz kv kq utc gmt kgm2 kg.m2 nm/a s2 "
+        "none - n/a"),
+}  # fmt: skip
+
+# The log's own columns, by what a unit measures.
+OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
+    "time_s": ("time",),
+    "speed_rad_s": ("speed", "linear_speed"),
+    "angle_rad": ("angle", "length"),
+    "current_A": ("current", "torque", "force", "voltage", "share"),
+    "current_command_A": ("current", "torque", "force", "voltage", "share"),
+    "command_delay_s": ("time",),
+    "temperature_degC": ("temperature",),
+    "pressure_Pa": ("pressure",),
+    "bus_voltage_V": ("voltage",),
+}
+
+
+def unit_of(spelling: str) -> Unit | None:
+    """What a unit means; None where it is none that is known."""
+    return _SPELLINGS.get(plain_spelling(spelling))
+
+
+def plain_spelling(spelling: str) -> str:
+    """A unit without what people write in different ways."""
+    text = spelling.strip().lower().translate(_PLAIN)
+    return re.sub(r"[\s*·⋅×^_\[\](){}<>\"']|\*\*", "", text).rstrip(".")
+
+
+def units_known(column: str) -> str:
+    """For a message: some units that a column may have."""
+    wanted = OF_COLUMN.get(column, ())
+    shown = [
+        next(name for name in _SPELLINGS if _SPELLINGS[name] is unit) for unit in _distinct() if unit.quantity in wanted
+    ]
+    return ", ".join(shown)
+
+
+def _distinct() -> list[Unit]:
+    return list({id(unit): unit for unit in _SPELLINGS.values()}.values())
+
+
+_PLAIN = str.maketrans({"⁻": "-", "−": "-", "¹": "1", "²": "2", "µ": "u", "μ": "u", "º": "°", "ω": "w", "∙": ""})

@@ -1,0 +1,308 @@
+"""How the text of a table is laid out: found from its head, for whoever did not write it the way this program does.
+
+Encoding, delimiter, decimal comma, the row of names, a row of units, and where the numbers begin. The delimiter is the
+one by which most lines fall into the same number of cells that are numbers.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from rw_ekf.logs.column_units import unit_of
+
+BLANKS = " "  # as a delimiter: any run of blanks and tabs
+_DELIMITERS = ("\t", ";", ",", "|", BLANKS)
+_LOOKED_AT = 400  # lines
+_MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
+_AGREE = 3  # lines of one width in a row begin the data
+_LINE_END = re.compile(r"\r\n|\n|\r")
+_NUMBER = re.compile(
+    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?0[xX][0-9a-fA-F]+|[+-]?(nan|inf|infinity)|[+-]?1?\.?#(IND|QNAN|INF)0*",
+    re.IGNORECASE,
+)
+_COMMA_NUMBER = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d+|)(,\d+)?([eE][+-]?\d+)?")
+_GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
+_STAMP = re.compile(
+    r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|\d{1,2}[- ]?[A-Za-z]{3}[- ]?\d{2,4})?[T ]?"
+    r"(\d{1,3}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}:?\d{2}| ?UTC)?"
+)
+_WORDS = frozenset(
+    [
+        "true",
+        "false",
+        "on",
+        "off",
+        "ok",
+        "cw",
+        "ccw",
+        "fwd",
+        "rev",
+        "forward",
+        "reverse",
+        "n/a",
+        "null",
+        "none",
+        "na",
+        "-",
+    ]
+)
+_COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
+
+
+@dataclass(frozen=True)
+class TextLayout:
+    """What it takes to cut a text into cells, and cells into numbers."""
+
+    encoding: str = "utf-8-sig"
+    delimiter: str = ","
+    decimal: str = "."
+    thousands: str = ""
+    names: tuple[
+        str, ...
+    ] = ()  # of the columns, with their units where a row below has these; empty where none has them
+    first_line: int = 1  # physical line (from 1) where the data begin
+    width: int = 0  # cells of a row of data
+    preamble: tuple[str, ...] = ()  # lines before the names
+
+    def cells(self, line: str) -> list[str]:
+        """The cells of a line, without the blanks around them. Raises csv.Error."""
+        return split_cells(line, self.delimiter)
+
+    def is_data(self, cells: Iterable[str]) -> bool:
+        """Whether most of what stands in a line is numbers or stamps."""
+        filled = [cell for cell in cells if cell]
+        numbers = sum(is_number(cell, self.decimal) or is_stamp(cell) for cell in filled)
+        return bool(filled) and numbers > 0 and numbers >= _MOSTLY * len(filled)
+
+    def number(self, cell: str) -> str:
+        """A cell's number as the readers of plain text take it; what is none stays as it is."""
+        if self.thousands and (_GROUPED if self.decimal == "." else _COMMA_NUMBER).fullmatch(cell):
+            cell = cell.replace(self.thousands, "")
+        if self.decimal == "," and "," in cell and _COMMA_NUMBER.fullmatch(cell):
+            cell = cell.replace(",", ".")
+        elif cell[:2].lower() == "0x" or cell[1:3].lower() == "0x":
+            return str(int(cell, 16)) if _NUMBER.fullmatch(cell) else cell
+        elif "#" in cell or cell == "-" or cell.lower() in {"n/a", "na", "null", "none", "inf", "-inf", "+inf"}:
+            return "nan"
+        return cell
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number, or a word that stands where one may."""
+    if not cell:
+        return False
+    if _NUMBER.fullmatch(cell) or cell.lower() in _WORDS:
+        return True
+    return bool(_COMMA_NUMBER.fullmatch(cell)) if decimal == "," else bool(_GROUPED.fullmatch(cell))
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is a date or a time of day."""
+    return len(cell) > 3 and bool(_STAMP.fullmatch(cell)) and not cell.replace(".", "").isdigit()
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """Cut a line at its delimiters. Raises csv.Error."""
+    if delimiter == BLANKS:
+        if '"' not in line:
+            return line.split()
+        line = re.sub(r"[ \t]+", " ", line.strip())
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+
+
+def encoding_of(head: bytes) -> str:
+    """Which encoding a text has, by its first bytes."""
+    for mark, encoding in (
+        (b"\xff\xfe\0\0", "utf-32"),
+        (b"\xff\xfe", "utf-16"),
+        (b"\xfe\xff", "utf-16"),
+        (b"\xef\xbb\xbf", "utf-8-sig"),
+    ):
+        if head.startswith(mark):
+            return encoding
+    pairs = head[: len(head) // 2 * 2]
+    if pairs and b"\0" in pairs[:64]:
+        even, odd = pairs[0::2], pairs[1::2]
+        if odd.count(0) > 0.4 * len(odd) and not even.count(0):
+            return "utf-16-le"
+        if even.count(0) > 0.4 * len(even) and not odd.count(0):
+            return "utf-16-be"
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        return "utf-8-sig" if error.start >= len(head) - 3 else "cp1252"
+    return "utf-8-sig"
+
+
+def lines_of(text: str) -> list[str]:
+    """Physical lines, without their ends."""
+    return _LINE_END.split(text)
+
+
+def layout_of(
+    head: bytes,
+    *,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    encoding: str | None = None,
+    skip_rows: int = 0,
+) -> TextLayout | None:
+    """The layout of a text that begins with `head`; what is given is taken as it is. None where it is no table."""
+    known = encoding or encoding_of(head)
+    lines = lines_of(head.decode(known, "replace"))
+    if len(lines) > 3:
+        lines = lines[:-1]  # perhaps cut
+    if lines and lines[0].lower().startswith("sep=") and delimiter is None:
+        delimiter = lines[0][4:5] or None
+    found: list[tuple[float, TextLayout, int]] = []
+    for mark in (delimiter,) if delimiter else _DELIMITERS:
+        for comma in (decimal,) if decimal else (".", ","):
+            if mark == comma == "," and '"' not in head[:4000].decode(known, "replace"):
+                continue
+            layout = TextLayout(known, mark, comma)
+            begins, width, score = _rows(lines, layout, skip_rows)
+            if width:
+                found.append((score, replace(layout, width=width, first_line=begins + 1), begins))
+    if not found:
+        return None
+    best = max(score for score, _, _ in found)
+    _, layout, begins = next(item for item in found if item[0] == best)
+    layout = replace(layout, thousands=_thousands(lines[begins:_LOOKED_AT], layout))
+    return _with_names(lines[:begins], lines[begins:_LOOKED_AT], layout, skip_rows)
+
+
+def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, int, float]:
+    """Index of the first row of data, their usual width (0: there is none), and how well the lines agree with it."""
+    widths: list[int] = []
+    numbers = 0
+    for index, line in enumerate(lines[:_LOOKED_AT]):
+        try:
+            cells = layout.cells(line) if index >= skip_rows and line.strip() else []
+        except csv.Error:
+            cells = []
+        while cells and not cells[-1]:
+            cells.pop()
+        if not layout.is_data(cells):
+            widths.append(0)
+            continue
+        widths.append(len(cells))
+        numbers += sum(bool(cell) and (is_number(cell, layout.decimal) or is_stamp(cell)) for cell in cells)
+        numbers -= 2 * sum(bool(cell) and not (is_number(cell, layout.decimal) or is_stamp(cell)) for cell in cells)
+    counted = Counter(width for width in widths if width > 1)
+    if not counted:
+        return 0, 0, 0.0
+    width, lines_of_it = max(counted.items(), key=lambda item: (item[1] * item[0], item[0]))
+    near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in widths]
+    need = min(_AGREE, lines_of_it)
+    begins = next(
+        (i for i in range(len(widths)) if widths[i] and all(near[i : i + need]) and len(near[i : i + need]) == need),
+        None,
+    )
+    if begins is None:
+        return 0, 0, 0.0
+    return begins, width, numbers * lines_of_it / max(sum(value > 0 for value in widths), 1)
+
+
+def _thousands(rows: list[str], layout: TextLayout) -> str:
+    """The mark between thousands, where the numbers have one."""
+    mark = "." if layout.decimal == "," else ","
+    pattern = _COMMA_NUMBER if mark == "." else _GROUPED
+    for line in rows:
+        try:
+            cells = layout.cells(line)
+        except csv.Error:
+            continue
+        if any(mark in cell and pattern.fullmatch(cell) for cell in cells):
+            return mark
+    return ""
+
+
+def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
+    """Add the names and units that stand above the rows."""
+    above = [(i, line) for i, line in enumerate(before) if i >= skip_rows and line.strip()]
+    units: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    taken = len(above)
+    if above and (cells := _header_cells(above[-1][1], layout)) and _are_units(cells) and len(above) > 1:
+        units = tuple(cells)
+        taken -= 1
+    if taken and (cells := _header_cells(above[taken - 1][1], layout)) and _are_names(cells, layout):
+        names = tuple(cells)
+        taken -= 1
+    if units and not names:
+        names, units = units, ()
+    preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
+    ragged = _shift(names, rows, layout)
+    if ragged:
+        names, units = ("", *names), ("", *units) if units else ()
+    names, units = _fitted(names, layout.width), _fitted(units, layout.width)
+    if units:
+        names = tuple(
+            f"{name} [{unit.strip('[](){} ')}]" if unit else name for name, unit in zip(names, units, strict=True)
+        )
+    return replace(layout, names=names, preamble=preamble)
+
+
+def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
+    return (*cells, *[""] * (width - len(cells)))[:width] if cells else ()
+
+
+def _header_cells(line: str, layout: TextLayout) -> list[str]:
+    """The names in a line above the rows: cut as these are, or as it is usual behind a comment's mark."""
+    bare = _COMMENT.sub("", line) if not (layout.delimiter == ";" and line.startswith(";")) else line
+    best: list[str] = []
+    for mark in dict.fromkeys((layout.delimiter, "\t", ";", ",", "|", BLANKS)):
+        try:
+            cells = split_cells(bare, mark)
+        except csv.Error:
+            continue
+        if mark == BLANKS:
+            wide = [cell for cell in re.split(r"\s{2,}|\t", bare.strip()) if cell]
+            cells = wide if abs(len(wide) - layout.width) < abs(len(cells) - layout.width) else cells
+        while cells and not cells[-1]:
+            cells.pop()
+        if len(cells) in (layout.width, layout.width - 1) or (
+            mark == layout.delimiter and len(cells) > layout.width > 1
+        ):
+            return cells
+        if not best or abs(len(cells) - layout.width) < abs(len(best) - layout.width):
+            best = cells
+    return best if len(best) > 1 and abs(len(best) - layout.width) <= max(2, layout.width // 2) else []
+
+
+def _are_names(cells: list[str], layout: TextLayout) -> bool:
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and sum(is_number(cell, layout.decimal) or is_stamp(cell) for cell in filled) < _MOSTLY * len(
+        filled
+    )
+
+
+def _are_units(cells: list[str]) -> bool:
+    """Whether a row holds units: most cells are known ones, or all stand in brackets."""
+    filled = [cell for cell in cells if cell]
+    bracketed = [bool(re.fullmatch(r"[\[({].*[\])}]", cell)) for cell in filled]
+    known = [unit_of(cell) is not None for cell in filled]
+    if not filled:
+        return False
+    return all(bracketed) or (
+        sum(known) > _MOSTLY * len(filled) and any(unit_of(cell) not in (None, unit_of("rpm")) for cell in filled)
+    )
+
+
+def _shift(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> bool:
+    """Whether the first column has no name: one name fewer than cells, above a count of the rows (pandas, R)."""
+    if len(names) != layout.width - 1:
+        return False
+    try:
+        first = [layout.cells(line)[0] for line in rows[:20] if line.strip()]
+        numbers = [int(cell) for cell in first]
+    except (ValueError, IndexError, csv.Error):
+        return False
+    return all(b - a == 1 for a, b in itertools.pairwise(numbers))

@@ -1,0 +1,108 @@
+"""Dates and times of day as text, in seconds.
+
+A date counts from 1970 in UTC (without a zone: as if it were UTC). A time of day alone counts from midnight, and a day
+is added where it begins anew. `05/04/2026` is the fifth of April unless some second number is above 12: within a run it
+makes no difference.
+"""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+
+DAY_S = 86400.0
+_MONTHS = {
+    name: number
+    for number, name in enumerate(
+        ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], 1
+    )
+}
+_TEXT = re.compile(
+    r"(?:(?P<date>\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}[- ]?[A-Za-z]{3}[a-z]*[- ,]*\d{2,4}|\d{8})(?:[T _,-]+|$))?"
+    r"(?:(?P<h>\d{1,3}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d+))?)?\s*(?P<half>[AaPp][Mm])?)?"
+    r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+)
+
+
+def seconds_of(cells: Sequence[str | None]) -> Float64Array | None:
+    """Seconds (n,) of stamps, NaN where a cell is empty; None where one of them is no stamp."""
+    month_first = _month_first(cells)
+    days: dict[str, float] = {}
+    found = np.full(len(cells), np.nan)
+    dated = False
+    for row, cell in enumerate(cells):
+        text = "" if cell is None else cell.strip()
+        if not text:
+            continue
+        match = _TEXT.fullmatch(text)
+        if match is None or not (match["date"] or match["h"]):
+            return None
+        seconds = 0.0
+        if match["date"]:
+            dated = True
+            if match["date"] not in days:
+                day = _day(match["date"], month_first)
+                if day is None:
+                    return None
+                days[match["date"]] = day
+            seconds = days[match["date"]]
+        if match["h"]:
+            seconds += _of_day(match)
+        found[row] = seconds - _zone_s(match["zone"])
+    return found if dated else past_midnight(found)
+
+
+def past_midnight(seconds: Float64Array) -> Float64Array:
+    """Add a day wherever times of day (n,) begin anew."""
+    filled = np.flatnonzero(np.isfinite(seconds))
+    falls = np.diff(seconds[filled]) < -0.5 * DAY_S
+    days = np.zeros(len(seconds))
+    days[filled[1:]] = np.cumsum(falls)
+    return np.asarray(seconds + DAY_S * days)
+
+
+def _of_day(match: re.Match[str]) -> float:
+    hours = int(match["h"])
+    if match["half"]:
+        hours = hours % 12 + (12 if match["half"].lower() == "pm" else 0)
+    part = f"0.{match['f']}" if match["f"] else "0"
+    return 3600.0 * hours + 60.0 * int(match["m"]) + int(match["s"] or 0) + float(part)
+
+
+def _zone_s(zone: str | None) -> float:
+    if zone is None or zone[0] not in "+-":
+        return 0.0
+    return (1.0 if zone[0] == "+" else -1.0) * (3600.0 * int(zone[1:3]) + 60.0 * int(zone[-2:]))
+
+
+def _day(text: str, month_first: bool) -> float | None:
+    """Seconds from 1970 to the begin of a day; None where there is no such day."""
+    named = re.fullmatch(r"(\d{1,2})[- ]?([A-Za-z]{3})[a-z]*[- ,]*(\d{2,4})", text)
+    if named:
+        parts = [int(named[3]), _MONTHS.get(named[2].lower(), 0), int(named[1])]
+    elif len(text) == 8 and text.isdigit():
+        parts = [int(text[:4]), int(text[4:6]), int(text[6:])]
+    else:
+        parts = [int(part) for part in re.split(r"[-/.]", text)]
+        if len(re.split(r"[-/.]", text)[0]) < 3:
+            first, second, year = parts
+            parts = [year, first, second] if month_first else [year, second, first]
+    year = parts[0] + (2000 if parts[0] < 70 else 1900 if parts[0] < 100 else 0)
+    try:
+        return DAY_S * (datetime.date(year, parts[1], parts[2]).toordinal() - datetime.date(1970, 1, 1).toordinal())
+    except ValueError:
+        return None
+
+
+def _month_first(cells: Sequence[str | None]) -> bool:
+    """Whether some date can only be read with the month before the day."""
+    return any(
+        (match := re.match(r"\d{1,2}[-/](\d{1,2})[-/]\d{2,4}(?!\d)", cell.strip())) is not None and int(match[1]) > 12
+        for cell in cells
+        if cell
+    )

@@ -1,0 +1,234 @@
+"""One run of a wheel, written as labs write theirs: read without a map, in the right meaning, or asked about."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rw_ekf
+from rw_ekf.cli import main
+from rw_ekf.units import RAD_S_PER_RPM
+
+RPM, MA = 1.0 / RAD_S_PER_RPM, 1e3
+BEGIN = datetime.datetime(2026, 3, 29, 23, 59, 50, tzinfo=datetime.UTC)
+Rows = list[tuple[float, float, float]]
+
+
+@pytest.fixture(scope="module")
+def run() -> rw_ekf.Log:
+    """60 s of a simulated wheel at 10 Hz, in both directions."""
+    return rw_ekf.simulate("steps", duration_s=60.0, seed=5)
+
+
+def _rows(log: rw_ekf.Log) -> Rows:
+    return [tuple(map(float, row)) for row in zip(log.time_s, log.speed_rad_s, log.current_A, strict=True)]  # type: ignore[misc]
+
+
+def _table(rows: Rows, header: str, line: Callable[[int, float, float, float], str], end: str = "\n") -> str:
+    return header + end + "".join(line(i, *row) + end for i, row in enumerate(rows))
+
+
+def _comma(value: float, digits: int = 9) -> str:
+    return f"{value:.{digits}f}".replace(".", ",")
+
+
+def _at(t: float) -> datetime.datetime:
+    return BEGIN + datetime.timedelta(seconds=t)
+
+
+def _midnight(t: float) -> str:
+    return _at(t).strftime("%H:%M:%S,%f")[:-3]
+
+
+DIALECTS: dict[str, Callable[[Rows], bytes]] = {
+    "iso": lambda r: _table(
+        r, "timestamp,wheel speed [rpm],current [mA]",
+        lambda i, t, w, c: f"{_at(t).isoformat(timespec='microseconds')},{w * RPM!r},{c * MA!r}",
+    ).encode(),
+    "german excel": lambda r: _table(
+        r, "Zeit [s];Drehzahl [1/min];Strom [A]",
+        lambda i, t, w, c: f"{_comma(t)};{_comma(w * RPM)};{_comma(c)}", "\r\n",
+    ).encode("cp1252"),
+    "epoch ms": lambda r: _table(
+        r, "time,rpm,current_A", lambda i, t, w, c: f"{1774828790000 + round(1e3 * t)},{w * RPM!r},{c!r}"
+    ).encode(),
+    "hashed": lambda r: _table(
+        r, "# wheel 3, bearing A\n# t[s] omega[rad/s] i[A]", lambda i, t, w, c: f"{t!r} {w!r} {c!r}"
+    ).encode(),
+    "utf-16": lambda r: _table(
+        r, "Time (s)\tSpeed (RPM)\tMotor Current (A)", lambda i, t, w, c: f"{t!r}\t{w * RPM!r}\t{c!r}", "\r\n"
+    ).encode("utf-16"),
+    "latin-1, preamble, units row": lambda r: _table(
+        r, "Prüfstand 2;;;\nBediener: Müller;;;\nZeit;Drehzahl;Strom;Temperatur\ns;U/min;A;°C",
+        lambda i, t, w, c: f"{_comma(t)};{_comma(w * RPM)};{_comma(c)};21,5",
+    ).encode("latin-1"),
+    "times of day past midnight": lambda r: _table(
+        r, "Uhrzeit;n [1/min];I [mA]", lambda i, t, w, c: f"{_midnight(t)};{_comma(w * RPM)};{_comma(c * MA)}"
+    ).encode(),
+    "ragged % header": lambda r: _table(
+        r, "% t (s)\tspeed (rad/s)\tcurrent (A)\t29-Mar-2026", lambda i, t, w, c: f"{t!r}\t{w!r}\t{c!r}\t"
+    ).encode(),
+    "date as one header cell more": lambda r: _table(
+        r, "time,omega_rad_s,current_A,2026-03-29", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"
+    ).encode(),
+    "index without a name": lambda r: _table(
+        r, ",time,speed_rpm,iq_A", lambda i, t, w, c: f"{i},{t!r},{w * RPM!r},{c!r}"
+    ).encode(),
+    "microseconds that wrap": lambda r: _table(
+        r, "micros,velocity (deg/s),current_mA",
+        lambda i, t, w, c: f"{(4294000000 + round(1e6 * t)) % 2**32},{math.degrees(w)!r},{c * MA!r}",
+    ).encode(),
+    "excel serial days": lambda r: _table(
+        r, "Datum;Drehzahl (U/min);Strom (A)",
+        lambda i, t, w, c: f"{_comma(46110.5 + t / 86400.0, 12)};{_comma(w * RPM)};{_comma(c)}",
+    ).encode(),
+    "quoted, with trailing delimiters": lambda r: _table(
+        r, '"t [ms]","n [rpm]","I [A]",', lambda i, t, w, c: f'"{1e3 * t!r}","{w * RPM!r}","{c!r}",'
+    ).encode(),
+    "names again in the middle": lambda r: _table(
+        r, "t_s,speed_rpm,current_A",
+        lambda i, t, w, c: ("t_s,speed_rpm,current_A\n" if i == 100 else "") + f"{t!r},{w * RPM!r},{c!r}",
+    ).encode(),
+    "magnitude and direction": lambda r: _table(
+        r, "time_ms,rpm,dir,current_A",
+        lambda i, t, w, c: f"{1e3 * t!r},{abs(w) * RPM!r},{'CW' if w > 0 else 'CCW'},{c!r}"
+    ).encode(),
+    "set-point beside it": lambda r: _table(
+        r, "t [s],speed_ref [rpm],speed [rpm],i_ref [A],i_q [A],i_d [A],v_bus [V],status",
+        lambda i, t, w, c: f"{t!r},{w * RPM + 3!r},{w * RPM!r},{c!r},{c!r},0.01,24.1,0",
+    ).encode(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_dialect_is_read_in_its_meaning(tmp_path: Path, run: rw_ekf.Log, dialect: str) -> None:
+    """Times from the first on, speeds and currents are those of the run, to the digits that the dialect has."""
+    path = tmp_path / "lab.csv"
+    path.write_bytes(DIALECTS[dialect](_rows(run)))
+    log = rw_ekf.read(path)
+    assert len(log) == len(run)
+    assert log.time_s - log.time_s[0] == pytest.approx(run.time_s - run.time_s[0], abs=6e-4)
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-6)
+    assert log.current_A == pytest.approx(run.current_A, abs=1e-7)
+    assert any("read as" in text for text in log.warnings)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_the_map_that_columns_writes_reads_the_same(tmp_path: Path, run: rw_ekf.Log, dialect: str) -> None:
+    """`columns` then `--columns`: the numbers that are read without a map, to the bit."""
+    path, out = tmp_path / "lab.csv", tmp_path / "map.yaml"
+    path.write_bytes(DIALECTS[dialect](_rows(run)))
+    assert main(["columns", str(path), "--out", str(out)]) == 0
+    guessed, mapped = rw_ekf.read(path), rw_ekf.read(path, out)
+    assert np.array_equal(guessed.time_s, mapped.time_s)
+    assert np.array_equal(guessed.speed_rad_s, mapped.speed_rad_s)
+    assert np.array_equal(guessed.current_A, mapped.current_A)
+
+
+def test_two_runs_in_one_file_are_two_segments(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Where the time falls back to its beginning a segment begins, and no row is lost."""
+    path = tmp_path / "lab.csv"
+    rows = _rows(run)[:200]
+    path.write_text(_table([*rows, *rows], "t [s],n [rpm],I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+    log = rw_ekf.read(path)
+    assert len(log) == 400
+    assert int(log.segment.max()) == 1
+    assert int(log.segment[200]) == 1
+
+
+def test_stamps_of_whole_seconds_are_spread(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Ten rows of one stamp each are a tenth of a second apart, as they were."""
+    path = tmp_path / "lab.csv"
+    path.write_text(_table(
+        _rows(run), "time,rpm,current_A", lambda i, t, w, c: f"{_at(t).strftime('%d.%m.%Y %H:%M:%S')},{w * RPM!r},{c!r}"
+    ))  # fmt: skip
+    log = rw_ekf.read(path)
+    assert np.diff(log.time_s) == pytest.approx(np.diff(run.time_s), abs=0.02)
+
+
+def test_an_angle_that_begins_anew_gives_the_speed(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Degrees from 0 to 360 and no speed: the rate, by the shorter way, is the mean speed since the row before."""
+    path = tmp_path / "lab.csv"
+    angle = np.concatenate([[0.0], np.cumsum(0.2 * run.speed_rad_s[:-1] * np.diff(run.time_s))])
+    rows = [(float(t), float(a), float(c)) for t, a, c in zip(run.time_s, angle, run.current_A, strict=True)]
+    path.write_text(
+        _table(rows, "t [s],angle [deg],I [A]", lambda i, t, a, c: f"{t!r},{math.degrees(a) % 360.0!r},{c!r}")
+    )
+    log = rw_ekf.read(path)
+    assert log.speed_rad_s[1:] == pytest.approx(0.2 * run.speed_rad_s[:-1], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "asked"),
+    [
+        ("t [s],speed,I [A]", "rpm, rad/s or deg/s"),
+        ("t [s],n [rpm],I1 [A],I2 [A]", "which of them is the current of the motor"),
+        ("t [s],rpm_1,rpm_2,I [A]", "which of them is the speed of the wheel"),
+        ("t [s],n [rpm],battery current [A]", "what the supply gives"),
+        ("t [s],position [counts],I [A]", "how many to a turn"),
+        ("t [s],erpm,I [A]", "how many pole pairs"),
+        ("a,n [rpm],I [A]", "no column is known to be the time"),
+        ("t [s],n [rpm],x", "no column is known to be the current"),
+    ],
+)
+def test_what_a_file_does_not_say_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, asked: str) -> None:
+    """No meaning is taken in silence: the log is refused with the question, and the map holds it as a comment."""
+    path = tmp_path / "lab.csv"
+    width = header.count(",") + 1
+    line = "{t!r},{a!r},{c!r}" if width == 3 else "{t!r},{a!r},{c!r},{d!r}"
+    path.write_text(_table(_rows(run), header, lambda i, t, w, c: line.format(t=t, a=300.5 + w * RPM, c=c, d=c * 1.01)))
+    with pytest.raises(rw_ekf.Error, match=asked):
+        rw_ekf.read(path)
+    found = rw_ekf.guess_columns(path)
+    assert not found.is_certain
+    assert "# ASKED: " in found.text()
+    with pytest.raises(rw_ekf.Error, match=asked):
+        _ = found.column_map
+
+
+def test_answers_settle_what_was_asked(tmp_path: Path, run: rw_ekf.Log, capsys: pytest.CaptureFixture[str]) -> None:
+    """--set names a column, a unit or a number; the document says that nothing is left open, and the log reads so."""
+    path, out = tmp_path / "lab.csv", tmp_path / "map.yaml"
+    path.write_text(_table(_rows(run), "a,b,c", lambda i, t, w, c: f"{t!r},{w * RPM * 7!r},{c * MA!r}"))
+    told = ["time=a:s", "speed=1:erpm", "speed.pole_pairs=7", "current=c", "current.unit=mA"]
+    assert main(["columns", str(path), "--out", str(out), "--json", *(w for t in told for w in ("--set", t))]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["certain"]
+    assert document["questions"] == []
+    log = rw_ekf.read(path, out)
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-9)
+    assert log.current_A == pytest.approx(run.current_A, abs=1e-12)
+
+
+def test_a_sign_that_no_machine_has_is_doubted(tmp_path: Path) -> None:
+    """The names are plain, and the motion says that drive and speed are counted in opposite directions."""
+    run = rw_ekf.simulate("identification", duration_s=200.0, seed=6)
+    path = tmp_path / "lab.csv"
+    path.write_text(_table(_rows(run), "t [s],n [rpm],I [A]", lambda i, t, w, c: f"{t!r},{w * RPM!r},{-c!r}"))
+    found = rw_ekf.guess_columns(path)
+    assert not found.is_certain
+    assert "opposite directions" in found.text()
+
+
+def test_a_coast_down_without_a_current_is_one(tmp_path: Path) -> None:
+    """A speed that only falls, and nothing that could drive: the current is zero throughout."""
+    path = tmp_path / "lab.csv"
+    speed = 3000.0 * np.exp(-0.01 * np.arange(300) * 0.1)
+    path.write_text("t [s],n [rpm]\n" + "".join(f"{0.1 * i!r},{n!r}\n" for i, n in enumerate(speed.tolist())))
+    assert not rw_ekf.read(path).current_A.any()
+
+
+def test_tables_in_memory_are_read_as_files_are(run: rw_ekf.Log) -> None:
+    """A mapping of arrays, and whatever arrow takes as a table, with names of one's own."""
+    table = {"t [s]": run.time_s, "n [rpm]": run.speed_rad_s * RPM, "I [A]": run.current_A}
+    log = rw_ekf.read(table)
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+    assert np.array_equal(rw_ekf.read(run.table).speed_rad_s, run.speed_rad_s)
+    with pytest.raises(rw_ekf.Error, match="found int"):
+        rw_ekf.read(5)
