@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
+from rw_ekf.commands.inputs import CONFIG_HELP
+
 HELP = "validate a configuration and print it with every default"
 EXAMPLE = """example:
   rw-ekf check-config my-wheel.yaml"""
@@ -12,7 +14,7 @@ EXAMPLE = """example:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("config", metavar="F", help="configuration file")
+    parser.add_argument("config", metavar="F", help=CONFIG_HELP)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -21,9 +23,9 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.checking.yaml_loader import load_yaml
     from rw_ekf.errors import BadInputError, ConfigError
     from rw_ekf.json_output import print_json
-    from rw_ekf.settings.load import configuration_from, resolved_lines
+    from rw_ekf.settings.load import configuration_from, configuration_path, resolved_lines
 
-    document = load_yaml(args.config)
+    document = load_yaml(configuration_path(args.config))
     configuration = configuration_from(document)
     wire = load_protocol(configuration.wheel.protocol).limits
     found = [f"{document.where(keys)}: {text}" for keys, text in beyond_wire(configuration, wire)]

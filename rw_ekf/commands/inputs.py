@@ -17,22 +17,34 @@ if TYPE_CHECKING:
     from rw_ekf.wheel.wheel_tag import WheelTag
 
 
+CONFIG_HELP = "configuration file, or the name of a shipped one: simulated, example"
+
+
+def add_config_option(parser: argparse.ArgumentParser, what: str = "", *, required: bool = False) -> None:
+    """Add --config; what: it is read for."""
+    help_text = f"{CONFIG_HELP}; {what}" if what else CONFIG_HELP
+    parser.add_argument("--config", metavar="F", required=required, help=help_text)
+
+
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Options of every verb that reads logs."""
     parser.add_argument("--columns", metavar="MAP", help="column map (YAML) of a foreign log; see docs/logs.md")
-    parser.add_argument(
-        "--config",
-        metavar="F",
-        help="configuration: noise, prior, Stribeck speed, inertia; without it the record tells",
-    )
+    add_config_option(parser, "noise, prior, Stribeck speed, inertia; without it the record tells")
 
 
 def log_options(args: argparse.Namespace) -> list[str]:
     """Those of `add_log_options` that were given, as they can be typed again from anywhere."""
+    from rw_ekf.settings.load import configuration_path
+    from rw_ekf.settings.resources import config_directory
+
     given = []
-    for option, path in (("--columns", args.columns), ("--config", args.config)):
-        if path is not None:
-            given += [option, str(Path(path).absolute()) if Path(path).exists() else path]
+    for option, name, path_of in (
+        ("--columns", args.columns, _map_path),
+        ("--config", args.config, configuration_path),
+    ):
+        if name is not None:
+            path = path_of(name)
+            given += [option, name if path.parent == config_directory() else str(path.absolute())]
     return given
 
 
@@ -129,21 +141,15 @@ def read_logs(paths: list[str], columns: str | None) -> list[WheelLog]:
     from rw_ekf.logs.column_map import load_column_map
     from rw_ekf.logs.reader import read_log
 
-    column_map = None if columns is None else load_column_map(_shipped_or_own(columns))
+    column_map = None if columns is None else load_column_map(_map_path(columns))
     return [read_log(path, column_map) for path in paths]
 
 
-def _shipped_or_own(name: str) -> str:
-    """Take a bare name that is no file here as one of the maps that come with the package."""
-    if Path(name).exists() or Path(name).name != name:
-        return name
-    from rw_ekf.errors import ConfigError
-    from rw_ekf.settings.resources import config_resource
+def _map_path(name: str) -> Path:
+    """Find the column map that is meant: a file, or the name of a shipped one. Raises ConfigError."""
+    from rw_ekf.settings.resources import available_resources, own_or_shipped
 
-    try:
-        return str(config_resource(name))
-    except ConfigError as error:
-        raise ConfigError(f"{name}: no such file, and {error}") from None
+    return own_or_shipped(name, [shipped for shipped in available_resources() if shipped.startswith("columns-")])
 
 
 def refuse_to_overwrite(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:

@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rw_ekf.commands.inputs import add_config_option
+
 if TYPE_CHECKING:
     from rw_ekf.service.unit import Service
     from rw_ekf.settings.schema import Configuration
@@ -26,7 +28,7 @@ _UNKNOWN = ("ttyUSB", "ttyACM")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--config", metavar="F", required=True, help="configuration file")
+    add_config_option(parser, required=True)
     parser.add_argument("--user", metavar="NAME", help="account that the run has; default: yours, also under sudo")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--print", action="store_true", help="print both (what is done without options)")
@@ -41,11 +43,11 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.live.port_name import aliases_of, device_of, own_name
     from rw_ekf.service.udev import by_id_name, rule_text
     from rw_ekf.service.unit import unit_text
-    from rw_ekf.settings.load import load_configuration
+    from rw_ekf.settings.load import configuration_path, load_configuration
 
     configuration = load_configuration(args.config)
     checked_protocol(configuration)
-    service = service_of(configuration, args.config, _user(args.user))
+    service = service_of(configuration, configuration_path(args.config), _user(args.user))
     name = f"rw-ekf-{_safe(configuration.wheel.name)}"
     files = {Path(args.root) / _UNITS / f"{name}.service": unit_text(service)}
     port = own_name(configuration.wheel.port)
@@ -68,7 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
-def service_of(configuration: Configuration, config: str, user: str) -> Service:
+def service_of(configuration: Configuration, config: Path, user: str) -> Service:
     """What the unit has to say on this machine, run from the present directory as it would be by hand."""
     from rw_ekf.live.claim import DIRECTORIES
     from rw_ekf.live.supervisor import Patience

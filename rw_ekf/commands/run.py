@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rw_ekf.commands.inputs import add_config_option
 from rw_ekf.console import shown_path
 from rw_ekf.records import RunState
 
@@ -55,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_run_options(parser: argparse.ArgumentParser) -> None:
     """Options that `excite` shares."""
-    parser.add_argument("--config", metavar="F", required=True, help="configuration file")
+    add_config_option(parser, required=True)
     parser.add_argument("--duration", metavar="S", type=_seconds, help="end after S seconds of samples")
     parser.add_argument(
         "--model", metavar="F", help="model YAML to start from, effects included, instead of the configuration's"

@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import Any
 
+from rw_ekf.commands.inputs import add_config_option
+
 HELP = "serve a simulated wheel on a pseudo-terminal"
 EXAMPLE = """example:
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect offset_torque:torque_rad_s2=0.03 --seed 7
@@ -38,7 +40,7 @@ class _ListFaults(argparse.Action):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("--link", metavar="PATH", required=True, help="where the wheel's tty is reachable")
-    parser.add_argument("--config", metavar="F", help="configuration: its `simulation` and `wheel` describe the truth")
+    add_config_option(parser, "its `simulation` and `wheel` describe the truth")
     parser.add_argument(
         "--effect",
         metavar="ID:name=value,...",

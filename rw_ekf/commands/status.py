@@ -7,6 +7,8 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.commands.inputs import add_config_option
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -24,7 +26,7 @@ _STALE_S = 5.0  # the state file is replaced once a second
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--config", metavar="F", required=True, help="configuration file")
+    add_config_option(parser, required=True)
 
 
 def execute(args: argparse.Namespace) -> int:

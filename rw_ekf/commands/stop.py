@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from rw_ekf.commands.inputs import add_config_option
+
 if TYPE_CHECKING:
     from rw_ekf.clock import Clock
     from rw_ekf.driver import WheelDriver
@@ -21,7 +23,7 @@ _TRY_S = 1.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--config", metavar="F", required=True, help="configuration file; only its line is read")
+    add_config_option(parser, "only its line is read", required=True)
 
 
 def execute(args: argparse.Namespace) -> int:

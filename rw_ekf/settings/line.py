@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from rw_ekf.checking.yaml_loader import YamlDocument, load_what_can_be_read
 from rw_ekf.errors import ConfigError
-from rw_ekf.settings.load import configuration_from
+from rw_ekf.settings.load import configuration_from, configuration_path
 from rw_ekf.settings.resources import is_path
 from rw_ekf.settings.schema import Configuration
 
@@ -34,7 +34,7 @@ class LineConfiguration:
 
 def read_line(path: str | Path) -> LineConfiguration:
     """Read the line's keys of a configuration. Raises ConfigError where it names no port, or two."""
-    document, findings, repeated = load_what_can_be_read(path)
+    document, findings, repeated = load_what_can_be_read(configuration_path(path))
     if not findings:
         try:
             return LineConfiguration(configuration_from(document), (), ())

@@ -21,7 +21,7 @@ from rw_ekf.checking.wording import shown
 from rw_ekf.checking.yaml_loader import YamlDocument, load_yaml
 from rw_ekf.errors import ConfigError
 from rw_ekf.model.bounds import VALUES, std_fault, value_fault
-from rw_ekf.settings.resources import is_path, protocol_path
+from rw_ekf.settings.resources import CONFIGURATIONS, is_path, own_or_shipped, protocol_path
 from rw_ekf.settings.schema import (
     SECTIONS,
     CommandSection,
@@ -40,11 +40,16 @@ _PATH_KEYS = (("wheel", "protocol"), ("filter", "model"), ("command", "log"))
 
 
 def load_configuration(path: str | Path) -> Configuration:
-    """Read, check and resolve the configuration file at `path`.
+    """Read, check and resolve the configuration file at `path`, or the shipped one of that name.
 
     Paths of files that are read come back absolute. Raises ConfigError with one finding per mistake.
     """
-    return configuration_from(load_yaml(path))
+    return configuration_from(load_yaml(configuration_path(path)))
+
+
+def configuration_path(name: str | Path) -> Path:
+    """Find the configuration that is meant: a file, or the name of a shipped one. Raises ConfigError."""
+    return own_or_shipped(name, CONFIGURATIONS)
 
 
 def configuration_from(document: YamlDocument) -> Configuration:

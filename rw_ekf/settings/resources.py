@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from rw_ekf.errors import ConfigError
 
+CONFIGURATIONS = ("example", "simulated")  # those of the shipped files that are configurations
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -35,6 +37,25 @@ def config_resource(name: str) -> Path:
         names = ", ".join(available_resources()) or "none"
         raise ConfigError(f"no shipped file is called {name!r}; available: {names}")
     return path
+
+
+def own_or_shipped(name: str | Path, shipped: Iterable[str]) -> Path:
+    """Take a file as it is named; where none is called so here, a bare name stands for one of `shipped`.
+
+    ".yaml" may be left out of either. Raises ConfigError where a bare name is neither.
+    """
+    text = str(name)
+    if os.path.basename(text) != text:
+        return Path(name)
+    for own in (text, f"{text}.yaml"):
+        if os.path.exists(own) and not os.path.isdir(own):  # a folder called `simulated` is no configuration
+            return Path(own)
+    known = list(shipped)
+    if text.removesuffix(".yaml") in known:
+        return config_resource(text)
+    if os.path.exists(text):
+        return Path(name)  # a folder, of which its reader speaks
+    raise ConfigError(f"{text}: no such file here, and the program ships {', '.join(known)}")
 
 
 def is_path(text: str) -> bool:

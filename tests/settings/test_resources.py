@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from rw_ekf.cli import main
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings import resources
-from rw_ekf.settings.load import _yaml_value
+from rw_ekf.settings.line import read_line
+from rw_ekf.settings.load import _yaml_value, load_configuration
 from rw_ekf.settings.schema import SECTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,6 +26,33 @@ def test_an_unknown_name_lists_what_there_is(name: str) -> None:
     """Proves that a wrong name, or one that leaves the directory, is refused with the available ones."""
     with pytest.raises(ConfigError, match=r"available: .*example"):
         resources.config_resource(name)
+
+
+@pytest.mark.parametrize("name", [*resources.CONFIGURATIONS, "simulated.yaml"])
+def test_a_shipped_configuration_is_read_by_its_name(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Proves that every verb's ways to a configuration know the shipped ones in an empty folder, `stop`'s too."""
+    monkeypatch.chdir(tmp_path)
+    assert load_configuration(name) == read_line(name).configuration
+    assert main(["check-config", name]) == 0
+
+
+def test_a_file_here_comes_before_a_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Proves that a file of the name wins, with its suffix left out too, and that a folder of the name does not."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "simulated").mkdir()
+    assert load_configuration("simulated").wheel.port == "/tmp/wheel0"
+    (tmp_path / "simulated.yaml").write_text("wheel: {port: /dev/mine}\nlimits: {current_A: 0.1}\n")
+    for name in ("simulated", "simulated.yaml"):
+        assert load_configuration(name).wheel.port == "/dev/mine"
+
+
+@pytest.mark.parametrize("name", ["my-wheel.yaml", "columns-emps", ""])
+def test_a_configuration_that_is_nowhere_is_told_what_there_is(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Proves that a bare name which is no file, no shipped configuration, or nothing, ends in one sentence."""
+    assert main(["status", "--config", name]) == 2
+    assert capsys.readouterr().err.endswith("no such file here, and the program ships example, simulated\n")
 
 
 def test_an_installed_package_carries_its_own_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
