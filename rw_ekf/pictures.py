@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rw_ekf.console import printable
 from rw_ekf.drawing import picture
-from rw_ekf.logs.atomic import atomic_path
 from rw_ekf.logs.log_picture import BLUE, GREY, RED, draw_speed, legend
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.units import RAD_S_PER_RPM
@@ -28,13 +26,6 @@ _TITLES = {
     "coulomb": "Coulomb friction",
     "static": "break-away friction",
 }
-
-
-@picture
-def save_png(figure: Figure, path: str | Path) -> None:
-    """Write a figure as a PNG."""
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110, format="png")
 
 
 @picture

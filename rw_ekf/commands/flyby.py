@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_seconds,
         help="which rates keep all wheels from zero within S s of closest approach",
     )
-    parser.add_argument("--out", metavar="PNG", help="picture of the wheel rates over time")
+    parser.add_argument("--out", metavar="FILE", help="picture of the wheel rates over time: .png, .svg or .pdf")
 
 
 def _rates(text: str) -> tuple[float, ...]:
@@ -68,7 +68,9 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.flyby.flyby_plan import TABLE_A1_RPM, case_of, plan_document, plan_text
     from rw_ekf.flyby.settings import read_flyby
     from rw_ekf.json_output import print_json
+    from rw_ekf.logs.picture_file import check_picture_suffix
 
+    check_picture_suffix(args.out)
     refuse_to_overwrite([args.out], [args.geometry])
     flyby = read_flyby(args.geometry)
     count = len(flyby.wheels)

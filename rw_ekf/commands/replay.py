@@ -45,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="start each log as its run did, by the .start.yaml and .meta.yaml beside it",
     )
     parser.add_argument("--out", metavar="FILE", help="one row per sample, CSV, Parquet or .mat by its ending")
-    parser.add_argument("--picture", metavar="PNG", help="speed, innovation and parameters of one log as a picture")
+    parser.add_argument(
+        "--picture", metavar="FILE", help="speed, innovation, parameters of one log: .png, .svg or .pdf"
+    )
     parser.add_argument(
         "--smooth", action="store_true", help="add smoothed states (the whole log's hindsight) to --out"
     )
@@ -58,7 +60,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.documents import REPLAY_SCHEMA
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
-    from rw_ekf.pictures import save_png
+    from rw_ekf.logs.picture_file import check_picture_suffix, save_picture
 
     if args.smooth and args.out is None:
         raise BadInputError("--smooth adds columns to --out: name a file with --out FILE")
@@ -66,6 +68,7 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError("--smooth needs the whole log at once and --online goes sample by sample: drop one of them")
     if args.as_run and (args.config is not None or args.model is not None):
         raise BadInputError("--as-run takes each run's own configuration and start: leave out --config and --model")
+    check_picture_suffix(args.picture)
     if args.out is not None:
         from rw_ekf.logs.tables import check_suffix
 
@@ -112,7 +115,7 @@ def execute(args: argparse.Namespace) -> int:
         _write(args.out, [(item.log.name, item.columns or {}) for item in done])
     whole = True
     if args.picture is not None:
-        whole = drawn(lambda: save_png(done[0].plot(), args.picture))
+        whole = drawn(lambda: save_picture(done[0].plot(), args.picture))
     write_s = time.perf_counter() - started
     if args.json:
         seconds = {"read": read_s, "filter": filter_s, "write": write_s}

@@ -24,7 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=3600.0,
         help="spikes so close to the one before count as one train [s] (default 3600)",
     )
-    parser.add_argument("--out", metavar="PNG", help="picture of sizes and counts over the time watched")
+    parser.add_argument(
+        "--out", metavar="FILE", help="picture of sizes and counts over the time watched: .png, .svg or .pdf"
+    )
 
 
 def _seconds(text: str) -> float:
@@ -43,8 +45,10 @@ def execute(args: argparse.Namespace) -> int:
 
     from rw_ekf.commands.undrawn import drawn
     from rw_ekf.json_output import print_json
+    from rw_ekf.logs.picture_file import check_picture_suffix
     from rw_ekf.spikes.trending import spikes_document, spikes_of_directory, spikes_text
 
+    check_picture_suffix(args.out)
     found, warnings = spikes_of_directory(Path(args.directory), args.train)
     for text in warnings:
         sys.stderr.write(f"warning: {text}\n")

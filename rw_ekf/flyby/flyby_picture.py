@@ -12,7 +12,7 @@ from rw_ekf.drawing import picture
 from rw_ekf.flyby.flyby_plan import Case
 from rw_ekf.flyby.geometry import Flyby
 from rw_ekf.flyby.wheel_rates import rates_at
-from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.logs.picture_file import save_picture
 from rw_ekf.units import RAD_S_PER_RPM
 
 _POINTS = 400
@@ -20,7 +20,7 @@ _POINTS = 400
 
 @picture
 def plan_picture(path: str | Path, flyby: Flyby, cases: Sequence[Case]) -> None:
-    """Write a PNG: dots at crossings, crosses at touches, a line at closest approach. Raises BadInputError."""
+    """Draw into a file: dots at crossings, crosses at touches, a line at closest approach. Raises BadInputError."""
     from matplotlib.figure import Figure
 
     across = min(2, len(cases))
@@ -53,5 +53,4 @@ def plan_picture(path: str | Path, flyby: Flyby, cases: Sequence[Case]) -> None:
         axis.set_xlabel("time from closest approach [s]")
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=min(8, len(labels)), fontsize=9)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110, format="png")
+    save_picture(figure, path)

@@ -27,9 +27,8 @@ def atomic_path(path: str | Path, *, follow: bool = True) -> Iterator[Path]:
     directly; False replaces whatever stands there. Raises BadInputError if the place cannot be written.
     """
     target = _followed(path) if follow else Path(os.path.abspath(path))
-    named = Path(path)
-    if follow and named.exists() and not named.is_file() and not named.is_dir():
-        yield named
+    if follow and is_special(Path(path)):
+        yield Path(path)
         return
     if target.is_dir() and not target.is_symlink():
         raise BadInputError(f"{path}: is a directory: give the name of a file")
@@ -60,6 +59,11 @@ def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
     """
     with atomic_path(path, follow=follow) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def is_special(path: Path) -> bool:
+    """Whether a device or a pipe stands there, which has no suffix that says anything."""
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def _followed(path: str | Path) -> Path:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from rw_ekf.errors import BadInputError
-from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.logs.atomic import atomic_path, is_special
 from rw_ekf.logs.writer import cell
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _MATLAB_NAME = re.compile(r"[A-Za-z]\w{0,62}", re.ASCII)
 def check_suffix(path: str | Path) -> None:
     """Raise BadInputError unless `path` ends in a suffix that `write_table` knows: before the work, not after it."""
     target = Path(path)
-    if target.suffix.lower() not in SUFFIXES and not _is_special(target):
+    if target.suffix.lower() not in SUFFIXES and not is_special(target):
         raise BadInputError(f"{path}: the name must end in {', '.join(SUFFIXES)}: that decides how it is written")
 
 
@@ -104,7 +104,3 @@ def _matlab_values(column: Any) -> Any:
     if pa.types.is_floating(kind) or pa.types.is_integer(kind):
         return np.array(column.to_numpy(), dtype=np.float64 if column.null_count else None)
     return np.array(["" if value is None else str(value) for value in column.to_pylist()], dtype=object)
-
-
-def _is_special(path: Path) -> bool:
-    return path.exists() and not path.is_file() and not path.is_dir()

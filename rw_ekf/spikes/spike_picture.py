@@ -9,7 +9,7 @@ import numpy as np
 
 from rw_ekf.console import printable
 from rw_ekf.drawing import picture
-from rw_ekf.logs.atomic import atomic_path
+from rw_ekf.logs.picture_file import save_picture
 from rw_ekf.spikes.trending import VERDICTS, WheelSpikes, verdict
 
 _HOUR_S = 3600.0
@@ -18,7 +18,7 @@ _BLUE, _RED, _GREY = "#1f5fa8", "#c0392b", "#8a8f98"
 
 @picture
 def spikes_picture(path: str | Path, found: Sequence[WheelSpikes]) -> None:
-    """Write a PNG: a column for each wheel, sizes above, trains counted below. Raises BadInputError."""
+    """Draw into a file: a column for each wheel, sizes above, trains counted below. Raises BadInputError."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(max(7.5, 5.5 * len(found)), 6.0), layout="constrained")
@@ -26,8 +26,7 @@ def spikes_picture(path: str | Path, found: Sequence[WheelSpikes]) -> None:
     for wheel, (sizes, counts) in zip(found, panels.T, strict=True):
         _draw_sizes(sizes, wheel)
         _draw_counts(counts, wheel)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110, format="png")
+    save_picture(figure, path)
 
 
 def _draw_sizes(axis: object, wheel: WheelSpikes) -> None:

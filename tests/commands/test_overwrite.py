@@ -16,7 +16,6 @@ from tests.commands.logs import profile_log
     "command",
     [
         ("replay", "LOG", "--out", "LOG"),
-        ("replay", "LOG", "--picture", "LOG"),
         ("fit", "LOG", "--out", "LOG"),
         ("export", "LOG", "LOG"),
     ],

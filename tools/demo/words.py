@@ -10,10 +10,11 @@ from typing import Any
 
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.log_replay import replay_log
+from rw_ekf.logs.picture_file import save_picture
 from rw_ekf.logs.reader import read_log
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.numbers import plus_minus
-from rw_ekf.pictures import run_figure, save_png
+from rw_ekf.pictures import run_figure
 from rw_ekf.settings.load import load_configuration
 from tools.demo.wheel import Lot
 
@@ -108,4 +109,4 @@ def draw_run(path: Path, log: str, config: Path, truth: dict[str, float], title:
     record = read_log(log)
     again = replay_log(record, configuration, read_wheel_model(None, configuration), with_columns=True)
     assert again.columns is not None
-    save_png(run_figure(record, again.columns, truth=truth, title=title), path)
+    save_picture(run_figure(record, again.columns, truth=truth, title=title), path)
