@@ -28,11 +28,16 @@ class Status:
 
     @property
     def is_terminal(self) -> bool:
-        """Whether anybody could see it."""
+        """Whether anybody could see it, on a terminal that can take a line back (TERM=dumb says that it cannot)."""
         try:
-            return sys.stderr.isatty()
+            return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
         except (ValueError, AttributeError):
             return False
+
+    @property
+    def has_colour(self) -> bool:
+        """Whether lines may be coloured (https://no-color.org)."""
+        return self.is_terminal and not os.environ.get("NO_COLOR")
 
     def columns(self) -> int:
         """Width of the terminal as it is now."""
@@ -179,7 +184,7 @@ def logger(log_format: str = "text") -> Any:
     if log_format == "json":
         renderer = structlog.processors.JSONRenderer()
     else:
-        renderer = structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), sort_keys=False)
+        renderer = structlog.dev.ConsoleRenderer(colors=STATUS.has_colour, sort_keys=False)
     structlog.configure(
         processors=[
             structlog.contextvars.merge_contextvars,
@@ -198,7 +203,7 @@ def logger(log_format: str = "text") -> Any:
 
 @contextmanager
 def progress(title: str, total: int | None, unit: str = "", *, delay_s: float = 2.0) -> Iterator[Any]:
-    """Progress bar on standard error after delay_s; silent where that is no terminal. Yields a tqdm to update.
+    """Progress bar on standard error after delay_s, silent where no terminal can show it. Yields a tqdm to update.
 
     Its clock goes on while nothing is updated.
     """
@@ -207,9 +212,8 @@ def progress(title: str, total: int | None, unit: str = "", *, delay_s: float = 
     from tqdm import tqdm
 
     ended = threading.Event()
-    with tqdm(
-        total=total, desc=title, unit=unit, delay=delay_s, disable=None, file=_bare(sys.stderr), leave=False
-    ) as bar:
+    silent, file = not STATUS.is_terminal, _bare(sys.stderr)
+    with tqdm(total=total, desc=title, unit=unit, delay=delay_s, disable=silent, file=file, leave=False) as bar:
 
         def tick() -> None:
             if not ended.wait(delay_s):

@@ -14,6 +14,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.control.commanders import commander_of
 from rw_ekf.records import ActiveAlarm, IssuedCommand, WheelSample, WheelState
 from rw_ekf.settings.schema import CommandSection
+from rw_ekf.sinks import status_line
 from rw_ekf.sinks.status_line import LEGEND, StatusLine, concise, elapsed_text, status_text
 from tests.live.daemon import Notes
 from tests.ticks import tick_of
@@ -34,6 +35,7 @@ class Screen(io.StringIO):
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         super().__init__()
         self.columns = 80
+        monkeypatch.setenv("TERM", "xterm")
         monkeypatch.setattr("sys.stderr", self)
         monkeypatch.setattr("os.get_terminal_size", lambda descriptor: os.terminal_size((self.columns, 24)))
 
@@ -77,6 +79,30 @@ def test_the_line_is_never_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPat
             assert word in texts[1]
     if columns >= 120:
         assert texts[1].endswith("k 15.20(2)  c 0.586(2)  b 0.00322(4)  s 0.60(2)")
+
+
+@pytest.mark.parametrize(
+    ("term", "no_color", "coloured", "moves"),
+    [("xterm", "", True, True), ("xterm", "1", False, True), ("dumb", "", False, False)],
+)
+def test_colour_and_cursor_are_used_where_they_are_wanted(
+    monkeypatch: pytest.MonkeyPatch, term: str, no_color: str, coloured: bool, moves: bool
+) -> None:
+    """NO_COLOR takes the colour of log lines; TERM=dumb that, the changing line and the bar, and a run logs instead."""
+    screen = Screen(monkeypatch)
+    monkeypatch.setattr(console, "STATUS", console.Status())
+    monkeypatch.setattr(status_line, "STATUS", console.STATUS)
+    monkeypatch.setenv("TERM", term)
+    monkeypatch.setenv("NO_COLOR", no_color)
+    console.logger().warning("event", text="said")
+    assert ("\x1b[3" in screen.take()) is coloured
+    with console.progress("work", 2, delay_s=0.0) as bar:
+        bar.update(1)
+    assert ("\r" in screen.take()) is moves
+    notes = Notes()
+    shown(StatusLine(notes, VirtualClock(), lambda: None, every_s=0.0, log_every_s=0.0), 5.0)
+    assert ("\x1b" in screen.take()) is moves
+    assert notes.events == ([] if moves else ["running"])
 
 
 def test_log_lines_go_above_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
