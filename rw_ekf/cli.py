@@ -6,10 +6,11 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from rw_ekf import __version__
-from rw_ekf.console import abandon_output, open_streams, printable_streams, settle_errors
-from rw_ekf.errors import ConfigError, RwEkfError
+from rw_ekf.console import abandon_output, nothing_printed, open_streams, printable_streams, settle_errors
+from rw_ekf.errors import ConfigError, RwEkfError, UsageError
 from rw_ekf.one_thread import ask_for_one_thread
 
 VERBS = {
@@ -31,14 +32,22 @@ VERBS = {
 }
 
 
+class _Parser(argparse.ArgumentParser):
+    """Its mistakes end like any other bad input, behind the usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.print_usage(sys.stderr)
+        raise UsageError(message)
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser with every verb; nothing heavy is imported."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="rw-ekf",
         description="Online estimator for reaction wheels: speed, motor gain and bearing friction.",
-        epilog="Each verb has its own --help with an example. Start with `rw-ekf simulate` or docs/.",
+        epilog="`rw-ekf help VERB` shows a verb's options and an example. Start with `rw-ekf simulate` or docs/.",
     )
-    parser.add_argument("--version", action="version", version=f"rw-ekf {__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"rw-ekf {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for verb, module_name in VERBS.items():
         module = importlib.import_module(f"rw_ekf.commands.{module_name}")
@@ -67,33 +76,55 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    as_json = any(word.startswith("--j") and "--json".startswith(word) for word in words)
     try:
-        args = build_parser().parse_args(arguments)
+        args = _parsed(words)
         status = args.execute(args)
         sys.stdout.flush()
         return int(status)
     except ConfigError as error:
-        return _fail(error, error.findings)
+        return _fail(error.kind, error.findings, error.exit_status, as_json=as_json)
     except RwEkfError as error:
-        return _fail(error, [str(error)])
+        return _fail(error.kind, [str(error)], error.exit_status, as_json=as_json)
     except BrokenPipeError:
         abandon_output()  # its reader has gone (`| head`); leave without Python's complaint at exit
         return 1
     except OSError as error:
-        abandon_output()
-        return _fail(RwEkfError(), [f"{error.filename or 'standard output'}: {error.strerror or error}"])
+        said = f"{error.filename or 'standard output'}: {error.strerror or error}"
+        return _fail("system", [said], 1, as_json=as_json)
     except KeyboardInterrupt:
-        sys.stderr.write("rw-ekf: interrupted\n")
-        return 130
+        return _fail("interrupted", ["interrupted"], 130, as_json=as_json)
     except MemoryError:
-        sys.stderr.write("rw-ekf: error: not enough memory for this; take a shorter log\n")
-        return 1
+        return _fail("memory", ["not enough memory for this; take a shorter log"], 1, as_json=as_json)
 
 
-def _fail(error: RwEkfError, findings: Sequence[str]) -> int:
-    for text in findings:
-        sys.stderr.write(f"rw-ekf: error: {text}\n")
-    return error.exit_status
+def _parsed(words: list[str]) -> argparse.Namespace:
+    """The arguments of a verb. Raises UsageError, SystemExit behind a help."""
+    if words[:1] == ["help"]:
+        words = [*words[1:2], "--help"]
+    parser = build_parser()
+    if words and words[0] not in VERBS and not words[0].startswith("-"):
+        from rw_ekf.checking.wording import suggestion
+
+        parser.error(f"there is no verb {words[0]!r}: {suggestion(words[0], VERBS)}")
+    return parser.parse_args(words)
+
+
+def _fail(kind: str, messages: Sequence[str], status: int, *, as_json: bool) -> int:
+    """Say what is wrong, and as a document too where one was asked for and none is there yet."""
+    for text in messages:
+        sys.stderr.write(f"rw-ekf: {'' if kind == 'interrupted' else 'error: '}{text}\n")
+    try:
+        if as_json and nothing_printed():
+            from rw_ekf.json_output import print_json
+
+            error = {"kind": kind, "messages": list(messages)}
+            print_json({"schema": "rw_ekf.error/1", "error": error, "exit_status": status})
+        sys.stdout.flush()
+    except OSError:
+        abandon_output()  # it is standard output that cannot be written
+    return status
 
 
 if __name__ == "__main__":

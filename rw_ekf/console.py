@@ -117,8 +117,10 @@ class _Printable:
 
     def __init__(self, bare: TextIO) -> None:
         self.bare = bare
+        self.used = False
 
     def write(self, text: str) -> int:
+        self.used = self.used or text != ""
         return self.bare.write(printable(text))
 
     def __getattr__(self, name: str) -> Any:
@@ -139,6 +141,11 @@ def printable_streams() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = before
+
+
+def nothing_printed() -> bool:
+    """Whether a verb has written nothing to standard output so far."""
+    return not (isinstance(sys.stdout, _Printable) and sys.stdout.used)
 
 
 def shown_path(path: str | Path) -> str:

@@ -2,12 +2,15 @@
 
 RwEkfError              exit status 1: the work failed
 ├── BadInputError       exit status 2: a file, key, value or option that the user can mend
+│   ├── UsageError      a command line that is none
 │   ├── ConfigError     a configuration, wire map, model or column map (file:line:column: message; one line per finding)
 │   └── LogError        a log that cannot be read or used (EmptyLogError: because there is no row in it)
 ├── PictureError        a picture that matplotlib cannot draw; what it shows is there without it
 ├── DriverError         the wheel's link: cannot be opened, lost, answers garbage
 └── FilterError         the filter was given something that is not a number, or its covariance broke
 EndOfRecord             not an error: a replayed record has no more samples
+
+`kind` is what a program is told of them (docs/contract.md#error).
 """
 
 from __future__ import annotations
@@ -17,16 +20,26 @@ class RwEkfError(Exception):
     """The root: a message for the user, never a traceback."""
 
     exit_status = 1
+    kind = "work"
 
 
 class BadInputError(RwEkfError):
     """Something the user gave is wrong and can be mended by the user."""
 
     exit_status = 2
+    kind = "input"
+
+
+class UsageError(BadInputError):
+    """The command line is not one of this program."""
+
+    kind = "usage"
 
 
 class ConfigError(BadInputError):
     """A YAML file is not what it must be; `findings` holds one line for each thing found."""
+
+    kind = "file"
 
     def __init__(self, findings: list[str] | str) -> None:
         self.findings = [findings] if isinstance(findings, str) else list(findings)
@@ -36,6 +49,8 @@ class ConfigError(BadInputError):
 class LogError(BadInputError):
     """A log cannot be read, or does not hold what it must."""
 
+    kind = "log"
+
 
 class EmptyLogError(LogError):
     """A log holds no row: there is nothing in it, and nothing wrong with it."""
@@ -44,13 +59,19 @@ class EmptyLogError(LogError):
 class PictureError(RwEkfError):
     """A picture could not be drawn."""
 
+    kind = "picture"
+
 
 class DriverError(RwEkfError):
     """The link to the wheel failed."""
 
+    kind = "driver"
+
 
 class FilterError(RwEkfError):
     """The filter refuses to go on: a non-finite number or a covariance that is not one."""
+
+    kind = "filter"
 
 
 class EndOfRecord(Exception):  # noqa: N818 - an outcome, not an error
