@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 
 RAD_S_PER_RPM = 2.0 * math.pi / 60.0
 A_PER_MA = 1.0e-3
+_DURATION = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(ms|s|m|min|h)?")
+_SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, None: 1.0}
+
+
+def seconds_from(text: str) -> float | None:
+    """Time [s] from `90`, `90s`, `10m`, `2h`, `16ms`; None where it is none."""
+    match = _DURATION.fullmatch(text)
+    return None if match is None else float(match[1]) * _SECONDS[match[2]]
 
 
 def rad_s_from_rpm(speed_rpm: float) -> float:

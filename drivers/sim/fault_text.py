@@ -6,18 +6,16 @@ KIND[/to|/from|/REGISTER][:AMOUNT[:AMOUNT]][@START[:LASTS[:PERIOD]]]
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from typing import Any
 
 from rw_ekf.drivers.sim.faults import CABLE, FROM, KINDS, LINE, TO, Fault, FaultKind, Share
 from rw_ekf.errors import BadInputError
+from rw_ekf.units import seconds_from
 
-_TIME = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(ms|s|min|h)?")
-_SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, None: 1.0}
 _SHOWN = {
     "share": "SHARE (0.1, 10% or 1/3: exactly every third)",
-    "time": "TIME (16ms, 5s, 2min, 1h)",
+    "time": "TIME (16ms, 5s, 2m, 1h)",
     "count": "a whole number",
     "number": "a number",
     "name": "the name of a field",
@@ -107,7 +105,7 @@ def _amount(text: str, word: str, sort: str, amount: str) -> Any:
     if sort == "share":
         value = _share(amount)
     elif sort == "time":
-        value = _seconds(amount)
+        value = seconds_from(amount)
         value = None if value is not None and value < 0.0 and word != "clock" else value
     elif sort == "count":
         value = int(amount) if amount.isdecimal() else None
@@ -132,7 +130,7 @@ def _schedule(text: str, word: str, schedule: str) -> dict[str, float]:
         raise BadInputError(f"--fault {text!r}: {parts[3]!r} is one too many: write @START[:LASTS[:PERIOD]]")
     times: dict[str, float] = {}
     for name, part in zip(names, parts, strict=False):
-        value = _seconds(part)
+        value = seconds_from(part)
         if value is None or value < 0.0 or (name == "period_s" and value == 0.0):
             raise BadInputError(f"--fault {text!r}: {part!r} is not a time of a schedule, e.g. @30s:5s:1min")
         times[name] = value
@@ -151,11 +149,6 @@ def _share(text: str) -> Share | None:
         return None
     value *= 0.01 if text.endswith("%") else 1.0
     return Share(value) if 0.0 <= value <= 1.0 else None
-
-
-def _seconds(text: str) -> float | None:
-    match = _TIME.fullmatch(text)
-    return None if match is None else float(match[1]) * _SECONDS[match[2]]
 
 
 def _number(text: str) -> float | None:

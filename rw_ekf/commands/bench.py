@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robustness", action="store_true", help="sweep what no scheme is told, until it does no better than none"
     )
     parser.add_argument("--spikes", action="store_true", help="beside the reversal, a drag spike at a steady speed")
-    parser.add_argument("--out", metavar="DIR", help="write the page, its pictures and the document there")
+    parser.add_argument("-o", "--out", metavar="DIR", help="write the page, its pictures and the document there")
 
 
 def _seeds(text: str) -> int:

@@ -54,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="blocks",
         help="what is held out: every other block (default), or the second half",
     )
-    parser.add_argument("--out", metavar="DIR", help="report.html, pictures, diagnosis.json and augmented-model.yaml")
+    parser.add_argument(
+        "-o", "--out", metavar="DIR", help="report.html, pictures, diagnosis.json and augmented-model.yaml"
+    )
 
 
 def execute(args: argparse.Namespace) -> int:

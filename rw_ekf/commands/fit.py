@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="least squares over everything (default), or coast-downs and driven stretches one by one",
     )
     parser.add_argument("--noise", action="store_true", help="tune speed and acceleration noise by maximum likelihood")
-    parser.add_argument("--out", metavar="FILE", help="write the result as a model YAML")
+    parser.add_argument("-o", "--out", metavar="FILE", help="write the result as a model YAML")
 
 
 def execute(args: argparse.Namespace) -> int:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
 import re
 import sys
+
+from rw_ekf.commands.inputs import duration_s
 
 HELP = "when reaction wheels cross zero during a nadir-pointed flyby"
 EXAMPLE = """example:
@@ -33,11 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--avoid",
-        metavar="S",
-        type=_seconds,
-        help="which rates keep all wheels from zero within S s of closest approach",
+        metavar="T",
+        type=duration_s,
+        help="which rates keep all wheels from zero within T of closest approach: 300 or 300s, 5m",
     )
-    parser.add_argument("--out", metavar="FILE", help="picture of the wheel rates over time: .png, .svg or .pdf")
+    parser.add_argument("-o", "--out", metavar="FILE", help="picture of the wheel rates over time: .png, .svg or .pdf")
 
 
 def _rates(text: str) -> tuple[float, ...]:
@@ -48,16 +49,6 @@ def _rates(text: str) -> tuple[float, ...]:
     if not all(abs(rate) <= _MOST_RPM for rate in rates):
         raise argparse.ArgumentTypeError(f"{text!r}: a rate must be a number within {_MOST_RPM:g} rpm")
     return rates
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0.0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is no time above zero [s]")
-    return seconds
 
 
 def execute(args: argparse.Namespace) -> int:

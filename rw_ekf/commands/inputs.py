@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +24,18 @@ CONFIG_HELP = "configuration file, or the name of a shipped one: simulated, exam
 def add_config_option(parser: argparse.ArgumentParser, what: str = "", *, required: bool = False) -> None:
     """Add --config; what: it is read for."""
     help_text = f"{CONFIG_HELP}; {what}" if what else CONFIG_HELP
-    parser.add_argument("--config", metavar="F", required=required, help=help_text)
+    parser.add_argument("-c", "--config", metavar="F", required=required, help=help_text)
+
+
+def duration_s(text: str, *, or_zero: bool = False) -> float:
+    """An option's duration [s]. Raises ArgumentTypeError naming what was found."""
+    from rw_ekf.units import seconds_from
+
+    seconds = seconds_from(text)
+    if seconds is None or not 0.0 <= seconds < math.inf or (seconds == 0.0 and not or_zero):
+        kind = "duration" if or_zero else "duration above zero"
+        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}: write 90, 90s, 10m or 2h")
+    return seconds
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="start each log as its run did, by the .start.yaml and .meta.yaml beside it",
     )
-    parser.add_argument("--out", metavar="FILE", help="one row per sample, CSV, Parquet or .mat by its ending")
+    parser.add_argument("-o", "--out", metavar="FILE", help="one row per sample, CSV, Parquet or .mat by its ending")
     parser.add_argument(
         "--picture", metavar="FILE", help="speed, innovation, parameters of one log: .png, .svg or .pdf"
     )

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rw_ekf.commands.inputs import add_config_option
+from rw_ekf.commands.inputs import add_config_option, duration_s
 from rw_ekf.console import shown_path
 from rw_ekf.records import RunState
 
@@ -57,7 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_run_options(parser: argparse.ArgumentParser) -> None:
     """Options that `excite` shares."""
     add_config_option(parser, required=True)
-    parser.add_argument("--duration", metavar="S", type=_seconds, help="end after S seconds of samples")
+    parser.add_argument(
+        "--duration", metavar="T", type=duration_s, help="end after samples of so long: 90 or 90s, 10m, 2h"
+    )
     parser.add_argument(
         "--model", metavar="F", help="model YAML to start from, effects included, instead of the configuration's"
     )
@@ -70,16 +72,6 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
         "--other-wheel", action="store_true", help="drive this wheel although the model is of another one"
     )
     parser.add_argument("--log-format", choices=("text", "json"), default="text", help="of the lines on standard error")
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds") from None
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not above zero and finite")
-    return value
 
 
 def execute(args: argparse.Namespace) -> int:

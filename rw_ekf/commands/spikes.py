@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
+from functools import partial
+
+from rw_ekf.commands.inputs import duration_s
 
 HELP = "drag spikes over a directory of runs, and whether their incidence changes"
 EXAMPLE = """example:
@@ -19,24 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", metavar="DIR", help="directory of runs, as `output.directory` has them")
     parser.add_argument(
         "--train",
-        metavar="S",
-        type=_seconds,
+        metavar="T",
+        type=partial(duration_s, or_zero=True),
         default=3600.0,
-        help="spikes so close to the one before count as one train [s] (default 3600)",
+        help="spikes so close to the one before count as one train: 3600 or 3600s, 60m, 1h (the default)",
     )
     parser.add_argument(
-        "--out", metavar="FILE", help="picture of sizes and counts over the time watched: .png, .svg or .pdf"
+        "-o", "--out", metavar="FILE", help="picture of sizes and counts over the time watched: .png, .svg or .pdf"
     )
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0.0 <= seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is no time [s]")
-    return seconds
 
 
 def execute(args: argparse.Namespace) -> int:

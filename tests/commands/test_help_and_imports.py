@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import subprocess
 import sys
@@ -9,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from rw_ekf.cli import VERBS, main
+from rw_ekf.cli import VERBS, build_parser, main
+from tests.contract import check_document
 from tests.live.bench import ROOT, served_wheel, write_config
 
 HEAVY = ("numpy", "numba", "scipy", "filterpy", "pyarrow", "matplotlib", "rw_ekf.filter", "rw_ekf.diagnosis")
@@ -48,21 +51,107 @@ def test_every_verb_has_help_with_an_example_and_json(verb: str, capsys: pytest.
 @pytest.mark.parametrize("arguments", [(), ("nonsense",), ("replay",), ("run",), ("stop", "--nonsense")])
 def test_wrong_usage_exits_2_with_a_sentence(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     """No verb, an unknown one, a missing argument, an unknown option: status 2, usage on standard error."""
-    with pytest.raises(SystemExit) as left:
-        main(arguments)
-    assert left.value.code == 2
+    assert main(arguments) == 2
     out, errors = capsys.readouterr()
     assert out == ""
     assert "usage: rw-ekf" in errors
 
 
-@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "soon"])
-def test_a_duration_must_be_a_positive_number(text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """run --duration takes finite seconds above zero and nothing else."""
-    with pytest.raises(SystemExit) as left:
-        main(["run", "--config", "x.yaml", "--duration", text])
-    assert left.value.code == 2
-    assert "--duration" in capsys.readouterr().err
+@pytest.mark.parametrize(("words", "meant"), [(("replya", "x"), "replay"), (("help", "stats"), "status")])
+def test_a_verb_that_is_not_there_is_told_its_nearest(
+    words: tuple[str, ...], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A slip of the pen in a verb, also behind `help`: what was meant."""
+    assert main(words) == 2
+    assert capsys.readouterr().err.endswith(f"did you mean '{meant}'?\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "same"), [(["help"], ["--help"]), (["help", "fit"], ["fit", "--help"]), (["-V"], ["--version"])]
+)
+def test_other_ways_to_ask_say_the_same(words: list[str], same: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """`help`, `help VERB` and -V print what the long options do, and end with 0."""
+    said = []
+    for asked in (words, same):
+        with pytest.raises(SystemExit) as left:
+            main(asked)
+        assert left.value.code == 0
+        said.append(capsys.readouterr().out)
+    assert said[0] == said[1] != ""
+
+
+def test_config_and_out_have_one_letter_wherever_they_are() -> None:
+    """-c and -o are those two options in every verb that has them, and nothing else in any."""
+    (verbs,) = [action for action in build_parser()._actions if isinstance(action, argparse._SubParsersAction)]
+    for parser in verbs.choices.values():
+        for action in parser._actions:
+            for short, long in (("-c", "--config"), ("-o", "--out")):
+                assert (short in action.option_strings) is (long in action.option_strings)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("90", 90.0), ("90s", 90.0), ("10m", 600.0), ("1.5h", 5400.0), ("2min", 120.0), ("16ms", 0.016)],
+)
+def test_a_duration_has_a_unit_or_is_in_seconds(text: str, seconds: float) -> None:
+    """The options of all verbs take the same spellings."""
+    parser = build_parser()
+    assert parser.parse_args(["run", "-c", "x", "--duration", text]).duration == pytest.approx(seconds)
+    assert parser.parse_args(["spikes", "x", "--train", text]).train == pytest.approx(seconds)
+    assert parser.parse_args(["flyby", "--avoid", text]).avoid == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("option", [("run", "-c", "x.yaml", "--duration"), ("flyby", "--avoid")])
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "1e999", "soon", "5 parsecs", "10M"])
+def test_a_duration_must_be_above_zero(option: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Anything else is wrong usage, and what was found is named."""
+    assert main([*option, text]) == 2
+    assert f"argument {option[-1]}: {text!r} is no duration above zero" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "said"),
+    [
+        (["nonsense"], "usage", "there is no verb"),
+        (["replay"], "usage", "required: LOG"),
+        (["check-config", "gone/x.yaml"], "file", "gone/x.yaml"),
+        (["replay", "gone.csv"], "log", "gone.csv"),
+        (["flyby", "--out", "x.jpg"], "input", "x.jpg"),
+    ],
+)
+@pytest.mark.parametrize("option", ["--json", "--js"])
+def test_an_error_is_a_document_where_one_was_asked_for(
+    words: list[str], kind: str, said: str, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One document on standard output, its sentence on standard error too, and the exit status in it."""
+    assert main([*words, option]) == 2
+    out, errors = capsys.readouterr()
+    document = json.loads(out)
+    check_document(document)
+    (message,) = document["error"]["messages"]
+    assert (document["error"]["kind"], document["exit_status"]) == (kind, 2)
+    assert said in message
+    assert errors.endswith(f"rw-ekf: error: {message}\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "status"),
+    [(KeyboardInterrupt(), "interrupted", 130), (MemoryError(), "memory", 1), (OSError(28, "No space"), "system", 1)],
+)
+def test_an_error_from_outside_is_a_document_too(
+    error: BaseException, kind: str, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C, memory and the system's refusals, unless a document is there already."""
+    for printed in ("", "{}\n"):
+
+        def execute(args: argparse.Namespace, printed: str = printed) -> int:
+            sys.stdout.write(printed)
+            raise error
+
+        monkeypatch.setattr("rw_ekf.commands.export.execute", execute)
+        assert main(["export", "a.csv", "b.csv", "--json"]) == status
+        document = json.loads(capsys.readouterr().out)
+        assert document == {} if printed else document["error"]["kind"] == kind
 
 
 def threads_for_linear_algebra(first: str, environment: dict[str, str]) -> str:
