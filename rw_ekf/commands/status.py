@@ -33,18 +33,18 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.clock import SystemClock
     from rw_ekf.live.holder import holders_of, supervisors_of
+    from rw_ekf.live.published_place import published_place
     from rw_ekf.live.published_state import read_published
     from rw_ekf.records import RunState
     from rw_ekf.settings.load import load_configuration
-    from rw_ekf.sinks.run_files import state_path
 
     configuration = load_configuration(args.config)
     clock = SystemClock()
-    path = state_path(configuration)
+    holders = holders_of(configuration.wheel.port, clock)
+    path = published_place(configuration, [facts.uid for facts in holders])
     found = read_published(path)
-    if found is None or not found.alive:
-        for facts in holders_of(configuration.wheel.port, clock):  # of another configuration, or without a state file
-            return _show(args, _elsewhere(facts.pid, facts.described, configuration.wheel.port), OTHER_STATUS)
+    if holders and (found is None or not found.alive):  # of another configuration, or without a state file
+        return _show(args, _elsewhere(holders[0].pid, holders[0].described, configuration.wheel.port), OTHER_STATUS)
     if found is None:
         return _show(args, _nothing(path), DEAD_STATUS)
     document = _document(found)
@@ -96,7 +96,7 @@ def _unknown(*, alive: bool, pid: int | None, reason: str) -> dict[str, Any]:
 
 
 def _nothing(path: Path) -> dict[str, Any]:
-    reason = f"no run of this configuration has left {path}"
+    reason = f"no run of this configuration has left {path.absolute()}"
     if os.path.lexists(path):
         reason = f"{path} is no state file that this version reads, and says nothing: the next run replaces it"
     return _unknown(alive=False, pid=None, reason=reason)

@@ -12,6 +12,7 @@ import fnmatch
 import hashlib
 import json
 import os
+import secrets
 import stat
 from dataclasses import dataclass
 from pathlib import Path
@@ -212,6 +213,20 @@ def shared_directory() -> Path:
         except OSError:
             continue
     return Path(next((d for d in DIRECTORIES if os.access(d, os.W_OK | os.X_OK)), DIRECTORIES[-1]))
+
+
+def put_shared(path: Path, content: bytes) -> None:
+    """Put a file of our own into the shared directory, whole, for all to read. Raises OSError."""
+    fresh = path.with_suffix(f".{os.getpid()}-{secrets.token_hex(4)}")
+    try:
+        with open(fresh, "xb") as file:
+            file.write(content)
+        os.chmod(fresh, 0o644)
+        os.replace(fresh, path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            fresh.unlink()
+        raise
 
 
 def _all_held() -> list[Claim]:

@@ -24,6 +24,7 @@ from rw_ekf.live.loop import run_loop
 from rw_ekf.live.outcome import RunOutcome, outcome_of, write_model
 from rw_ekf.live.oversight import ALONE, Oversight
 from rw_ekf.live.process import own_process
+from rw_ekf.live.published_place import leave_place
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.watches import RunWatches, expectation_of
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
@@ -66,6 +67,7 @@ def run_daemon(
         live = _opened(configuration, protocol, logger, stop, clock)
         with _WayOut(live, configuration.wheel.port, oversight, logger) as way_out:
             files = RunFiles.of_run(configuration, began)
+            leave_place(configuration)
             start = start_of_run(configuration, given, _tag(live, protocol, configuration), files.learned, began)
             for event, text in start.said:
                 logger.info(event, text=text)

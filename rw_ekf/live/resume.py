@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock, SystemClock
 from rw_ekf.live.holder import holders_of, tell
+from rw_ekf.live.published_place import published_place
 from rw_ekf.live.published_state import Published, read_published
 from rw_ekf.live.stop_signal import RESUME
 from rw_ekf.records import RunState
-from rw_ekf.sinks.run_files import state_path
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -45,11 +45,11 @@ def resume_daemon(configuration: Configuration, clock: Clock | None = None) -> R
     Raises DriverError where the daemon is another user's.
     """
     clock = clock if clock is not None else SystemClock()
-    path = state_path(configuration)
     holders = holders_of(configuration.wheel.port, clock)
     if not holders:
         return None
     facts = holders[0]
+    path = published_place(configuration, [facts.uid])
     before = read_published(path)
     if not _is_of(before, facts.pid):
         told = tell(facts, RESUME)

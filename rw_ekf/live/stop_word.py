@@ -10,11 +10,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import secrets
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.live.claim import DIRECTORIES, shared_directory
+from rw_ekf.live.claim import DIRECTORIES, put_shared, shared_directory
 from rw_ekf.live.port_name import names_of
 from rw_ekf.live.process import facts_of, other_processes, own_process
 from rw_ekf.plain_file import json_of, read_plain
@@ -39,15 +38,8 @@ def leave_word(port: str) -> None:
     path = shared_directory() / f"rw-ekf-{os.geteuid()}.stop"
     words = [word for word in _words(path) if word["for"] in starting and word["names"] != names]
     words += [{"names": names, "for": one} for one in starting]
-    fresh = path.with_suffix(f".{os.getpid()}-{secrets.token_hex(4)}")
     with contextlib.suppress(OSError):
-        try:
-            with open(fresh, "x", encoding="utf-8") as file:
-                json.dump({"boot": _boot(), "words": words}, file)
-            os.chmod(fresh, 0o644)
-            os.replace(fresh, path)
-        except OSError:
-            fresh.unlink()
+        put_shared(path, json.dumps({"boot": _boot(), "words": words}).encode())
 
 
 def told_to_stop(port: str) -> bool:

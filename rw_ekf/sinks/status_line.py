@@ -1,4 +1,4 @@
-"""What a person sees of a run while it lasts: one line of a terminal that keeps changing, elsewhere one a minute."""
+"""What a person sees of a run while it lasts: one line of a terminal that changes, elsewhere one a minute."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ _STATES = {
     Outcome.BACKWARD: "repeated",
     Outcome.RESEEDED: "reseeded",
 }
+_FIRST_LOG_S = 8.0  # without a terminal: nobody waits longer than ten seconds to see that it lives
 _LONGEST_GAP_S = 60.0  # a wheel's clock that leaps by more is not time that went by
 
 
@@ -57,7 +58,7 @@ class StatusLine:
         self._total_s = total_s
         self._phase = phase
         self._every_s = every_s if STATUS.is_terminal else log_every_s
-        self._due_s = clock.monotonic() + (0.0 if STATUS.is_terminal else log_every_s)
+        self._due_s = clock.monotonic() + (0.0 if STATUS.is_terminal else min(_FIRST_LOG_S, log_every_s))
         self._elapsed_s = 0.0
         self._last: WheelSample | None = None
         self._explained = False

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from rw_ekf.live import published_place
+from rw_ekf.settings.load import load_configuration
+from rw_ekf.sinks.run_files import state_path
 from tests.live.bench import Bench, document_of, driven, program, rw_ekf, served_wheel, wait_for
 
 
@@ -118,3 +122,48 @@ def test_a_state_file_that_is_none_is_not_believed(bench: Bench) -> None:
     path.unlink()
     path.mkdir()
     assert rw_ekf("status", "--config", config).returncode == 4
+
+
+def test_the_folder_one_stands_in_makes_no_difference(bench: Bench, tmp_path: Path) -> None:
+    """A relative output.directory: the run is found from another folder while it lives and when it is dead, for a
+    resume too, also where an older run of that configuration has left its files in that folder."""
+    config = str(bench.config(output={"directory": "runs"}))
+    other = tmp_path / "other"
+    other.mkdir()
+    assert rw_ekf("run", "--config", config, "--duration", "0.3", cwd=other).returncode == 0
+    with program("run", "--config", config, cwd=tmp_path) as daemon:
+        wait_for(lambda: bench.runs.is_dir() and any(bench.runs.glob("*.state.json")))
+        wait_for(lambda: published(bench)["run_state"] == "TRACKING")
+        for folder in (other, tmp_path, Path("/")):
+            done = rw_ekf("status", "--config", config, "--json", cwd=folder)
+            assert (done.returncode, document_of(done.stdout)["pid"]) == (0, daemon.pid)
+        assert "nothing to resume" in rw_ekf("run", "--resume", "--config", config, cwd=other).stdout
+        daemon.kill()
+        daemon.wait()
+    for folder in (other, tmp_path, Path("/")):
+        done = rw_ekf("status", "--config", config, "--json", cwd=folder)
+        assert (done.returncode, document_of(done.stdout)["pid"]) == (4, daemon.pid)
+
+
+def test_a_word_of_another_place_is_believed_of_nobody_else(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of other users only one whose daemon has the port is; a link, a relative path, another wheel's file never."""
+    monkeypatch.setattr(published_place, "DIRECTORIES", (str(tmp_path),))
+    monkeypatch.setattr(published_place, "shared_directory", lambda: tmp_path)
+    configuration = load_configuration(bench.config(output={"directory": "runs"}))
+    here = state_path(configuration)
+    published_place.leave_place(configuration)
+    (word,) = tmp_path.glob("*.place")
+    assert published_place.published_place(configuration) == here.absolute()
+    monkeypatch.setattr("os.geteuid", lambda: 4711)
+    os.chown(word, 4712, -1) if os.getuid() == 0 else pytest.skip("files of another user take root")
+    assert published_place.published_place(configuration) == here
+    assert published_place.published_place(configuration, [4712]) == here.absolute()
+    os.chown(word, 4711, -1)
+    for content in ("runs", "/tmp/other.state.json", str(here), ""):
+        word.write_text(content, encoding="utf-8")
+        assert published_place.published_place(configuration) == here
+    word.rename(tmp_path / "kept")
+    word.symlink_to(tmp_path / "kept")
+    assert published_place.published_place(configuration) == here

@@ -133,6 +133,19 @@ def test_without_a_terminal_a_line_is_logged_now_and_then() -> None:
     assert silent.events == []
 
 
+def test_the_first_line_into_a_pipe_comes_soon() -> None:
+    """Within ten seconds a run without a terminal says how it stands, and then once a minute, without readings too."""
+    notes, clock, said_s = Notes(), VirtualClock(), []
+    line = StatusLine(notes, clock, lambda: None)
+    while clock.monotonic() < 200.0:
+        before = len(notes.events)
+        shown(line, 7.0)
+        if len(notes.events) > before:
+            said_s.append(round(clock.monotonic()))
+        clock.sleep(0.1)
+    assert said_s == [8, 68, 128, 188]
+
+
 def test_a_wheel_whose_clock_leaps_has_not_run_longer() -> None:
     """A leap of an hour, a step back and another segment count as no time."""
     notes = Notes()
