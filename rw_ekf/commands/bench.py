@@ -1,14 +1,14 @@
-"""`rw-ekf bench`: every compensation on one attitude bench, side by side."""
+"""`rw-ekf bench`: friction compensations on one attitude bench, side by side."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
-HELP = "attitude bench: every friction compensation side by side, over a wheel that reverses"
+HELP = "attitude bench: friction compensations side by side, over a wheel that reverses"
 EXAMPLE = """example:
   rw-ekf bench
-  rw-ekf bench --seeds 30 --out bench
+  rw-ekf bench --schemes all --seeds 30 --out bench
   rw-ekf bench --model runs/augmented-model.yaml --schemes pid_current dmc dmc_diagnosed predictive_crossing
   rw-ekf bench --effect offset_torque:torque_rad_s2=0.06 --seeds 3
 
@@ -23,7 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seeds", metavar="N", type=_seeds, default=1, help="wheels, each with every scheme; default: 1"
     )
-    parser.add_argument("--schemes", metavar="ID", nargs="+", help="only these; default: all")
+    parser.add_argument(
+        "--schemes", metavar="ID", nargs="+", help="only these, or all; default: one of each kind, about a minute"
+    )
     parser.add_argument(
         "--effect",
         metavar="ID:name=value",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from rw_ekf.bench.of_model import with_wheel_of
-from rw_ekf.bench.prepare import scenario_of, schemes_of
+from rw_ekf.bench.prepare import REPRESENTATIVE, scenario_of, schemes_of
 from rw_ekf.bench.scenario import Scenario, load_scenario
 from rw_ekf.bench.wheels import drawn_wheel
+from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.wheel.model_file import read_model
 
@@ -102,3 +104,14 @@ def test_a_drawn_wheel_stays_within_the_spread_and_never_breaks_away_below_its_c
     assert len({plant.motor_gain for plant in plants}) == 30
     assert all(0.85 <= plant.coulomb / 0.5863 <= 1.15 and plant.static >= plant.coulomb for plant in plants)
     assert drawn_wheel(scenario, 3) == plants[3]
+
+
+def test_without_a_word_there_is_one_scheme_of_each_kind() -> None:
+    """The default is the documented list; "all" is the registry, and no name in any company."""
+    assert schemes_of(None) == list(REPRESENTATIVE)
+    text = (Path(__file__).parents[2] / "docs" / "bench.md").read_text(encoding="utf-8")
+    (told,) = re.findall(r"Without `--schemes` it runs (.*?): the recommended", text, re.DOTALL)
+    assert tuple(re.findall(r"`(\w+)`", told)) == REPRESENTATIVE
+    assert schemes_of(["all"]) == list(SCHEMES)
+    with pytest.raises(BadInputError, match="there is no such scheme"):
+        schemes_of(["all", "dmc"])
