@@ -15,7 +15,7 @@ EXAMPLE = """example:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("log", metavar="LOG", help="a log of any form that is read (docs/logs.md)")
-    parser.add_argument("--out", metavar="MAP", help="file to write (YAML)")
+    parser.add_argument("-o", "--out", metavar="MAP", help="file to write (YAML)")
     parser.add_argument(
         "--set",
         metavar="NAME=COLUMN",
