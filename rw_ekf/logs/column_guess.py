@@ -336,6 +336,14 @@ def _speed(
         if len(guess.questions) == asked:
             guess.questions.append(Question("speed_rad_s", "no column is known to be the speed: --set speed=COLUMN."))
         return None
+    if column.said.any_of("electrical", "elec") and not told.unit("speed_rad_s", "speed_rpm"):
+        divided = (
+            _speed_line(column, column.said.unit_text or "rpm", "", None, told),
+            Line("speed_rad_s", column.entry("erpm", pole_pairs=7), ""),
+        )
+        text = f"{column.shown} is electrical: has it been divided by the pole pairs, and by how many if not?"
+        guess.questions.append(Question("speed_rad_s", text, divided))
+        return column
     unit, why = _speed_unit(
         column,
         angles,
@@ -356,6 +364,8 @@ def _speed(
             guess.questions.append(Question("speed_rad_s", text, (_speed_line(column, unit, "", sign, told),)))
             return column
         told.more.setdefault("speed_rad_s", {})[known.per] = per
+    if known is not None and known.quantity == "linear_speed":
+        guess.notes.append(f"{column.shown} is in {unit}: metres stand where radians would, and nothing here turns")
     guess.lines.append(_speed_line(column, unit, why, sign, told))
     return column
 

@@ -38,7 +38,7 @@ _WORDS: dict[str, frozenset[str]] = {
         "force": "force kraft thrust",
         "voltage": "voltage volt volts spannung tension voltaje tensione u v vm vmot armature motorvoltage uq vq",
         "bus": "bus bat batt battery supply vbat vbus vin vdd psu dc ubat input netzteil versorgung",
-        "share": "pwm duty dutycycle throttle effort power u_norm",
+        "share": "pwm duty dutycycle throttle",
         "temperature": "temp temperature temperatur temperatura temps_c t_motor tmot tmotor lagertemperatur "
             "motortemp bearingtemp",
         "pressure": "pressure druck pression presion press vacuum",
@@ -47,6 +47,7 @@ _WORDS: dict[str, frozenset[str]] = {
         "segment": "segment run trial experiment versuch test_no run_id lauf essai cycle",
         "count": "index idx sample samples nr no row record id seq counter number count line tick packet step",
         "direct": "id d vd ud daxis",
+        "neither": "error err fehler power leistung puissance potencia efficiency wirkungsgrad energy energie",
         "derived": "filtered filt smooth smoothed est estimated estimate mean avg average lp hat observer kalman "
             "error err std sigma max min limit peak acc "
         "accel acceleration abs diff derivative",
@@ -66,6 +67,9 @@ _CHINESE = {
     "角度": "angle", "温度": "temperature",
     "溫度": "temperature",
 }  # fmt: skip
+
+
+_FEW = 3  # words of a name, joined ones among them, beside which a letter may be a symbol
 
 
 class Said(NamedTuple):
@@ -94,7 +98,11 @@ def said_by(name: str, unit_text: str = "") -> Said:
     bare, unit, text = name.strip(), unit_of(unit_text) if unit_text else None, unit_text.strip("[](){} ")
     if unit is None:
         bare, text, unit = _split(bare, text)
+    if unit is None:  # in brackets, what is no word and no unit that is known says that it is something else
+        bare = re.sub(r"[\[(<{][^\])>}]*[/%][^\])>}]*[\])>}]|[\[(<{].{0,2}[\])>}]", " ", bare)
     words = _words(bare)
+    if sum(len(word) > 1 for word in words) > _FEW:  # a letter is a symbol where it stands alone
+        words = [word for word in words if len(word) > 1]
     return Said(frozenset(words), text, unit)
 
 
@@ -111,6 +119,9 @@ def _split(name: str, text: str) -> tuple[str, str, Unit | None]:
             return name[: cut.start()], tail, unit
     if (unit := unit_of(name)) is not None and len(plain_spelling(name)) > 1:
         return name, name, unit
+    symbol, _, tail = name.partition("/")  # as a table of physics has it: t/ms, I/mA
+    if tail and unit_of(name) is None and (unit := unit_of(tail)) is not None:
+        return symbol, tail, unit
     first = re.match(r"^(ms|us|millis|micros)[_ ](.+)$", name)
     if first and (unit := unit_of(first[1])) is not None:
         return f"{first[2]} time", first[1], unit
@@ -148,7 +159,7 @@ def role_of(said: Said) -> Role:
     """What a column is, by its unit first and then by its words; "other" where neither says."""
     kind = said.unit.quantity if said.unit is not None else None
     is_set = said.has("set")
-    if kind in {"acceleration", "other"} or said.any_of("error", "err", "fehler"):
+    if kind in {"acceleration", "other"} or said.has("neither"):
         return "other"
     if kind == "temperature" or (kind is None and said.has("temperature")):
         return "temperature"

@@ -15,6 +15,7 @@ from rw_ekf.logs.sums import Sums, damage_of, sums_of, sums_path
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _PACKED: tuple[tuple[bytes, Packing], ...] = ((b"\x1f\x8b", "gzip"), (b"\x28\xb5\x2f\xfd", "zstd"))
+_NUMBERS = frozenset(READABLE_COLUMNS) - {"status"}  # which may be words, in somebody else's log
 
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
@@ -25,7 +26,7 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     sums = sums_of(path)
     text, said = _checked(text, sums, name)
     table = read_csv_table(
-        text, columns.csv, lambda number, column: column in READABLE_COLUMNS or columns.uses(number, column), name
+        text, columns.csv, lambda number, column: column in _NUMBERS or columns.uses(number, column), name
     )
     table.torn = text.torn is not None or (sums.rows > 0 and said is not None and table.rows < sums.rows)
     if table.torn and table.rows < sums.rows:

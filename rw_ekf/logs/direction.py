@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
@@ -67,7 +65,7 @@ def signs_of(table: RawTable, index: int) -> Float64Array:
     Raises LogError for what is neither.
     """
     column = table.columns[index]
-    if isinstance(column, np.ndarray) or not _is_text(column):
+    if isinstance(column, np.ndarray) or not table.is_text(index):
         values = table.floats(index)
         known = np.unique(values[np.isfinite(values)])
         if known.size == 2 and known[0] >= 0.0:
@@ -82,9 +80,3 @@ def signs_of(table: RawTable, index: int) -> Float64Array:
             "forward or reverse, CW or CCW, 1 or -1"
         )
     return np.array([np.nan if not word else signs[word] for word in words])
-
-
-def _is_text(column: Any) -> bool:
-    import pyarrow as pa
-
-    return bool(pa.types.is_string(column.type) or pa.types.is_large_string(column.type))

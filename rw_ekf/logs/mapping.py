@@ -123,7 +123,7 @@ def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns
         if name in columns.sources or (speed_is_mapped and name.startswith("speed_")):
             continue
         index = table.index_of(name)
-        if index is not None and index not in used:
+        if index is not None and index not in used and not (name == "status" and table.is_text(index)):
             used.add(index)
             source = Source("column", name)
             mapped.sources[name], mapped.values[name] = source, _finite(table, index, name)

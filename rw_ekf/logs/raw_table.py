@@ -84,6 +84,15 @@ class RawTable:
         chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
         return np.concatenate([np.empty(0), *map(_float64_of, chunks)])
 
+    def is_text(self, index: int) -> bool:
+        """Whether the column at `index` holds words."""
+        column = self.columns[index]
+        if isinstance(column, np.ndarray):
+            return column.dtype.kind in "USO"
+        import pyarrow as pa
+
+        return bool(pa.types.is_string(column.type) or pa.types.is_large_string(column.type))
+
     def begin_segment(self, number: int) -> None:
         """Set the segments apart from those of other tables, where there are any: rows are missing before the first."""
         index = self.index_of("segment")

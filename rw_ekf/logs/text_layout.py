@@ -6,6 +6,7 @@ one by which most lines fall into the same number of cells that are numbers.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import itertools
 import re
@@ -51,6 +52,7 @@ _WORDS = frozenset(
         "-",
     ]
 )
+_LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
 _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
 
 
@@ -81,7 +83,9 @@ class TextLayout:
 
     def number(self, cell: str) -> str:
         """A cell's number as the readers of plain text take it; what is none stays as it is."""
-        if self.thousands and (_GROUPED if self.decimal == "." else _COMMA_NUMBER).fullmatch(cell):
+        if "." in cell and "," in cell and (_GROUPED if self.decimal == "." else _COMMA_NUMBER).fullmatch(cell):
+            cell = cell.replace("," if self.decimal == "." else ".", "")
+        elif self.thousands and (_GROUPED if self.decimal == "." else _COMMA_NUMBER).fullmatch(cell):
             cell = cell.replace(self.thousands, "")
         if self.decimal == "," and "," in cell and _COMMA_NUMBER.fullmatch(cell):
             cell = cell.replace(",", ".")
@@ -226,7 +230,7 @@ def _thousands(rows: list[str], layout: TextLayout) -> str:
 
 def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
-    above = [(i, line) for i, line in enumerate(before) if i >= skip_rows and line.strip()]
+    above = [(i, line) for i, line in enumerate(before) if i >= skip_rows and _COMMENT.sub("", line).strip()]
     units: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     taken = len(above)
@@ -239,6 +243,7 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     if units and not names:
         names, units = units, ()
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
+    layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
     ragged = _shift(names, rows, layout)
     if ragged:
         names, units = ("", *names), ("", *units) if units else ()
@@ -250,6 +255,18 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     return replace(layout, names=names, preamble=preamble)
 
 
+def _widest(rows: list[str], layout: TextLayout) -> int:
+    """Cells of the longest row: one whose last column is nearly always empty has more than is usual."""
+    widest = 0
+    for line in rows:
+        with contextlib.suppress(csv.Error):
+            cells = layout.cells(line)
+            while cells and not cells[-1]:
+                cells.pop()
+            widest = max(widest, len(cells) if layout.is_data(cells) else 0)
+    return widest
+
+
 def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
     return (*cells, *[""] * (width - len(cells)))[:width] if cells else ()
 
@@ -257,6 +274,7 @@ def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
 def _header_cells(line: str, layout: TextLayout) -> list[str]:
     """The names in a line above the rows: cut as these are, or as it is usual behind a comment's mark."""
     bare = _COMMENT.sub("", line) if not (layout.delimiter == ";" and line.startswith(";")) else line
+    bare = _LABEL.sub("", bare)
     best: list[str] = []
     for mark in dict.fromkeys((layout.delimiter, "\t", ";", ",", "|", BLANKS)):
         try:

@@ -99,6 +99,22 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "time_ms,rpm,dir,current_A",
         lambda i, t, w, c: f"{1e3 * t!r},{abs(w) * RPM!r},{'CW' if w > 0 else 'CCW'},{c!r}"
     ).encode(),
+    "label in the comment, blanks": lambda r: _table(
+        r, "% run 7\n% columns:   t [s]     omega [rad/s]    I_meas [A]\n%",
+        lambda i, t, w, c: f"   {t!r}   {w!r}   {c!r}",
+    ).encode(),
+    "symbols over units, hexadecimal status": lambda r: _table(
+        r, "   t/ms   f/Hz   I/mA   St",
+        lambda i, t, w, c: f"  {1e3 * t!r} {w / (2.0 * math.pi)!r} {c * MA!r} 0x4{i % 8}",
+    ).encode(),
+    "remarks in few rows": lambda r: _table(
+        r, "Zeit [s];Drehzahl [1/min];Motorstrom [A];Bemerkung",
+        lambda i, t, w, c: f"{_comma(t)};{_comma(w * RPM)};{_comma(c)};" + ("Start" if i == 0 else ""),
+    ).encode(),
+    "a status in words": lambda r: _table(
+        r, "timestamp;speed_rpm;current_A;status",
+        lambda i, t, w, c: f"{_at(t).isoformat()};{w * RPM!r};{c!r};{'WARN' if i % 9 else 'OK'}",
+    ).encode(),
     "set-point beside it": lambda r: _table(
         r, "t [s],speed_ref [rpm],speed [rpm],i_ref [A],i_q [A],i_d [A],v_bus [V],status",
         lambda i, t, w, c: f"{t!r},{w * RPM + 3!r},{w * RPM!r},{c!r},{c!r},0.01,24.1,0",
@@ -129,6 +145,25 @@ def test_the_map_that_columns_writes_reads_the_same(tmp_path: Path, run: rw_ekf.
     assert np.array_equal(guessed.time_s, mapped.time_s)
     assert np.array_equal(guessed.speed_rad_s, mapped.speed_rad_s)
     assert np.array_equal(guessed.current_A, mapped.current_A)
+
+
+def test_thousands_are_marked_late_in_a_file(tmp_path: Path) -> None:
+    """A point between thousands that comes first far below what is looked at is no decimal point, and no text."""
+    path = tmp_path / "lab.csv"
+    speed = [f"{i % 1000},5" for i in range(900)] + [f"1.{i:03d},5" for i in range(100)]
+    path.write_text(
+        "Zeit [s];Drehzahl [1/min];Strom [A]\n"
+        + "".join(f"{_comma(0.1 * i, 1)};{n};0,{i % 7}\n" for i, n in enumerate(speed))
+    )
+    assert rw_ekf.read(path).speed_rad_s[-1] * RPM == pytest.approx(1099.5)
+
+
+@pytest.mark.parametrize("name", ["Overall Efficiency (gf/W)", "power_w", "slip s", "Electrical Power (W)"])
+def test_what_only_looks_like_a_quantity_is_not_taken_for_it(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
+    """A letter within a longer name, or within a unit that is none of ours, names no speed, time or drive."""
+    path = tmp_path / "lab.csv"
+    path.write_text(_table(_rows(run), f"x,{name}", lambda i, t, w, c: f"{i},{0.1 * i!r}"))
+    assert not rw_ekf.guess_columns(path).guess.lines
 
 
 def test_two_runs_in_one_file_are_two_segments(tmp_path: Path, run: rw_ekf.Log) -> None:
@@ -173,6 +208,7 @@ def test_an_angle_that_begins_anew_gives_the_speed(tmp_path: Path, run: rw_ekf.L
         ("t [s],n [rpm],battery current [A]", "what the supply gives"),
         ("t [s],position [counts],I [A]", "how many to a turn"),
         ("t [s],erpm,I [A]", "how many pole pairs"),
+        ("t [s],Motor Electrical Speed (rpm),I [A]", "divided by the pole pairs"),
         ("a,n [rpm],I [A]", "no column is known to be the time"),
         ("t [s],n [rpm],x", "no column is known to be the current"),
     ],
