@@ -28,7 +28,6 @@ _TURNING = 20.0  # largest speed called n that is in 1/min; no wheel turns at le
 _TURNS = (2.0 * math.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 25)), 4000.0, 3600.0)
 _FULL = 0.97  # of a turn, which an angle that begins anew covers
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
-_RISING = 1.5  # times the coast-down's noise a speed alone may rise from row to row
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 _DRIVES: tuple[tuple[Role, str], ...] = (
     ("torque", "a torque stands where a current would: motor_gain is then per newton metre"),

@@ -19,6 +19,8 @@ _COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31)
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
 _BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
 _SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
+_A_SECOND = 0.9  # between rows, with decimals: less is in seconds
+_THOUSAND = (900.0, 1100.0)  # between rows, in whole numbers: ms at 1 Hz or us at 1 kHz; less is ms, more is us
 
 
 @dataclass(eq=False)
@@ -113,14 +115,14 @@ def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...],
     whole = bool(np.all(values == np.round(values)))
     told = f"its rows are {usual:.4g} apart"
     if not whole:
-        if usual < 0.9:
+        if usual < _A_SECOND:
             return "s", (), told
         return ("ms", (), told) if usual > _SLOWEST_S else ("", ("s", "ms"), told)
     if usual < _SLOWEST_S:
         return "", ("s", "ms"), told
-    if usual < 900.0:
+    if usual < _THOUSAND[0]:
         return "ms", (), told
-    return ("", ("ms", "us"), told) if usual < 1100.0 else ("us", (), told)
+    return ("", ("ms", "us"), told) if usual < _THOUSAND[1] else ("us", (), told)
 
 
 def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
