@@ -20,6 +20,7 @@ VERBS = {
     "replay": "replay",
     "fit": "fit",
     "diagnose": "diagnose",
+    "init": "init",
     "check-config": "check_config",
     "columns": "columns",
     "export": "export",

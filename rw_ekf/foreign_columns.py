@@ -10,7 +10,7 @@ from typing import Any
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.identify.misread import misreadings_and_questions
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.logs.column_guess import Guess, guess_columns
+from rw_ekf.logs.column_guess import Guess, Line, guess_columns
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.guessed_map import map_of_guess
 from rw_ekf.logs.map_text import map_text
@@ -49,12 +49,12 @@ class GuessedColumns(Shown):
             "log": self.log,
             "certain": self.is_certain,
             "map": self.guess.mapping(),
-            "columns": [{"name": line.name, "from": line.entry, "why": line.why} for line in self.guess.lines],
+            "columns": [_said(line) for line in self.guess.lines],
             "questions": [
                 {
                     "name": item.name,
                     "text": item.text,
-                    "answers": [{answer.name: answer.entry} for answer in item.answers],
+                    "answers": [_said(answer) for answer in item.answers],
                 }
                 for item in self.guess.questions
             ],
@@ -74,6 +74,10 @@ class GuessedColumns(Shown):
 
     def __repr__(self) -> str:
         return f"GuessedColumns({self.log!r}, {'certain' if self.is_certain else 'with questions'})"
+
+
+def _said(line: Line) -> dict[str, object]:
+    return {"name": line.name, "from": line.entry, "why": line.why}
 
 
 def guessed_columns(

@@ -14,7 +14,7 @@ OPTIONAL = {
     "logs", "threshold", "alarms", "compensation", "residual_rms_rpm", "converged", "iterations", "starts", "outliers",
     "coast_down_s", "driven_s", "break_aways", "avoid", "settle",
 }  # fmt: skip
-OPEN = {"state", "std", "effects", "parameters", "truth", "configuration", "model", "posterior"}
+OPEN = {"state", "std", "effects", "parameters", "truth", "configuration", "model", "posterior", "map", "from"}
 
 
 @cache

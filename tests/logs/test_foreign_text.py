@@ -14,6 +14,7 @@ import pytest
 import rw_ekf
 from rw_ekf.cli import main
 from rw_ekf.units import RAD_S_PER_RPM
+from tests.contract import check_document
 
 RPM, MA = 1.0 / RAD_S_PER_RPM, 1e3
 BEGIN = datetime.datetime(2026, 3, 29, 23, 59, 50, tzinfo=datetime.UTC)
@@ -223,6 +224,7 @@ def test_what_a_file_does_not_say_is_asked(tmp_path: Path, run: rw_ekf.Log, head
         rw_ekf.read(path)
     found = rw_ekf.guess_columns(path)
     assert not found.is_certain
+    check_document({**found.document(), "out": None})
     assert "# ASKED: " in found.text()
     with pytest.raises(rw_ekf.Error, match=asked):
         _ = found.column_map
@@ -235,6 +237,7 @@ def test_answers_settle_what_was_asked(tmp_path: Path, run: rw_ekf.Log, capsys: 
     told = ["time=a:s", "speed=1:erpm", "speed.pole_pairs=7", "current=c", "current.unit=mA"]
     assert main(["columns", str(path), "--out", str(out), "--json", *(w for t in told for w in ("--set", t))]) == 0
     document = json.loads(capsys.readouterr().out)
+    check_document(document)
     assert document["certain"]
     assert document["questions"] == []
     log = rw_ekf.read(path, out)
