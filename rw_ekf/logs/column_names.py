@@ -114,9 +114,10 @@ def _split(name: str, text: str) -> tuple[str, str, Unit | None]:
             return f"{match['name']} {match.groupdict().get('rest') or ''}".strip() or name, match["unit"], unit
     for cut in re.finditer(r"[\s_.\-]", name):  # the longest tail that is a unit: speed_rad_s, t ms
         tail = name[cut.end() :]
-        unit = unit_of(tail) or unit_of(tail.replace("_", "/")) or unit_of(tail.replace("per", "/").replace("_", ""))
-        if unit is not None and (len(plain_spelling(tail)) > 1 or tail in {"s", "A", "V", "N"}):
-            return name[: cut.start()], tail, unit
+        for spelt in (tail.replace("_", "/"), tail, tail.replace("per", "/").replace("_", "")):
+            unit = unit_of(spelt)
+            if unit is not None and (len(plain_spelling(spelt)) > 1 or spelt in {"s", "A", "V", "N"}):
+                return name[: cut.start()], spelt, unit
     if (unit := unit_of(name)) is not None and len(plain_spelling(name)) > 1:
         return name, name, unit
     symbol, _, tail = name.partition("/")  # as a table of physics has it: t/ms, I/mA

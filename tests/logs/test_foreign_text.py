@@ -13,6 +13,8 @@ import pytest
 
 import rw_ekf
 from rw_ekf.cli import main
+from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_units import unit_of
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.contract import check_document
 
@@ -159,12 +161,31 @@ def test_thousands_are_marked_late_in_a_file(tmp_path: Path) -> None:
     assert rw_ekf.read(path).speed_rad_s[-1] * RPM == pytest.approx(1099.5)
 
 
-@pytest.mark.parametrize("name", ["Overall Efficiency (gf/W)", "power_w", "slip s", "Electrical Power (W)"])
+@pytest.mark.parametrize(
+    "name", ["Overall Efficiency (gf/W)", "power_w", "slip s", "Electrical Power (W)", "accel_m_s2"]
+)
 def test_what_only_looks_like_a_quantity_is_not_taken_for_it(tmp_path: Path, run: rw_ekf.Log, name: str) -> None:
     """A letter within a longer name, or within a unit that is none of ours, names no speed, time or drive."""
     path = tmp_path / "lab.csv"
     path.write_text(_table(_rows(run), f"x,{name}", lambda i, t, w, c: f"{i},{0.1 * i!r}"))
     assert not rw_ekf.guess_columns(path).guess.lines
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("speed_m_s", "m/s"), ("omega_rad_s", "rad/s"), ("wRadS", "rad/s"), ("speed_deg_s", "deg/s"),
+        ("speed_deg_per_s", "deg/s"),
+        ("t_ms", "ms"), ("I/mA", "mA"), ("n in 1/min", "rpm"), ("acc_m_s2", "m/s2"), ("temp_deg_C", "degC"),
+        ("i_A", "A"), ("micros", "us"), ("ms_today", "ms"),
+        ("Drehzahl [U/min]", "rpm"), ("\u03c9 (rad\u00b7s\u207b\u00b9)", "rad/s"), ("\u8f49\u901frpm", "rpm"),
+    ],
+)  # fmt: skip
+def test_a_unit_is_known_in_every_way_that_a_name_has_it(name: str, unit: str) -> None:
+    """The unit is that which was meant, and what a map writes for it means the same."""
+    said = said_by(name)
+    assert said.unit == unit_of(unit)
+    assert unit_of(said.unit_text) == said.unit
 
 
 def test_two_runs_in_one_file_are_two_segments(tmp_path: Path, run: rw_ekf.Log) -> None:
