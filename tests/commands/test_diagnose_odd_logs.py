@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -204,7 +205,7 @@ covariance:
 def test_what_cannot_be_done_is_refused_before_the_work(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """Status 2, one sentence with the name and what is wrong, nothing on standard output, and no diagnosis begun."""
+    """Status 2, one sentence with the name and what is wrong, the same as a document, and no diagnosis begun."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("rw_ekf.diagnosis.diagnose.diagnose_log", lambda *_, **__: pytest.fail("the work was begun"))
     for log in ("log.csv", "report.html"):
@@ -213,7 +214,7 @@ def test_what_cannot_be_done_is_refused_before_the_work(
     arguments, expected = REFUSED[name]
     assert main(["diagnose", *arguments, "--json"]) == 2
     out, errors = capsys.readouterr()
-    assert out == ""
+    assert json.loads(out)["exit_status"] == 2
     assert expected in errors
     assert errors.startswith("rw-ekf: error: ")
     assert errors.count("\n") == 1
