@@ -44,13 +44,13 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _ports() -> list[str]:
-    """Serial ports of this machine, each by the name that stays where it has one."""
+    """Serial ports of this machine, adapters before what is built in, each by the name that stays where it has one."""
     from serial.tools.list_ports import comports
 
     from rw_ekf.live.port_name import aliases_of, device_of
 
-    devices = sorted(port.device for port in comports())
-    return [next(iter(aliases_of(device_of(device))), device) for device in devices]
+    ports = sorted(comports(), key=lambda port: (port.vid is None, port.device))
+    return [next(iter(aliases_of(device_of(port.device))), port.device) for port in ports]
 
 
 def _text(port: str, others: list[str]) -> str:

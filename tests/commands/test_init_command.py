@@ -15,8 +15,8 @@ from tests.contract import check_document
 
 
 def find(monkeypatch: pytest.MonkeyPatch, *devices: str) -> None:
-    """These are the serial ports of the machine."""
-    ports = [SimpleNamespace(device=device) for device in devices]
+    """These are the serial ports of the machine; those on USB have a vendor."""
+    ports = [SimpleNamespace(device=device, vid=0x0403 if "USB" in device else None) for device in devices]
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
 
 
@@ -30,7 +30,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ((), "/dev/serial/by-id/NAME-OF-YOUR-ADAPTER", "no serial port was found: wheel.port is a placeholder"),
         (("/dev/ttyUSB7",), "/dev/ttyUSB7", "written; wheel.port is /dev/ttyUSB7"),
-        (("/dev/ttyUSB7", "/dev/ttyACM1"), "/dev/ttyACM1", "2 serial ports were found: wheel.port is /dev/ttyACM1"),
+        (("/dev/ttyS0", "/dev/ttyUSB7"), "/dev/ttyUSB7", "2 serial ports were found: wheel.port is /dev/ttyUSB7"),
     ],
 )
 def test_the_file_is_the_example_with_the_port_that_was_found(
@@ -48,7 +48,7 @@ def test_the_file_is_the_example_with_the_port_that_was_found(
     assert made.wheel == example.wheel.model_copy(update={"port": port})
     assert made.model_copy(update={"wheel": example.wheel}) == example
     others = [line for line in Path("my-wheel.yaml").read_text().splitlines() if "also found" in line]
-    assert others == ["  # also found: /dev/ttyUSB7"] * (len(devices) > 1)
+    assert others == ["  # also found: /dev/ttyS0"] * (len(devices) > 1)
 
 
 def test_a_port_goes_by_the_name_that_stays(
