@@ -106,8 +106,21 @@ def _table_of(columns: Mapping[str, Any], name: str) -> RawTable:
     rows = next(iter(sizes.values()), 0)
     if rows == 0:
         raise EmptyLogError(f"{name}: has no rows: nothing was logged")
-    held = [values if hasattr(values, "type") else np.asarray(values) for values in columns.values()]
+    held = [values if hasattr(values, "type") else _array_of(values) for values in columns.values()]
     return RawTable(name, tuple(columns), held, rows, lambda row: f"row {row + 1}")
+
+
+def _array_of(values: Any) -> Any:
+    """A column in memory: numbers as they are, words and dates as arrow has them."""
+    array = np.asarray(values)
+    if array.dtype.kind in "biuf":
+        return array
+    import pyarrow as pa
+
+    try:
+        return pa.array(array)
+    except (pa.ArrowException, TypeError, ValueError):
+        return array  # nothing that a log could use
 
 
 def read_table(path: Path, columns: ColumnMap) -> RawTable:

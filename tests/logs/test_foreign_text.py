@@ -290,5 +290,12 @@ def test_tables_in_memory_are_read_as_files_are(run: rw_ekf.Log) -> None:
     log = rw_ekf.read(table)
     assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
     assert np.array_equal(rw_ekf.read(run.table).speed_rad_s, run.speed_rad_s)
+    words = np.array(["forward" if speed > 0 else "reverse" for speed in run.speed_rad_s])
+    turned = {"t [s]": run.time_s, "n [rpm]": np.abs(run.speed_rad_s) * RPM, "direction": words, "I [A]": run.current_A}
+    assert rw_ekf.read(turned).speed_rad_s == pytest.approx(run.speed_rad_s)
+    stamps = np.array([_at(t).replace(tzinfo=None) for t in run.time_s], dtype="datetime64[us]")
+    assert np.diff(
+        rw_ekf.read({"time": stamps, **{name: table[name] for name in list(table)[1:]}}).time_s
+    ) == pytest.approx(np.diff(run.time_s), abs=1e-5)
     with pytest.raises(rw_ekf.Error, match="found int"):
         rw_ekf.read(5)
