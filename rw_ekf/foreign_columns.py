@@ -10,8 +10,9 @@ from typing import Any
 from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.identify.misread import misreadings_and_questions
 from rw_ekf.logs.atomic import write_text
-from rw_ekf.logs.column_guess import Guess, Line, guess_columns
+from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
+from rw_ekf.logs.column_records import Guess, Line
 from rw_ekf.logs.guessed_map import map_of_guess
 from rw_ekf.logs.map_text import map_text
 from rw_ekf.logs.reader import log_of_table, read_table

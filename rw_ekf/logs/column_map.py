@@ -51,8 +51,8 @@ class Source:
         column = said.pop("column", self.column)
         kind = "derivative_of" if self.kind == "derivative" else "column"
         usual = {"scale": 1.0, "offset": 0.0, "wrap": 0.0, "sign_of": None}
-        kept = [f"{key}: {_plain(value)}" for key, value in said.items() if value != usual[key]]
-        return f"`{name}: {{{', '.join([f'{kind}: {_plain(column)}', *kept])}}}`"
+        kept = [f"{key}: {as_written(value)}" for key, value in said.items() if value != usual[key]]
+        return f"`{name}: {{{', '.join([f'{kind}: {as_written(column)}', *kept])}}}`"
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,14 @@ def load_column_map(path: str | Path) -> ColumnMap:
     return column_map_from(load_yaml(path))
 
 
-def _plain(value: object) -> str:
+def as_written(value: object) -> str:
     """A value as a map has it: `1000`, not `1000.0`; a name in quotes where YAML asks for them."""
-    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_][\w.]*", value):
-        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        plain = re.fullmatch(r"[A-Za-z_][\w.]*", value) and value.lower() not in _WORDS_OF_YAML
+        return value if plain else json.dumps(value, ensure_ascii=False)
     return str(int(value)) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else f"{value}"
+
+
+_WORDS_OF_YAML = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null", "nan", "inf"})

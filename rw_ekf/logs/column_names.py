@@ -60,15 +60,13 @@ _UNIT_TAIL = re.compile(r"^(?P<name>.*?)[\s_.,:-]*[\[(<{](?P<unit>[^\])>}]*)[\])
 _SPOKEN = re.compile(r"^(?P<name>.+?)(?:\s+in\s+|\s*/\s+|\s+/\s*|,\s*)(?P<unit>[^\s,]+)$")
 
 
-_CHINESE = {
-    "轉速": "speed", "转速": "speed", "速度": "speed", "電流": "current", "电流": "current",
-    "時間": "time", "时间": "time",
-    "電壓": "voltage", "电压": "voltage", "轉矩": "torque", "转矩": "torque", "扭矩": "torque",
-    "角度": "angle", "温度": "temperature",
-    "溫度": "temperature",
+_SIGNS = {
+    **dict.fromkeys(("轉速", "转速", "速度"), " speed "), **dict.fromkeys(("電流", "电流"), " current "),
+    **dict.fromkeys(("時間", "时间"), " time "), **dict.fromkeys(("電壓", "电压"), " voltage "),
+    **dict.fromkeys(("轉矩", "转矩", "扭矩"), " torque "), **dict.fromkeys(("温度", "溫度"), " temperature "),
+    "角度": " angle ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ", "τ": " tau ",
+    "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
-
-
 _FEW = 3  # words of a name, joined ones among them, beside which a letter may be a symbol
 
 
@@ -93,11 +91,9 @@ class Said(NamedTuple):
         return bool(self.words.intersection(words))
 
 
-def said_by(name: str, unit_text: str = "") -> Said:
-    """Take a name apart; unit_text: from a row of units, which goes before what the name says."""
-    bare, unit, text = name.strip(), unit_of(unit_text) if unit_text else None, unit_text.strip("[](){} ")
-    if unit is None:
-        bare, text, unit = _split(bare, text)
+def said_by(name: str) -> Said:
+    """Take a name apart."""
+    bare, text, unit = _split(name.strip())
     if unit is None:  # in brackets, what is no word and no unit that is known says that it is something else
         bare = re.sub(r"[\[(<{][^\])>}]*[/%][^\])>}]*[\])>}]|[\[(<{].{0,2}[\])>}]", " ", bare)
     words = _words(bare)
@@ -106,7 +102,7 @@ def said_by(name: str, unit_text: str = "") -> Said:
     return Said(frozenset(words), text, unit)
 
 
-def _split(name: str, text: str) -> tuple[str, str, Unit | None]:
+def _split(name: str) -> tuple[str, str, Unit | None]:
     """Name, unit as written, unit."""
     for pattern in (_UNIT_TAIL, _SPOKEN):
         match = pattern.match(name)
@@ -132,21 +128,13 @@ def _split(name: str, text: str) -> tuple[str, str, Unit | None]:
     glued = re.match(r"^(.*[^\x00-\x7f])([A-Za-z/%]+)$", name)  # Chinese and the like: no blank before the unit
     if glued and (unit := unit_of(glued[2])) is not None:
         return glued[1], glued[2], unit
-    return name, text, None
+    return name, "", None
 
 
 def _words(text: str) -> list[str]:
     """The words of a name, in small letters without accents; camel case and digits are cut."""
-    for signs, word in _CHINESE.items():
-        text = text.replace(signs, f" {word} ")
-    text = (
-        text.replace("ω", " omega ")
-        .replace("Ω", " omega ")
-        .replace("θ", " theta ")
-        .replace("φ", " phi ")
-        .replace("τ", " tau ")
-    )
-    text = text.replace("ä", "ae").replace("ö", "oe").replace("ü", "ue").replace("ß", "ss")
+    for signs, word in _SIGNS.items():
+        text = text.replace(signs, word)
     text = unicodedata.normalize("NFKD", text)
     text = "".join(sign for sign in text if not unicodedata.combining(sign))
     whole = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
@@ -158,53 +146,40 @@ def _words(text: str) -> list[str]:
 
 def role_of(said: Said) -> Role:
     """What a column is, by its unit first and then by its words; "other" where neither says."""
-    kind = said.unit.quantity if said.unit is not None else None
-    is_set = said.has("set")
-    if kind in {"acceleration", "other"} or said.has("neither"):
+    if said.has("neither"):
         return "other"
-    if kind == "temperature" or (kind is None and said.has("temperature")):
-        return "temperature"
-    if kind == "pressure" or (kind is None and said.has("pressure")):
-        return "pressure"
-    if kind == "time":  # a slip, a delay and a time constant may be in seconds too
+    role = _by_words(said) if said.unit is None else _BY_QUANTITY.get(said.unit.quantity, "other")
+    if role == "time" and said.unit is not None:  # a slip, a delay and a time constant may be in seconds too
         alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower()}
         return "time" if alone or said.says_time else "other"
-    if kind in {"speed", "linear_speed"}:
-        return "speed_set" if is_set else "speed"
-    if kind == "current":
-        return "current_set" if is_set else "current"
-    if kind == "torque":
-        return "torque"
-    if kind == "force":
-        return "force"
-    if kind == "voltage":
-        return "bus_voltage" if said.has("bus") else "voltage"
-    if kind in {"angle", "length"}:
-        return "other" if is_set else "angle"
-    if kind == "share":
-        return "share"
+    if role == "voltage" and said.has("bus"):
+        return "bus_voltage"
+    return _WANTED.get(role, role) if said.has("set") else role
+
+
+_BY_QUANTITY: dict[str, Role] = {
+    "time": "time", "speed": "speed", "linear_speed": "speed", "angle": "angle", "length": "angle",
+    "current": "current", "torque": "torque", "force": "force", "voltage": "voltage", "temperature": "temperature",
+    "pressure": "pressure", "share": "share",
+}  # fmt: skip
+_WANTED: dict[str, Role] = {"speed": "speed_set", "current": "current_set", "angle": "other"}
+_IN_ORDER: tuple[Role, ...] = ("share", "torque", "force", "current", "speed", "voltage")
+
+
+def _by_words(said: Said) -> Role:
+    """What the words say, those first that are never said of anything else."""
+    for role in ("temperature", "pressure"):
+        if said.has(role):
+            return role
     if said.has("direct") and not said.any_of("q"):
         return "other"
     if said.has("direction") and not said.has("speed", "current"):
         return "direction"
-    if said.has("share"):
-        return "share"
-    if said.has("torque"):
-        return "torque"
-    if said.has("force"):
-        return "force"
-    if said.has("current"):
-        return "current_set" if is_set else "current"
-    if said.has("speed"):
-        return "speed_set" if is_set else "speed"
-    if said.has("voltage"):
-        return "bus_voltage" if said.has("bus") else "voltage"
-    if said.has("bus") and said.any_of("vbat", "vbus", "vin", "ubat", "vdd"):
+    for role in _IN_ORDER:
+        if said.has(role):
+            return role
+    if said.any_of("vbat", "vbus", "vin", "ubat", "vdd"):
         return "bus_voltage"
     if said.says_time:
         return "time"
-    if said.has("angle"):
-        return "other" if is_set else "angle"
-    if said.has("segment"):
-        return "segment"
-    return "count" if said.has("count") else "other"
+    return next((role for role in ("angle", "segment", "count") if said.has(role)), "other")

@@ -123,6 +123,11 @@ def plain_spelling(spelling: str) -> str:
     return re.sub(r"[\s*·⋅×^_\[\](){}<>\"']|\*\*", "", text).rstrip(".")
 
 
+def with_unit(name: str, unit: str) -> str:
+    """A name with the unit that stood in a row below it: `n [rpm]`."""
+    return f"{name} [{unit.strip('[](){} ')}]" if unit else name
+
+
 def units_known(column: str) -> str:
     """For a message: some units that a column may have."""
     wanted = OF_COLUMN.get(column, ())

@@ -65,7 +65,7 @@ def _rows(file: CsvFile, name: str) -> Iterator[Iterator[tuple[int, list[str]]]]
     with io.TextIOWrapper(file.text.open(), encoding="utf-8-sig", newline="") as stream:
         for _ in range(file.first_line - 1):
             stream.readline()
-        reader = csv.reader(stream, delimiter=file.layout.delimiter or ",")
+        reader = csv.reader(stream, delimiter=file.layout.separator)
 
         def rows() -> Iterator[tuple[int, list[str]]]:
             start = file.first_line

@@ -7,7 +7,7 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs import csv_slow
@@ -26,13 +26,6 @@ _LOOKED_AT_ROWS = 40
 _A_NAME = 8  # characters: a shorter line may come again by chance
 
 
-class Rewritten(NamedTuple):
-    """How a text was laid out that was not in this program's own way, and its lines that hold no row."""
-
-    layout: TextLayout
-    left_out: tuple[int, ...]
-
-
 @dataclass(frozen=True)
 class CsvLayout:
     """How the text is laid out, as far as it was told; None: found out, if it is not as this program writes it.
@@ -45,6 +38,11 @@ class CsvLayout:
     header: bool | None = None
     decimal: str | None = None
     encoding: str | None = None
+
+    @property
+    def separator(self) -> str:
+        """The delimiter of a text that is not laid out in another way."""
+        return self.delimiter or ","
 
 
 @dataclass(frozen=True)
@@ -66,37 +64,31 @@ def read_csv_table(
 
     Raises LogError naming the line and the column of the first fault, EmptyLogError for a file without data.
     """
-    plain = _as_plain(text, layout, must_be_numeric)
-    if plain is not None:
-        return _read_plain(*plain, must_be_numeric, name_shown)
-    return _read_plain(text, replace(layout, delimiter=layout.delimiter or ","), None, must_be_numeric, name_shown)
+    found = _other_layout(text, layout, must_be_numeric)
+    if found is None:
+        return _read_plain(text, layout, must_be_numeric, name_shown)
+    with text.open() as stream:
+        written = rewritten(stream.read(), found)
+    plain = CsvLayout(",", found.first_line - (2 if found.names else 1), bool(found.names))
+    read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
+    read.preamble = found.preamble
+    if written.left_out:
+        count, first = len(written.left_out), written.left_out[0]
+        lines = f"line {first}" if count == 1 else f"{count} lines, first line {first},"
+        read.warnings.append(f"{name_shown}: {lines} below the first row hold no row of numbers and were left out")
+    return read
 
 
-def _as_plain(
-    text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]
-) -> tuple[LogText, CsvLayout, Rewritten] | None:
-    """The text in this program's own way, where it is a table laid out otherwise; else None."""
+def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]) -> TextLayout | None:
+    """How a text is laid out that is a table in another way than this program's; None for any other."""
     with text.open() as stream:
         head = stream.read(_LOOKED_AT_BYTES)
-        if _is_own(head, layout):
-            return None
-        whole = head + stream.read()
-    if _is_plain(head, layout, must_be_numeric) and not _names_again(whole, layout):
+    if _is_own(head, layout) or (_is_plain(head, layout, must_be_numeric) and not _names_again(text, layout)):
         return None
     found = layout_of(
         head, delimiter=layout.delimiter, decimal=layout.decimal, encoding=layout.encoding, skip_rows=layout.skip_rows
     )
-    if found is None:
-        return None
-    if layout.header is False:
-        found = replace(found, names=())
-    written = rewritten(whole, found)
-    skip = found.first_line - (2 if found.names else 1)
-    return (
-        replace(text, unpacked=written.text),
-        CsvLayout(",", skip, bool(found.names)),
-        Rewritten(found, written.left_out),
-    )
+    return replace(found, names=()) if found is not None and layout.header is False else found
 
 
 def _is_own(head: bytes, layout: CsvLayout) -> bool:
@@ -107,10 +99,20 @@ def _is_own(head: bytes, layout: CsvLayout) -> bool:
     return own and layout.delimiter in (None, ",") and layout == CsvLayout(layout.delimiter, header=layout.header)
 
 
-def _names_again(text: bytes, layout: CsvLayout) -> bool:
+def _names_again(text: LogText, layout: CsvLayout) -> bool:
     """Whether the row of names stands in the text again, as where runs were put under each other."""
-    names = text.split(b"\n", layout.skip_rows + 1)[layout.skip_rows : layout.skip_rows + 1]
-    return layout.header is not False and any(len(line) > _A_NAME and text.count(b"\n" + line) > 0 for line in names)
+    with text.open() as stream:
+        for _ in range(layout.skip_rows):
+            stream.readline()
+        names = stream.readline()
+        if layout.header is False or len(names) <= _A_NAME:
+            return False
+        seen = b"\n"
+        while piece := stream.read(_BLOCK_BYTES):  # the text may be larger than the memory
+            if b"\n" + names in (seen := seen + piece):
+                return True
+            seen = seen[-len(names) - 1 :]
+    return False
 
 
 def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]) -> bool:
@@ -124,12 +126,12 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
     if not lines:
         return True
     try:
-        rows = list(csv.reader(lines, delimiter=layout.delimiter or ","))
+        rows = list(csv.reader(lines, delimiter=layout.separator))
     except csv.Error:
         return True
-    names = [name.strip() for name in rows[0]]
     if encoding_of(head) != "utf-8-sig":
         return False
+    names = [name.strip() for name in rows[0]]
     numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]
     whole = all(len(row) == len(names) for row in rows[1:-1] or rows)
     sound = len(names) > 1 and whole and not any(name.startswith(("#", "%", "//")) for name in names)
@@ -140,11 +142,7 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
 
 
 def _read_plain(
-    text: LogText,
-    layout: CsvLayout,
-    foreign: Rewritten | None,
-    must_be_numeric: Callable[[int, str], bool],
-    name_shown: str,
+    text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
 ) -> RawTable:
     names, has_header, first_line = _header(text, layout, name_shown)
     numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]
@@ -165,15 +163,6 @@ def _read_plain(
             f"{name_shown}: is a damaged or incomplete compressed file ({text.torn}); the {read.rows} rows before that "
             "were read"
         )
-    if foreign is not None:
-        read.preamble, read.layout = foreign.layout.preamble, foreign.layout
-        if foreign.left_out:
-            lines = (
-                f"line {foreign.left_out[0]}"
-                if len(foreign.left_out) == 1
-                else (f"{len(foreign.left_out)} lines, first line {foreign.left_out[0]},")
-            )
-            read.warnings.append(f"{name_shown}: {lines} below the first row hold no row of numbers and were left out")
     return read
 
 
@@ -191,7 +180,7 @@ def _fast(file: CsvFile) -> pa.Table | None:
                 read_options=pa_csv.ReadOptions(
                     skip_rows=file.first_line - 1, column_names=keys, block_size=_BLOCK_BYTES
                 ),
-                parse_options=pa_csv.ParseOptions(delimiter=file.layout.delimiter or ","),
+                parse_options=pa_csv.ParseOptions(delimiter=file.layout.separator),
                 convert_options=pa_csv.ConvertOptions(column_types=types, null_values=_GAPS),
             )
     except (pa.ArrowException, OSError, ValueError):
@@ -206,7 +195,7 @@ def _stamps(file: CsvFile) -> list[bool]:
         lines = lines_of(stream.read(HEAD_BYTES).decode("utf-8", "replace"))[file.first_line - 1 :]
     first = [line for line in lines[:_LOOKED_AT_ROWS] if line.strip()][:1]
     try:
-        cells = next(csv.reader(first, delimiter=file.layout.delimiter or ","), [])
+        cells = next(csv.reader(first, delimiter=file.layout.separator), [])
     except csv.Error:  # the slow pass will say where
         cells = []
     return [is_stamp(cell.strip()) for cell in cells[: len(file.names)]] + [False] * (len(file.names) - len(cells))
@@ -225,7 +214,7 @@ def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, .
         skipped = f" after the {layout.skip_rows} skipped rows" if layout.skip_rows else ""
         raise EmptyLogError(f"{name}: the file is empty{skipped}: there is no header and no row")
     try:
-        cells = next(csv.reader(io.StringIO(lines[number]), delimiter=layout.delimiter or ","))
+        cells = next(csv.reader(io.StringIO(lines[number]), delimiter=layout.separator))
     except csv.Error as error:
         raise LogError(f"{name}: line {number + 1}: the header cannot be read ({error})") from None
     has_header = layout.header

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from rw_ekf.checking.yaml_loader import parse_yaml
 from rw_ekf.errors import LogError
-from rw_ekf.logs.column_guess import Guess, guess_columns
+from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.column_records import Guess
 from rw_ekf.logs.map_text import map_text, said_in_a_line
 from rw_ekf.logs.raw_table import RawTable
 

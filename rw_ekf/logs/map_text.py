@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import re
-
-from rw_ekf.logs.column_guess import Guess, Line
+from rw_ekf.logs.column_map import as_written
+from rw_ekf.logs.column_records import Guess, Line
 
 
 def map_text(guess: Guess, log: str) -> str:
     """The map as YAML. A question stands where its line would, each answer as a comment to be made a line."""
     out = [f"# Columns of {log}, as its names, units and numbers say."]
     out += [f"# {note}" for note in guess.notes]
-    out += [f"{key}: {_yaml(value)}" for key, value in guess.options.items()]
+    out += [f"{key}: {as_written(value)}" for key, value in guess.options.items()]
     for line in guess.lines:
         out.append(_entry(line) + (f"    # {line.why}" if line.why else ""))
     for question in guess.questions:
-        out.append(
-            f"# ASKED: {question.text}" + (". Make one of these a line of this map:" if question.answers else ".")
-        )
+        then = " Make one of these a line of this map:" if question.answers else ""
+        out.append(f"# ASKED: {question.text}{then}")
         out += [f"# {_entry(answer)}" for answer in question.answers]
     return "\n".join(out) + "\n"
 
@@ -45,21 +42,4 @@ def _short(line: Line) -> str:
 
 
 def _entry(line: Line) -> str:
-    return f"{line.name}: {{{', '.join(f'{key}: {_yaml(value)}' for key, value in line.entry.items())}}}"
-
-
-def _yaml(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return (
-            value
-            if re.fullmatch(r"[A-Za-z_][\w.]*", value) and value.lower() not in _NOT_TEXT
-            else json.dumps(value, ensure_ascii=False)
-        )
-    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
-        return str(int(value))
-    return f"{value}"
-
-
-_NOT_TEXT = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null", "nan", "inf"})
+    return f"{line.name}: {{{', '.join(f'{key}: {as_written(value)}' for key, value in line.entry.items())}}}"

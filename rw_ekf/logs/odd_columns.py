@@ -14,16 +14,16 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.logs.column_map import Source
+from rw_ekf.logs.column_units import unit_of
+from rw_ekf.units import RAD_S_PER_RPM
 
-_RPM = math.pi / 30.0
-# What a name ends in, and one of its unit in the log's own: of speed_rad_s and of angle_rad unless said otherwise.
-_UNITS: dict[str, dict[str, float]] = {
-    "time_s": {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0},
-    "current": {"ma": 1e-3, "milliamps": 1e-3, "ua": 1e-6},
-    "speed": {"rpm": _RPM, "deg_s": math.radians(1.0), "deg/s": math.radians(1.0), "dps": math.radians(1.0),
-              "rps": 2.0 * math.pi, "rad_s": 1.0, "rad/s": 1.0},
-    "angle_rad": {"deg": math.radians(1.0), "degrees": math.radians(1.0), "turns": 2.0 * math.pi},
-}  # fmt: skip
+# What a name ends in that says its unit: of speed_rad_s and of angle_rad unless said otherwise.
+_UNITS: dict[str, tuple[str, ...]] = {
+    "time_s": ("ms", "msec", "us", "usec", "ns", "min", "minutes"),
+    "current": ("ma", "milliamps", "ua"),
+    "speed": ("rpm", "deg_s", "deg/s", "dps", "rps", "rad_s", "rad/s"),
+    "angle_rad": ("deg", "degrees", "turns"),
+}
 _SAME = 1.05  # a scale that agrees with the name
 _COUNTERS = (2.0**16, 2.0**32)
 _STEPS = (1.0, 0.1, 0.01, 1e-3, 1e-4)  # of a counter that was written in another unit
@@ -62,10 +62,12 @@ def _unit_in_name(header: str, name: str, source: Source) -> str | None:
     group = "angle_rad" if source.kind == "derivative" else name
     units = _UNITS.get(group) or _UNITS[group.split("_")[0]]
     words = re.split(r"[\s(){}\[\]]+", header.strip().lower().rstrip(")]}"))
-    for unit, in_si in units.items():
+    for unit in units:
         if words[-1] != unit and not words[-1].endswith(f"_{unit}"):
             continue
-        size = in_si / (_RPM if name == "speed_rpm" else 1.0)
+        known = unit_of(unit.replace("_", "/"))
+        assert known is not None
+        size = known.factor / (RAD_S_PER_RPM if name == "speed_rpm" else 1.0)
         if max(size, 1.0 / size) < _SAME:
             return None
         line = source.line(name, scale=float(f"{size:.6g}"))

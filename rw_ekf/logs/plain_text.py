@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from typing import NamedTuple
 
 from rw_ekf.logs.text_layout import TextLayout, lines_of
@@ -29,10 +28,7 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
         if not line.strip():
             out.append("")
             continue
-        try:
-            cells = layout.cells(line)
-        except csv.Error:
-            cells = []
+        cells = layout.cells(line)
         while len(cells) > layout.width and not cells[-1]:
             cells.pop()
         if not layout.is_data(cells):

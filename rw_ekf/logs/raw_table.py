@@ -11,7 +11,6 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
-from rw_ekf.logs.text_layout import TextLayout
 from rw_ekf.logs.time_text import past_midnight, seconds_of
 
 MAX_NAMES_SHOWN = 30
@@ -30,7 +29,6 @@ class RawTable:
     warnings: list[str] = field(default_factory=list)
     torn: bool = False  # rows are missing behind the last one
     preamble: tuple[str, ...] = ()  # lines of a text above the names
-    layout: TextLayout | None = None  # of a text that is laid out otherwise than this program's own
 
     def index_of(self, name: str) -> int | None:
         """Position of the column called `name`; None if there is none. Raises LogError if the name is repeated."""
@@ -72,7 +70,7 @@ class RawTable:
                     f"date or a time of day, such as {next(text for text in texts if text)!r}: name another column"
                 )
             return seconds
-        elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
+        elif not _is_number(kind):
             raise LogError(
                 f"{self.path}: column '{self.names[index]}' holds {kind}, not numbers: convert it to a number "
                 "in the unit that its name says"
@@ -88,10 +86,15 @@ class RawTable:
         """Whether the column at `index` holds words."""
         column = self.columns[index]
         if isinstance(column, np.ndarray):
-            return column.dtype.kind in "USO"
+            return False
         import pyarrow as pa
 
         return bool(pa.types.is_string(column.type) or pa.types.is_large_string(column.type))
+
+    def is_plain_number(self, index: int) -> bool:
+        """Whether the column at `index` holds numbers as such: no date, time of day or words."""
+        column = self.columns[index]
+        return isinstance(column, np.ndarray) or _is_number(column.type)
 
     def begin_segment(self, number: int) -> None:
         """Set the segments apart from those of other tables, where there are any: rows are missing before the first."""
@@ -136,6 +139,12 @@ def stacked(tables: list[RawTable], name: str) -> RawTable:
     columns = [_stacked_column([table.columns[index] for table in tables]) for index in range(len(first.names))]
     warnings = [text for table in tables for text in table.warnings]
     return RawTable(name, first.names, columns, int(begins[-1]), place, warnings)
+
+
+def _is_number(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind))
 
 
 def _float64_of(chunk: Any) -> Float64Array:

@@ -6,7 +6,6 @@ one by which most lines fall into the same number of cells that are numbers.
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import itertools
 import re
@@ -14,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.column_units import unit_of, with_unit
 
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _DELIMITERS = ("\t", ";", ",", "|", BLANKS)
@@ -32,26 +31,10 @@ _STAMP = re.compile(
     r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|\d{1,2}[- ]?[A-Za-z]{3}[- ]?\d{2,4})?[T ]?"
     r"(\d{1,3}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}:?\d{2}| ?UTC)?"
 )
-_WORDS = frozenset(
-    [
-        "true",
-        "false",
-        "on",
-        "off",
-        "ok",
-        "cw",
-        "ccw",
-        "fwd",
-        "rev",
-        "forward",
-        "reverse",
-        "n/a",
-        "null",
-        "none",
-        "na",
-        "-",
-    ]
-)
+_WORDS = frozenset({
+    "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
+    "-",
+})  # fmt: skip
 _LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
 _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
 
@@ -63,30 +46,40 @@ class TextLayout:
     encoding: str = "utf-8-sig"
     delimiter: str = ","
     decimal: str = "."
-    thousands: str = ""
-    names: tuple[
-        str, ...
-    ] = ()  # of the columns, with their units where a row below has these; empty where none has them
+    thousands: bool = False  # a mark between thousands was seen
+    names: tuple[str, ...] = ()  # with their units, where a row below has these; empty where no row has names
     first_line: int = 1  # physical line (from 1) where the data begin
     width: int = 0  # cells of a row of data
     preamble: tuple[str, ...] = ()  # lines before the names
 
+    @property
+    def grouping(self) -> tuple[str, re.Pattern[str]]:
+        """The mark that would stand between thousands, and a number that may have it."""
+        return (".", _COMMA_NUMBER) if self.decimal == "," else (",", _GROUPED)
+
     def cells(self, line: str) -> list[str]:
-        """The cells of a line, without the blanks around them. Raises csv.Error."""
+        """The cells of a line, without the blanks around them; none of what cannot be cut."""
         return split_cells(line, self.delimiter)
+
+    def filled(self, line: str) -> list[str]:
+        """The same up to the last that is not empty."""
+        return without_trailing(self.cells(line))
 
     def is_data(self, cells: Iterable[str]) -> bool:
         """Whether most of what stands in a line is numbers or stamps."""
         filled = [cell for cell in cells if cell]
-        numbers = sum(is_number(cell, self.decimal) or is_stamp(cell) for cell in filled)
-        return bool(filled) and numbers > 0 and numbers >= _MOSTLY * len(filled)
+        values = sum(map(self.is_value, filled))
+        return values > 0 and values >= _MOSTLY * len(filled)
+
+    def is_value(self, cell: str) -> bool:
+        """Whether a cell is a number or a stamp."""
+        return is_number(cell, self.decimal) or is_stamp(cell)
 
     def number(self, cell: str) -> str:
         """A cell's number as the readers of plain text take it; what is none stays as it is."""
-        if "." in cell and "," in cell and (_GROUPED if self.decimal == "." else _COMMA_NUMBER).fullmatch(cell):
-            cell = cell.replace("," if self.decimal == "." else ".", "")
-        elif self.thousands and (_GROUPED if self.decimal == "." else _COMMA_NUMBER).fullmatch(cell):
-            cell = cell.replace(self.thousands, "")
+        mark, grouped = self.grouping
+        if (self.thousands or ("." in cell and "," in cell)) and grouped.fullmatch(cell):
+            cell = cell.replace(mark, "")
         if self.decimal == "," and "," in cell and _COMMA_NUMBER.fullmatch(cell):
             cell = cell.replace(",", ".")
         elif cell[:2].lower() == "0x" or cell[1:3].lower() == "0x":
@@ -111,14 +104,24 @@ def is_stamp(cell: str) -> bool:
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """Cut a line at its delimiters. Raises csv.Error."""
+    """Cut a line at its delimiters; no cells of what cannot be cut."""
     if delimiter == BLANKS:
         if '"' not in line:
             return line.split()
         line = re.sub(r"[ \t]+", " ", line.strip())
     if '"' not in line:
         return [cell.strip() for cell in line.split(delimiter)]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    except csv.Error:
+        return []
+
+
+def without_trailing(cells: list[str]) -> list[str]:
+    """Cells up to the last that is not empty."""
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
 
 
 def encoding_of(head: bytes) -> str:
@@ -178,7 +181,7 @@ def layout_of(
         return None
     best = max(score for score, _, _ in found)
     _, layout, begins = next(item for item in found if item[0] == best)
-    layout = replace(layout, thousands=_thousands(lines[begins:_LOOKED_AT], layout))
+    layout = replace(layout, thousands=_has_thousands(lines[begins:_LOOKED_AT], layout))
     return _with_names(lines[:begins], lines[begins:_LOOKED_AT], layout, skip_rows)
 
 
@@ -187,18 +190,12 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, in
     widths: list[int] = []
     numbers = 0
     for index, line in enumerate(lines[:_LOOKED_AT]):
-        try:
-            cells = layout.cells(line) if index >= skip_rows and line.strip() else []
-        except csv.Error:
-            cells = []
-        while cells and not cells[-1]:
-            cells.pop()
+        cells = layout.filled(line) if index >= skip_rows else []
         if not layout.is_data(cells):
             widths.append(0)
             continue
         widths.append(len(cells))
-        numbers += sum(bool(cell) and (is_number(cell, layout.decimal) or is_stamp(cell)) for cell in cells)
-        numbers -= 2 * sum(bool(cell) and not (is_number(cell, layout.decimal) or is_stamp(cell)) for cell in cells)
+        numbers += sum(1 if layout.is_value(cell) else -2 for cell in cells if cell)
     counted = Counter(width for width in widths if width > 1)
     if not counted:
         return 0, 0, 0.0
@@ -214,18 +211,10 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, in
     return begins, width, numbers * lines_of_it / max(sum(value > 0 for value in widths), 1)
 
 
-def _thousands(rows: list[str], layout: TextLayout) -> str:
-    """The mark between thousands, where the numbers have one."""
-    mark = "." if layout.decimal == "," else ","
-    pattern = _COMMA_NUMBER if mark == "." else _GROUPED
-    for line in rows:
-        try:
-            cells = layout.cells(line)
-        except csv.Error:
-            continue
-        if any(mark in cell and pattern.fullmatch(cell) for cell in cells):
-            return mark
-    return ""
+def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
+    """Whether the numbers have a mark between thousands."""
+    mark, grouped = layout.grouping
+    return any(mark in cell and grouped.fullmatch(cell) for line in rows for cell in layout.cells(line))
 
 
 def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
@@ -249,22 +238,14 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
         names, units = ("", *names), ("", *units) if units else ()
     names, units = _fitted(names, layout.width), _fitted(units, layout.width)
     if units:
-        names = tuple(
-            f"{name} [{unit.strip('[](){} ')}]" if unit else name for name, unit in zip(names, units, strict=True)
-        )
+        names = tuple(map(with_unit, names, units))
     return replace(layout, names=names, preamble=preamble)
 
 
 def _widest(rows: list[str], layout: TextLayout) -> int:
     """Cells of the longest row: one whose last column is nearly always empty has more than is usual."""
-    widest = 0
-    for line in rows:
-        with contextlib.suppress(csv.Error):
-            cells = layout.cells(line)
-            while cells and not cells[-1]:
-                cells.pop()
-            widest = max(widest, len(cells) if layout.is_data(cells) else 0)
-    return widest
+    rows_of_data = (cells for line in rows if layout.is_data(cells := layout.filled(line)))
+    return max(map(len, rows_of_data), default=0)
 
 
 def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
@@ -277,15 +258,11 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
     bare = _LABEL.sub("", bare)
     best: list[str] = []
     for mark in dict.fromkeys((layout.delimiter, "\t", ";", ",", "|", BLANKS)):
-        try:
-            cells = split_cells(bare, mark)
-        except csv.Error:
-            continue
+        cells = split_cells(bare, mark)
         if mark == BLANKS:
             wide = [cell for cell in re.split(r"\s{2,}|\t", bare.strip()) if cell]
             cells = wide if abs(len(wide) - layout.width) < abs(len(cells) - layout.width) else cells
-        while cells and not cells[-1]:
-            cells.pop()
+        cells = without_trailing(cells)
         if len(cells) in (layout.width, layout.width - 1) or (
             mark == layout.delimiter and len(cells) > layout.width > 1
         ):
@@ -297,9 +274,7 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
 
 def _are_names(cells: list[str], layout: TextLayout) -> bool:
     filled = [cell for cell in cells if cell]
-    return bool(filled) and sum(is_number(cell, layout.decimal) or is_stamp(cell) for cell in filled) < _MOSTLY * len(
-        filled
-    )
+    return bool(filled) and sum(map(layout.is_value, filled)) < _MOSTLY * len(filled)
 
 
 def _are_units(cells: list[str]) -> bool:
@@ -321,6 +296,6 @@ def _shift(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> bool:
     try:
         first = [layout.cells(line)[0] for line in rows[:20] if line.strip()]
         numbers = [int(cell) for cell in first]
-    except (ValueError, IndexError, csv.Error):
+    except (ValueError, IndexError):
         return False
     return all(b - a == 1 for a, b in itertools.pairwise(numbers))

@@ -11,6 +11,7 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
@@ -99,7 +100,7 @@ def _names(above: list[tuple[int, list[Any]]], width: int, columns: ColumnMap) -
     last = texts[-1]
     upper = texts[0] if len(texts) == 2 else [""] * width
     if _are_units(upper, last):
-        return [f"{name} [{unit.strip('[]()')}]" if unit else name for name, unit in zip(upper, last, strict=True)]
+        return list(map(with_unit, upper, last))
     return last
 
 

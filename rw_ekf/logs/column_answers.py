@@ -1,0 +1,74 @@
+"""What was answered on the command line: `--set current=3`, `--set current.unit=mA`."""
+
+from __future__ import annotations
+
+from rw_ekf.errors import LogError
+from rw_ekf.logs.column_records import Guess
+from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+
+_SHORT = {
+    "time": "time_s",
+    "speed": "speed_rad_s",
+    "current": "current_A",
+    "angle": "angle_rad",
+    "temperature": "temperature_degC",
+}
+
+
+class Answers:
+    """What was given with `--set`: `current=3`, `current.unit=mA`, `speed.scale=-1`."""
+
+    def __init__(self, given: dict[str, str], table: RawTable) -> None:
+        self._table = table
+        self.columns: dict[str, int | None] = {}
+        self.more: dict[str, dict[str, object]] = {}
+        for key, value in given.items():
+            name, _, part = key.partition(".")
+            name = _SHORT.get(name, name)
+            if name not in READABLE_COLUMNS:
+                raise LogError(f"--set {key}={value}: {name} is none of a log's columns: {', '.join(READABLE_COLUMNS)}")
+            if part:
+                self.more.setdefault(name, {})[part] = _value(value)
+            else:
+                column, _, unit = value.partition(":")
+                self.columns[name] = None if column == "none" else self._number(column, key)
+                if unit:
+                    self.more.setdefault(name, {})["unit"] = unit
+
+    def _number(self, text: str, key: str) -> int:
+        if text in self._table.names:
+            return self._table.names.index(text)
+        if text.isdigit() and int(text) < len(self._table.names):
+            return int(text)
+        raise LogError(
+            f"--set {key}={text}: {self._table.path} has no such column; by name: {self._table.described_columns()}; "
+            f"by number: 0 to {len(self._table.names) - 1}"
+        )
+
+    def of(self, *names: str) -> tuple[str, int | None] | None:
+        """Which column was given for one of these."""
+        return next(((name, self.columns[name]) for name in names if name in self.columns), None)
+
+    def unit(self, *names: str) -> str:
+        """Which unit was given for one of these."""
+        return next((str(self.more[name]["unit"]) for name in names if "unit" in self.more.get(name, {})), "")
+
+    def with_more(self, name: str, entry: dict[str, object]) -> dict[str, object]:
+        """An entry with what else was given for it."""
+        return {**entry, **self.more.get(name, {})}
+
+    def add_unasked(self, guess: Guess) -> None:
+        """Give what was set for columns that nothing asked for."""
+        known = {line.name for line in guess.lines}
+        for name, column in self.columns.items():
+            if name not in known and column is not None and name != "speed_rpm":
+                key = self._table.names[column] or column
+                guess.take(name, self.with_more(name, {"column": key}), "as it was set")
+
+
+def _value(text: str) -> object:
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -1,0 +1,153 @@
+"""What a guess is made of: columns as they stand in a table, and what is found of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.errors import LogError
+from rw_ekf.logs.column_names import Role, Said, role_of, said_by
+from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+
+LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a map: what a column of the log comes from, and why."""
+
+    name: str
+    entry: dict[str, object]  # as it stands in a map
+    why: str
+
+
+@dataclass(frozen=True)
+class Question:
+    """What the file does not say; `answers` are the lines of which one is right."""
+
+    name: str
+    text: str
+    answers: tuple[Line, ...] = ()
+
+
+@dataclass
+class Guess:
+    """A map as far as it can be guessed."""
+
+    lines: list[Line] = field(default_factory=list)
+    options: dict[str, object] = field(default_factory=dict)  # further keys of the map
+    questions: list[Question] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether nothing that a log needs is left open."""
+        return not self.questions
+
+    def take(self, name: str, entry: dict[str, object], why: str) -> None:
+        """Add a line."""
+        self.lines.append(Line(name, entry, why))
+
+    def ask(self, name: str, text: str, *answers: Line) -> None:
+        """Add a question."""
+        self.questions.append(Question(name, text, answers))
+
+    def mapping(self) -> dict[str, object]:
+        """The map, as a YAML document has it."""
+        return {**self.options, **{line.name: line.entry for line in self.lines}}
+
+
+@dataclass(eq=False)
+class Column:
+    """One column of a table, with what its name says and its numbers."""
+
+    number: int
+    name: str
+    said: Said
+    role: Role
+    values: Float64Array  # (n,) NaN where there is no number
+    key: str | int = ""  # how a map names it
+
+    @property
+    def shown(self) -> str:
+        """How a message names it."""
+        return f"column '{self.name}'" if self.name else f"column {self.number}"
+
+    @property
+    def unit(self) -> str:
+        """The unit that its name says, as a map has it; empty where it says none."""
+        return self.said.unit_text
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has numbers enough, and they are not all the same."""
+        known = self.values[np.isfinite(self.values)]
+        return known.size > LEAST_SHARE * self.values.size and float(np.ptp(known)) > 0.0
+
+    @property
+    def rank(self) -> tuple[int, ...]:
+        """How well it fits what its role is, beside others of that role."""
+        said = self.said
+        phase = said.any_of("phase") and not said.any_of("phase_current", "phasecurrent")
+        electrical = said.any_of("electrical", "elec", "erpm") or phase
+        second = said.has("derived", "linear") or said.any_of("load", "output", "gear", "left", "right")
+        whole = said.unit is not None and not said.unit.per
+        return (
+            int(self.name in READABLE_COLUMNS), int(not second), int(not electrical),
+            int(said.any_of("iq", "q", "i_q")), int(not said.has("supply")), int(said.has("machine")),
+            int(said.has("raw")), int(whole),
+        )  # fmt: skip
+
+    @property
+    def top(self) -> float:
+        """Largest size of its numbers."""
+        return float(np.nanmax(np.abs(self.values)))
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all its numbers are whole."""
+        known = self.values[np.isfinite(self.values)]
+        return bool(np.all(known == np.round(known)))
+
+    def entry(self, unit: str = "", **more: object) -> dict[str, object]:
+        """Its entry in a map."""
+        return {
+            "column": self.key,
+            **({"unit": unit} if unit else {}),
+            **{k: v for k, v in more.items() if v is not None},
+        }
+
+
+def columns_of(table: RawTable) -> list[Column]:
+    """The columns that hold numbers, each with its role; a stamp's numbers are seconds."""
+    found = []
+    repeated = {name for name in table.names if table.names.count(name) > 1}
+    for number, name in enumerate(table.names):
+        said = said_by(name)
+        try:
+            values = table.floats(number, stamps=True)
+        except LogError:
+            values = np.full(table.rows, np.nan)
+        key: str | int = name if name and name not in repeated else number
+        found.append(Column(number, name, said, role_of(said) if name else "other", values, key))
+    return found
+
+
+def best_of(candidates: Sequence[Column]) -> list[Column]:
+    """Those that fit best: one, or several that fit as well."""
+    top = max((column.rank for column in candidates), default=())
+    return [column for column in candidates if column.rank == top]
+
+
+def chosen(candidates: Sequence[Column], what: str, name: str, guess: Guess) -> Column | None:
+    """The one that fits best; a question where two fit as well. None where there is none, or it is asked."""
+    best = best_of(candidates)
+    if len(best) > 1:
+        shown = ", ".join(column.shown for column in best[:4])
+        answers = (Line(name, column.entry(column.unit), "") for column in best)
+        guess.ask(name, f"{shown}: which of them is the {what}?", *answers)
+    return best[0] if len(best) == 1 else None

@@ -1,0 +1,199 @@
+"""Which column is the speed, in which unit, or of which angle it is the rate."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_records import Column, Guess, Line, chosen
+from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.raw_table import RawTable
+
+_TURNING = 20.0  # largest speed called n that is in 1/min; no wheel turns at less than that and no more
+_TURNS = (2.0 * math.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 25)), 4000.0, 3600.0)
+_FULL = 0.97  # of a turn, which an angle that begins anew covers
+_SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
+
+
+def find_speed(
+    table: RawTable, columns: list[Column], time_s: Float64Array | None, told: Answers, guess: Guess
+) -> Column | None:
+    """Choose the speed, or the angle of which it is the rate."""
+    given = told.of("speed_rad_s", "speed_rpm")
+    speeds = [c for c in columns if c.role == "speed" and c.moves]
+    angles = [c for c in columns if c.role == "angle" and c.moves]
+    if given is not None and given[1] is not None:
+        speeds = [c for c in columns if c.number == given[1]]
+    if not speeds and angles:
+        return _rate_of_angle(table, angles, told, guess)
+    asked = len(guess.questions)
+    column = chosen(speeds, "speed of the wheel", "speed_rad_s", guess)
+    if column is None:
+        if len(guess.questions) == asked:
+            guess.ask("speed_rad_s", "no column is known to be the speed: --set speed=COLUMN.")
+        return None
+    told_unit = told.unit("speed_rad_s", "speed_rpm")
+    if column.said.any_of("electrical", "elec") and not told_unit:
+        text = f"{column.shown} is electrical: has it been divided by the pole pairs, and by how many if not?"
+        as_it_is = _speed_line(column, column.unit or "rpm", "", None, told)
+        guess.ask("speed_rad_s", text, as_it_is, Line("speed_rad_s", column.entry("erpm", pole_pairs=7), ""))
+        return column
+    told_unit = told_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
+    unit, why = _speed_unit(column, angles, time_s, told_unit)
+    sign = _direction(columns, column)
+    if unit is None:
+        text = f"{column.shown} has no unit, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
+        guess.ask(
+            "speed_rad_s", text, *(_speed_line(column, unit, "", sign, told) for unit in ("rpm", "rad/s", "deg/s"))
+        )
+        return column
+    known, more = unit_of(unit), {}
+    if known is not None and known.per and known.per not in told.more.get("speed_rad_s", {}):
+        per = _per_turn(table, column) if known.per == "counts_per_turn" else None
+        if per is None:
+            text = f"{column.shown} is in {unit}: how many {known.per.replace('_', ' ')}? --set speed.{known.per}=N."
+            guess.ask("speed_rad_s", text, _speed_line(column, unit, "", sign, told))
+            return column
+        more = {known.per: per}
+    if known is not None and known.quantity == "linear_speed":
+        guess.notes.append(f"{column.shown} is in {unit}: metres stand where radians would, and nothing here turns")
+    guess.lines.append(_speed_line(column, unit, why, sign, told, **more))
+    return column
+
+
+def _speed_line(column: Column, unit: str, why: str, sign: Column | None, told: Answers, **more: object) -> Line:
+    """The line of a speed: under the name that says rpm where that is its unit, unless the unit was answered."""
+    if sign is not None:
+        more["sign_of"] = sign.key
+        why = f"{why}; without a sign, which {sign.shown} has"
+    if unit_of(unit) == unit_of("rpm") and "unit" not in told.more.get("speed_rad_s", {}):
+        entry = told.with_more("speed_rad_s", told.with_more("speed_rpm", column.entry("", **more)))
+        return Line("speed_rpm", entry, why)
+    return Line("speed_rad_s", told.with_more("speed_rad_s", column.entry(unit, **more)), why)
+
+
+def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | None, told: str) -> tuple[str | None, str]:
+    """The speed's unit, and what says so; None where nothing does."""
+    said = column.said
+    if told:
+        return told, "as it was set"
+    if column.name in {"speed_rad_s", "speed_rpm"}:
+        return ("rpm" if column.name == "speed_rpm" else "rad/s"), "its name is the log's own"
+    if column.unit:
+        return column.unit, f"its name says {column.unit}"
+    for word in ("erpm", "krpm", "rpm", "dps"):
+        if said.any_of(word, f"rpm{word}"):
+            return word, f"its name says {word}"
+    for angle in angles:
+        found = _by_angle(column, angle, time_s)
+        if found is not None:
+            return found, f"{angle.shown} turns as fast as that"
+    if (
+        said.any_of("n", "nm", "drehzahl", "motordrehzahl", "istdrehzahl", "raddrehzahl", "giri", "tours", "regime")
+        and column.top > _TURNING
+    ):
+        return "1/min", "what is called so is counted per minute"
+    if said.any_of(
+        "omega", "w", "thetadot", "dtheta", "qdot", "qd", "dq", "phidot", "omg", "winkelgeschwindigkeit"
+    ) and (not column.is_whole and column.top < 300.0):
+        return "rad/s", "what is called so is in rad/s"
+    return None, ""
+
+
+def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str | None:
+    """The unit in which a speed is the rate of an angle of a known unit."""
+    of_angle = angle.said.unit
+    if time_s is None or of_angle is None or of_angle.per:
+        return None
+    turn = 2.0 * math.pi / of_angle.factor
+    change = np.diff(angle.values)
+    if float(np.ptp(angle.values[np.isfinite(angle.values)])) <= turn * (1.0 + 1e-9):
+        change -= turn * np.round(change / turn)
+    mean = 0.5 * (column.values[1:] + column.values[:-1]) * np.diff(time_s)
+    sure = np.isfinite(mean) & np.isfinite(change) & (np.abs(mean) > 0.3 * np.nanmax(np.abs(mean)))
+    if int(sure.sum()) < 20:
+        return None
+    ratio = float(np.median(change[sure] / mean[sure])) * of_angle.factor
+    for unit in ("rpm", "rad/s", "deg/s", "rev/s"):
+        known = unit_of(unit)
+        if known is not None and abs(ratio / known.factor - 1.0) < _SAME:
+            return unit
+    return None
+
+
+def _rate_of_angle(table: RawTable, angles: list[Column], told: Answers, guess: Guess) -> Column | None:
+    """The speed as the rate of an angle."""
+    column = chosen(angles, "angle of the wheel", "speed_rad_s", guess)
+    if column is None:
+        return None
+    turn = _turn_of(column)
+    unit = column.unit or told.unit("angle_rad", "speed_rad_s")
+    known = unit_of(unit)
+    more = told.more.get("speed_rad_s", {})
+    entry: dict[str, object] = {"derivative_of": column.key}
+    if known is not None and known.per:
+        per = _per_turn(table, column) or more.get(known.per) or turn
+        entry |= {"unit": unit, known.per: per or 4096}
+        if per is None:
+            text = f"{column.shown} is in {unit}: how many to a turn? --set speed.counts_per_turn=N."
+            guess.ask("speed_rad_s", text, Line("speed_rad_s", entry, ""))
+            return column
+    elif known is not None:
+        entry["unit"] = unit
+    elif turn is not None:
+        entry["scale"] = 1.0 if abs(turn - 2.0 * math.pi) < 1e-6 else float(f"{2.0 * math.pi / turn:.12g}")
+    else:
+        text = f"{column.shown} is an angle without a unit: rad, deg, turns or counts?"
+        answers = (Line("speed_rad_s", entry | {"unit": unit}, "") for unit in ("rad", "deg", "turns"))
+        guess.ask("speed_rad_s", text, *answers)
+        return column
+    why = f"there is no speed: it is the rate of {column.shown}"
+    if turn is not None:
+        entry["wrap"] = turn
+        why += f", which begins anew after {turn:.6g}"
+    guess.take("speed_rad_s", entry | {key: value for key, value in more.items() if key != "unit"}, why)
+    return column
+
+
+def _turn_of(column: Column) -> float | None:
+    """After how much an angle begins anew; None where it does not."""
+    values = column.values[np.isfinite(column.values)]
+    spread, change = float(np.ptp(values)), np.diff(values)
+    unit = column.said.unit
+    turns = _TURNS if unit is None or unit.per else (2.0 * math.pi / unit.factor,)
+    for turn in turns:
+        jumps = np.abs(change) > 0.5 * turn
+        if _FULL * turn <= spread <= turn * (1.0 + 1.0e-9) and jumps.any():
+            return turn
+    return None
+
+
+_PER_TURN = tuple(
+    re.compile(pattern, re.IGNORECASE)
+    for pattern in (
+        r"(\d{2,8})\s*(?:counts?|cpr|ppr|ticks?|inc\w*|pulses|lines|steps)?\s*(?:/|per\s|pro\s)\s*(?:turn|rev|u\b|umdr)",
+        r"(?:cpr|ppr|(?:counts?|ticks|inc\w*|steps|pulses)[ _-]*(?:per|pro|/)[ _-]*(?:turn|rev\w*|umdr\w*))"
+        r"\D{0,4}(\d{2,8})",
+        r"(\d{2,8})\s*(?:cpr|ppr)\b",
+    )
+)
+
+
+def _per_turn(table: RawTable, column: Column) -> float | None:
+    """How many counts a turn has, where a name or a line above the names says so."""
+    for text in (column.name, *table.preamble, *table.names):
+        match = next((found for pattern in _PER_TURN if (found := pattern.search(text))), None)
+        if match is not None:
+            return float(match[1])
+    return None
+
+
+def _direction(columns: list[Column], speed: Column) -> Column | None:
+    """The column that has the sign of a speed that has none."""
+    if float(np.nanmin(speed.values)) < 0.0:
+        return None
+    return next((c for c in columns if c.role == "direction" and c.number != speed.number), None)
