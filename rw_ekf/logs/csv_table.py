@@ -93,7 +93,7 @@ def _other_layout(text: LogText, layout: CsvLayout, must_be_numeric: Callable[[i
 
 def _is_own(head: bytes, layout: CsvLayout) -> bool:
     """Whether a text begins with names of a log's own, between commas."""
-    first = next((line for line in head.lstrip(b"\xef\xbb\xbf").splitlines() if line.strip()), b"")
+    first = re.split(rb"[\r\n]", head.lstrip(b"\xef\xbb\xbf \t\r\n"), maxsplit=1)[0]
     names = {name.strip().strip('"') for name in first.decode("utf-8", "replace").split(",")}
     own = "time_s" in names and bool({"speed_rad_s", "speed_rpm"} & names)
     return own and layout.delimiter in (None, ",") and layout == CsvLayout(layout.delimiter, header=layout.header)
@@ -122,7 +122,8 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
     text = head.decode("utf-8-sig", "replace")
     if "\0" in text[:4096]:
         return encoding_of(head) == "utf-8-sig"
-    lines = [line for line in lines_of(text)[layout.skip_rows : layout.skip_rows + _LOOKED_AT_ROWS] if line.strip()]
+    begun = lines_of(text, layout.skip_rows + _LOOKED_AT_ROWS)[layout.skip_rows :]
+    lines = [line for line in begun if line.strip()]
     if not lines:
         return True
     try:
@@ -144,11 +145,10 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
 def _read_plain(
     text: LogText, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool], name_shown: str
 ) -> RawTable:
-    names, has_header, first_line = _header(text, layout, name_shown)
-    numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]
-    file = CsvFile(text, layout, names, has_header, first_line, tuple(numeric))
-    stamps = _stamps(file)
-    file = replace(file, numeric=tuple(must and not stamp for must, stamp in zip(numeric, stamps, strict=True)))
+    names, has_header, first_line, first_row = _header(text, layout, name_shown)
+    stamps = _stamps(first_row, layout, len(names))
+    numeric = tuple(must_be_numeric(i, name) and not stamps[i] for i, name in enumerate(names))
+    file = CsvFile(text, layout, names, has_header, first_line, numeric)
     table = _fast(file)
     if table is None:
         read = csv_slow.read_slowly(file, name_shown)
@@ -189,24 +189,21 @@ def _fast(file: CsvFile) -> pa.Table | None:
     return None if any(pa.types.is_binary(field.type) for field in table.schema) else table
 
 
-def _stamps(file: CsvFile) -> list[bool]:
+def _stamps(first_row: str, layout: CsvLayout, columns: int) -> list[bool]:
     """Of each column, whether its first cell is a date or a time of day."""
-    with file.text.open() as stream:
-        lines = lines_of(stream.read(HEAD_BYTES).decode("utf-8", "replace"))[file.first_line - 1 :]
-    first = [line for line in lines[:_LOOKED_AT_ROWS] if line.strip()][:1]
     try:
-        cells = next(csv.reader(first, delimiter=file.layout.separator), [])
+        cells = next(csv.reader([first_row], delimiter=layout.separator), [])
     except csv.Error:  # the slow pass will say where
         cells = []
-    return [is_stamp(cell.strip()) for cell in cells[: len(file.names)]] + [False] * (len(file.names) - len(cells))
+    return [is_stamp(cell.strip()) for cell in cells[:columns]] + [False] * (columns - len(cells))
 
 
-def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], bool, int]:
-    """Column names, whether they come from a header row, and the physical line (from 1) where the data start."""
+def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, ...], bool, int, str]:
+    """Names, whether a header row has them, the physical line (from 1) where the data start, and the first of them."""
     with source.open() as stream:
         head = stream.read(HEAD_BYTES)
     text = _decoded(head, name)
-    lines = re.split(r"\r\n|\n|\r", text)  # as the readers of the rest do; splitlines() knows more line ends
+    lines = lines_of(text)  # as the readers of the rest do; splitlines() knows more line ends
     number = layout.skip_rows
     while number < len(lines) and not lines[number].strip():
         number += 1
@@ -220,9 +217,9 @@ def _header(source: LogText, layout: CsvLayout, name: str) -> tuple[tuple[str, .
     has_header = layout.header
     if has_header is None:
         has_header = not all(number_or_none(cell) is not None for cell in cells)
-    if not has_header:
-        return tuple("" for _ in cells), False, number + 1
-    return tuple(cell.strip() for cell in cells), True, number + 2
+    first_line = number + (2 if has_header else 1)
+    first_row = next((line for line in lines[first_line - 1 :] if line.strip()), "")
+    return tuple(cell.strip() if has_header else "" for cell in cells), has_header, first_line, first_row
 
 
 def _decoded(head: bytes, name: str) -> str:

@@ -148,9 +148,9 @@ def encoding_of(head: bytes) -> str:
     return "utf-8-sig"
 
 
-def lines_of(text: str) -> list[str]:
-    """Physical lines, without their ends."""
-    return _LINE_END.split(text)
+def lines_of(text: str, most: int | None = None) -> list[str]:
+    """Physical lines, without their ends; the first `most` of them."""
+    return _LINE_END.split(text) if most is None else _LINE_END.split(text, most)[:most]
 
 
 def layout_of(
