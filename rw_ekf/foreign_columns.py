@@ -14,7 +14,7 @@ from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.column_records import Guess, Line
 from rw_ekf.logs.guessed_map import map_of_guess
-from rw_ekf.logs.map_text import map_text
+from rw_ekf.logs.map_text import comment, map_text
 from rw_ekf.logs.reader import log_of_table, read_table
 from rw_ekf.shown import Shown
 
@@ -66,7 +66,7 @@ class GuessedColumns(Shown):
 
     def text(self) -> str:
         """The map as YAML; what is asked, and what the motion speaks against, are comments."""
-        doubts = "".join(f"# DOUBTED: {doubt}\n" for doubt in self.doubts)
+        doubts = "".join(f"{comment(f'DOUBTED: {doubt}')}\n" for doubt in self.doubts)
         return map_text(self.guess, self.log) + doubts
 
     def save(self, path: str | Path) -> None:

@@ -8,16 +8,21 @@ from rw_ekf.logs.column_records import Guess, Line
 
 def map_text(guess: Guess, log: str) -> str:
     """The map as YAML. A question stands where its line would, each answer as a comment to be made a line."""
-    out = [f"# Columns of {log}, as its names, units and numbers say."]
-    out += [f"# {note}" for note in guess.notes]
+    out = [comment(f"Columns of {log}, as its names, units and numbers say.")]
+    out += map(comment, guess.notes)
     out += [f"{key}: {as_written(value)}" for key, value in guess.options.items()]
     for line in guess.lines:
-        out.append(_entry(line) + (f"    # {line.why}" if line.why else ""))
+        out.append(_entry(line) + (f"    {comment(line.why)}" if line.why else ""))
     for question in guess.questions:
         then = " Make one of these a line of this map:" if question.answers else ""
-        out.append(f"# ASKED: {question.text}{then}")
-        out += [f"# {_entry(answer)}" for answer in question.answers]
+        out.append(comment(f"ASKED: {question.text}{then}"))
+        out += [comment(_entry(answer)) for answer in question.answers]
     return "\n".join(out) + "\n"
+
+
+def comment(text: str) -> str:
+    """A text as one comment of YAML, whatever ends of lines a name has: a sheet's header goes over several."""
+    return f"# {' '.join(text.split())}"
 
 
 def said_in_a_line(guess: Guess) -> str:

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 import rw_ekf
 from rw_ekf.cli import main
@@ -282,6 +284,17 @@ def test_a_coast_down_without_a_current_is_one(tmp_path: Path) -> None:
     speed = 3000.0 * np.exp(-0.01 * np.arange(300) * 0.1)
     path.write_text("t [s],n [rpm]\n" + "".join(f"{0.1 * i!r},{n!r}\n" for i, n in enumerate(speed.tolist())))
     assert not rw_ekf.read(path).current_A.any()
+
+
+def test_a_name_over_several_lines_is_one_line_of_a_map(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """What a sheet's header breaks, and a file's name, become no further lines of the YAML that is read back."""
+    rate = np.tile([0.0, 1.0, 2.0], len(run))[: len(run)]
+    table = {"t\n[s]": run.time_s, "speed\n[mm/s]": run.speed_rad_s * MA, "duty\ncycle": rate}
+    path, out = tmp_path / "lab\n: [.parquet", tmp_path / "map.yaml"
+    parquet.write_table(pa.table({name: pa.array(values) for name, values in table.items()}), path)
+    found = rw_ekf.guess_columns(path)
+    found.save(out)
+    assert rw_ekf.read(path, out).speed_rad_s == pytest.approx(run.speed_rad_s)
 
 
 def test_tables_in_memory_are_read_as_files_are(run: rw_ekf.Log) -> None:
