@@ -1,10 +1,12 @@
-# Two commands do everything: `make demo` and `make test`. Each makes its own .venv and installs what it needs.
+# Two commands do everything: `make demo` and `make test`. Each makes its own .venv and installs what it needs: the demo
+# what the program runs with, the tests the tools of development as well.
 # Another interpreter: make PYTHON=python3.12 test. The demo's wheel again: make demo SEED=7
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
+RUNTIME := $(VENV)/.runtime
 INSTALLED := $(VENV)/.installed
 
 .PHONY: help demo test check lint quick-tests all-tests proof-measured install clean
@@ -17,18 +19,22 @@ help:
 	@echo "make install  .venv with everything; then: source $(BIN)/activate && rw-ekf --help"
 	@echo "make clean    remove .venv and caches"
 
-$(INSTALLED): pyproject.toml
+$(RUNTIME): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "Python 3.11, 3.12 or 3.13 is needed; name one: make PYTHON=/path/to/python3.12 test"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
 		{ echo "$(PYTHON) is not Python 3.11, 3.12 or 3.13"; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	@$(BIN)/python -m compileall -q rw_ekf drivers  # else, where Python may write none, 0.2 s of every start
+	@touch $@
+
+$(INSTALLED): $(RUNTIME)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	@touch $@
 
 install: $(INSTALLED)
 
-demo: $(INSTALLED)
+demo: $(RUNTIME)
 	@$(BIN)/python -m tools.demo $(if $(SEED),--seed $(SEED))
 
 # Lint runs beside the tests, and the tests in a process for each core; those marked xdist_group share one.
