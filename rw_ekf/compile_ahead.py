@@ -12,6 +12,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -23,16 +24,19 @@ EFFECTS = ("rw_ekf.filter.kernel:filter_pass_with_effects",)
 LEAST_SQUARES = ("rw_ekf.course.free_run:run_free",)
 SMOOTHER = ("rw_ekf.filter.smoother:smooth_pass",)
 _ONE_STEP = ("rw_ekf.likelihood.one_step:one_step_pass",)
+_ONE_STEP_WITH_EFFECTS = ("rw_ekf.likelihood.one_step:one_step_pass_with_effects",)
 _AHEAD = ("rw_ekf.course.free_run:run_free_with_effects",)
 _LIKELIHOOD = tuple(f"rw_ekf.likelihood.whitening:{name}" for name in ("whiten", "smooth", "adjoint"))
 FIT = (*FILTER, *LEAST_SQUARES, *SMOOTHER, *_LIKELIHOOD, *_ONE_STEP)  # and the judgement of a residual
-DIAGNOSIS = (*FIT, *EFFECTS, *_AHEAD)
+DIAGNOSIS = (*FIT, *EFFECTS, *_ONE_STEP_WITH_EFFECTS, *_AHEAD)
 
-# Those that have the propagation with effects in common, half of the work, are compiled in one process.
-_TOGETHER = frozenset((*EFFECTS, *_ONE_STEP, *_AHEAD))
-# Seconds of one core of a laptop of about 2020; those together share what the propagation takes.
-_SECONDS = {**dict.fromkeys(DIAGNOSIS, 1.0), FILTER[0]: 6.0, EFFECTS[0]: 8.0, _ONE_STEP[0]: 3.0, SMOOTHER[0]: 2.0}
-_PROPAGATION_S = 6.0
+# What is compiled in one process: those with effects share two thirds of their work, those of a fit all but a second.
+_TOGETHER = (frozenset((*EFFECTS, *_ONE_STEP_WITH_EFFECTS, *_AHEAD)), frozenset(FILTER), frozenset(FIT) - {*FILTER})
+# Processor time of what is compiled first in a process, and of each kernel after it, on the machine whose loop of plain
+# Python took _LOOP_S (tools.measure.startup --first).
+_FIRST_S = (21.0, 9.0, 3.0)
+_NEXT_S = (2.5, 0.0, 1.1)
+_LOOP_S = 0.0095
 
 _POLL_S = 0.2
 _CHILD = """
@@ -58,12 +62,20 @@ def cold(names: Sequence[str]) -> list[str]:
 
 
 def seconds_of(names: Sequence[str]) -> float:
-    """Roughly how long their compilation takes on a desktop machine with the cores that there are [s]."""
-    each = [
-        sum(_SECONDS[name] for name in group) + (_PROPAGATION_S if group[0] in _TOGETHER else 0.0)
-        for group in _groups(names)
-    ]
-    return max(each, default=0.0) if len(os.sched_getaffinity(0)) > 1 else sum(each)
+    """Roughly how long their compilation takes here [s]: what it took once, by the speed of this machine's Python."""
+    each = [_FIRST_S[kind] + _NEXT_S[kind] * (len(group) - 1) for kind, group in _groups(names)]
+    cores = len(os.sched_getaffinity(0))
+    return max([sum(each) / cores, *each]) * _loop_s() / _LOOP_S
+
+
+def _loop_s() -> float:
+    """Seconds that a loop of plain Python takes, the best of three."""
+    taken = []
+    for _ in range(3):
+        begun = time.perf_counter()
+        sum(i * i for i in range(200_000))
+        taken.append(time.perf_counter() - begun)
+    return min(taken)
 
 
 def compile_all(names: Sequence[str]) -> None:
@@ -81,7 +93,7 @@ def compile_in_children(names: Sequence[str], tick: Callable[[int], object]) -> 
     waiting = list(names)
     with contextlib.ExitStack() as stack:
         try:
-            children = [stack.enter_context(_child(group)) for group in _groups(names)]
+            children = [stack.enter_context(_child(group)) for _, group in _groups(names)]
         except OSError:
             return False
         while any(child.poll() is None for child in children):
@@ -93,10 +105,10 @@ def compile_in_children(names: Sequence[str], tick: Callable[[int], object]) -> 
     return not cold(waiting)
 
 
-def _groups(names: Sequence[str]) -> list[list[str]]:
-    """What goes into one process each."""
-    groups = [[name for name in names if (name in _TOGETHER) is together] for together in (True, False)]
-    return [group for group in groups if group]
+def _groups(names: Sequence[str]) -> list[tuple[int, list[str]]]:
+    """What goes into one process each, with its place in _TOGETHER; the longest begins first."""
+    groups = [(kind, [name for name in names if name in kinds]) for kind, kinds in enumerate(_TOGETHER)]
+    return [(kind, group) for kind, group in groups if group]
 
 
 @contextlib.contextmanager

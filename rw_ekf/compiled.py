@@ -23,6 +23,8 @@ from typing import Any
 
 import numba
 from numba.core import caching
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
 from numba.extending import register_jitable
 
@@ -37,6 +39,42 @@ def source_digest(modules: list[ModuleType]) -> str:
     return digest.hexdigest()
 
 
+class _LinkedOnly(JITCodeLibrary):
+    """What a function is compiled to that only kernels call: it is linked into them and optimised there, once.
+
+    numba would optimise each one with all that it calls, and make machine code of it that nobody runs: that was half
+    of the time of a first use.
+    """
+
+    def _optimize_final_module(self) -> None:
+        """Leave that to the kernel."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Null: there is no machine code."""
+        return 0
+
+    @property
+    def codegen(self) -> _LinkedOnly:
+        """What is asked to `set_env` in the machine code."""
+        return self
+
+    def set_env(self, name: str, env: object) -> None:
+        """Nothing to set."""
+
+
+class _CompileToLink(Compiler):
+    """numba's compiler, into a library of that kind."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.state.library = _LinkedOnly(self.state.targetctx.codegen(), "linked only")
+
+
 def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = False, inlined: bool = False) -> None:
     """Let compiled code call these plain Python functions, which stay plain Python otherwise.
 
@@ -46,7 +84,14 @@ def make_jitable(functions: list[Callable[..., Any]], *, allocating: bool = Fals
     words, which takes as long as a step of the flow: worth its room for what every interval, or every column, calls.
     """
     for function in functions:
-        register_jitable(error_model="numpy", nogil=True, forceinline=inlined, _nrt=allocating)(function)
+        register_jitable(
+            error_model="numpy",
+            nogil=True,
+            forceinline=inlined,
+            _nrt=allocating,
+            no_cfunc_wrapper=True,
+            pipeline_class=_CompileToLink,
+        )(function)
 
 
 class Kernel:

@@ -23,12 +23,13 @@ from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.likelihood.levels import Levels
 from rw_ekf.likelihood.torque_noise import TorqueNoisePrior
 from rw_ekf.likelihood.work import Work, pass_units, unlimited
-from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, Stribeck
-from rw_ekf.model.state import COULOMB, SPEED, STATE_SIZE
+from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS, FrictionCurve, Stribeck
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATE_SIZE, STATIC, VISCOUS
 from rw_ekf.wheel.effect_table import ABSENT, NO_EFFECTS, EffectSet, EffectTable
 from rw_ekf.wheel.equations import EQUATIONS
-from rw_ekf.wheel.interval import interval_after
+from rw_ekf.wheel.interval import Interval, Pieces, interval_after
 from rw_ekf.wheel.pieces import effect_interval, row_size
+from rw_ekf.wheel.transition import interval
 
 LEAST_SPREAD = 0.02  # of the speed noise: no trajectory is known better
 _SPREAD = math.sqrt(3.0)
@@ -76,7 +77,7 @@ class Prediction(NamedTuple):
 
 def _one_step_pass(
     x: Float64Array,
-    table: EffectTable,
+    table: EffectTable | None,
     stribeck: Stribeck,
     course: Course,
     follows: BoolArray,
@@ -86,52 +87,69 @@ def _one_step_pass(
     """Predict sample i + 1 from the trajectory at i wherever follows[i + 1]; fill `out`, which holds zeros.
 
     A memory is carried on from the interval before where its trajectory is NaN. Slopes are statistical near zero, over
-    the spreads of the trajectory; `out` has no rows of slopes, or of rows, where they are not wanted.
+    the spreads of the trajectory; `out` has no rows of slopes, or of rows, where they are not wanted. Without effects
+    table is None.
     """
-    n = table.size
+    n = x.size
     _predict_each(
         x, table, stribeck, course, follows, trajectory, out,
         x.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(row_size(n)),
     )  # fmt: skip
 
 
+def _propagate(
+    state: Any, table: EffectTable | None, stribeck: Stribeck, pieces: Pieces, between: Interval, slopes: bool,
+    row: Any, end: Any,
+) -> None:  # fmt: skip
+    """`effect_interval`, or what is left of it without effects."""
+    if table is None:
+        curve = FrictionCurve(state[VISCOUS], state[COULOMB], state[STATIC], stribeck.omega_s, stribeck.law)
+        end[SPEED], row[SPEED], row[MOTOR_GAIN], row[VISCOUS], row[COULOMB], row[STATIC] = interval(
+            state[SPEED], state[MOTOR_GAIN], curve, pieces, between.start, between.stop, slopes
+        )
+    if table is not None:
+        effect_interval(state, table, stribeck, pieces, between, slopes, row, end)
+
+
 def _predict_each(
-    x: Any, table: EffectTable, stribeck: Stribeck, course: Course, follows: Any, trajectory: Trajectory,
+    x: Any, table: EffectTable | None, stribeck: Stribeck, course: Course, follows: Any, trajectory: Trajectory,
     out: Prediction, state: Any, ended: Any, up: Any, down: Any, point: Any, row: Any,
 ) -> None:  # fmt: skip
     """The pass itself; it allocates nothing (see `make_jitable`). state (n,) holds x, what follows it is scratch."""
     pieces, piece_start, first_piece = course.pieces, course.piece_start, course.first_piece
     speed, spread, memory, memory_spread, _ = trajectory
     end, memory_end, slopes, bend, rows = out
-    n = table.size
+    n = x.size
     analytic = rows.shape[0] > 0
     sloped = slopes.shape[0] > 0
-    at = table.memory_state_at
-    differentiable = table.hidden == 0 and table.delay_at < 0 and table.window_at < 0 and table.stribeck_at < 0
     omega_s = stribeck.omega_s
     near_zero_speed = FAST_STRIBECK_SPEEDS * omega_s
-    if table.stribeck_at >= 0:
-        near_zero_speed = max(near_zero_speed, FAST_STRIBECK_SPEEDS * x[table.stribeck_at])
+    at, lag_at, hidden, differentiable = ABSENT, ABSENT, 0, True
+    if table is not None:
+        at, lag_at, hidden = table.memory_state_at, table.lag_state_at, table.hidden
+        differentiable = hidden == 0 and table.delay_at < 0 and table.window_at < 0 and table.stribeck_at < 0
+        if table.stribeck_at >= 0:
+            near_zero_speed = max(near_zero_speed, FAST_STRIBECK_SPEEDS * x[table.stribeck_at])
     for i in range(course.time_s.size - 1):
         begins = i == 0 or course.segment[i] != course.segment[i - 1]
-        if not follows[i + 1] and (table.lag_state_at < 0 or course.segment[i] != course.segment[i + 1]):
+        if not follows[i + 1] and (lag_at < 0 or course.segment[i] != course.segment[i + 1]):
             continue
         state[SPEED] = speed[i]
         if not follows[i]:
-            if table.lag_state_at >= 0 and begins:
-                state[table.lag_state_at] = pieces.current_A[max(piece_start[i] - 1, first_piece[i])]
+            if lag_at >= 0 and begins:
+                state[lag_at] = pieces.current_A[max(piece_start[i] - 1, first_piece[i])]
             if at >= 0:
                 state[at] = math.copysign(x[COULOMB], speed[i]) if abs(speed[i]) > omega_s else 0.0
         if at >= 0 and not math.isnan(memory[i]):
             state[at] = memory[i]
-        interval = interval_after(course, i)
+        between = interval_after(course, i)
         if not follows[i + 1]:  # not looked at, but the lagging current goes on
-            effect_interval(state, table, stribeck, pieces, interval, False, row, ended)
-            state[table.lag_state_at] = ended[table.lag_state_at]
+            _propagate(state, table, stribeck, pieces, between, False, row, ended)
+            state[lag_at] = ended[lag_at]
             continue
         near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
         written = analytic or (differentiable and not near)
-        effect_interval(state, table, stribeck, pieces, interval, written, row, ended)
+        _propagate(state, table, stribeck, pieces, between, written, row, ended)
         end[i + 1] = ended[SPEED]
         if written:
             if sloped:
@@ -146,32 +164,37 @@ def _predict_each(
                 for j in range(n):
                     point[j] = state[j]
                 point[moved] = state[moved] + h
-                effect_interval(point, table, stribeck, pieces, interval, False, row, up)
+                _propagate(point, table, stribeck, pieces, between, False, row, up)
                 point[moved] = state[moved] - h
-                effect_interval(point, table, stribeck, pieces, interval, False, row, down)
+                _propagate(point, table, stribeck, pieces, between, False, row, down)
                 slopes[i + 1, way] = (up[SPEED] - down[SPEED]) / (2.0 * h)
                 if at >= 0:
                     slopes[i + 1, 2 + way] = (up[at] - down[at]) / (2.0 * h)
                 if near and way == 0:
                     bend[i + 1] = (up[SPEED] + down[SPEED] - 2.0 * ended[SPEED]) / math.sqrt(12.0)
-        for j in range(n - table.hidden, n):
+        for j in range(n - hidden, n):
             state[j] = ended[j]
         if at >= 0:
             memory_end[i + 1] = ended[at]
 
 
-make_jitable([_predict_each])
+make_jitable([_propagate, _predict_each])
 
 
-def _example() -> tuple[Any, ...]:
+def _example(*, with_effects: bool) -> tuple[Any, ...]:
     series, whole = np.zeros(0), np.zeros((0, STATE_SIZE))
     return (
-        series, NO_EFFECTS.table(), Stribeck(1.0, 0), Course.of(series, series, series), np.zeros(0, np.bool_),
-        Trajectory(*[series] * 4), Prediction(series, series, whole, series, whole),
+        series, NO_EFFECTS.table() if with_effects else None, Stribeck(1.0, 0), Course.of(series, series, series),
+        np.zeros(0, np.bool_), Trajectory(*[series] * 4), Prediction(series, series, whole, series, whole),
     )  # fmt: skip
 
 
-one_step_pass = compile_cached(_one_step_pass, [*EQUATIONS, _course, sys.modules[__name__]], _example)
+_MODULES = [*EQUATIONS, _course, sys.modules[__name__]]
+one_step_pass = compile_cached(_one_step_pass, _MODULES, lambda: _example(with_effects=False))
+# A kernel of its own, because without effects a fifth of it has to be compiled.
+one_step_pass_with_effects = compile_cached(
+    _one_step_pass, _MODULES, lambda: _example(with_effects=True), name="_one_step_pass_with_effects"
+)
 
 
 @dataclass(eq=False, frozen=True)
@@ -262,8 +285,9 @@ def predict(
     memory_spread = np.where(np.isnan(trajectory.memory_spread), 0.1 * abs(x[COULOMB]), trajectory.memory_spread)
     # A column of a table has another layout, for which numba would compile the pass anew.
     speed, spread, memory = map(np.ascontiguousarray, trajectory[:3])
-    one_step_pass(
-        x, table, stribeck, record.course, record.follows,
-        Trajectory(speed, spread, memory, memory_spread), out,
-    )  # fmt: skip
+    along = Trajectory(speed, spread, memory, memory_spread)
+    if table.size > STATE_SIZE:
+        one_step_pass_with_effects(x, table, stribeck, record.course, record.follows, along, out)
+    else:
+        one_step_pass(x, None, stribeck, record.course, record.follows, along, out)
     return out

@@ -1,10 +1,12 @@
 """Measure how soon a command answers: processor time beside a bare interpreter and beside `import numpy`, as ratios.
 
-    python -m tools.measure.startup [--runs 15]
+    python -m tools.measure.startup [--runs 15] [--first]
 
 Times of a machine say little about another one, or about the same when it is busy: the commands take turns, each figure
 is a median over the turns, and what counts is the ratio to the bare interpreter of the same turn. The tests assert what
 is imported, not how long it takes (tests/commands/test_help_and_imports.py).
+
+--first: what a first use compiles instead, each time into an empty cache, beside what is announced.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from rw_ekf import compile_ahead
 from tools.measure.processor import processor_s
 
 _PROGRAM = (sys.executable, "-m", "rw_ekf")
@@ -30,7 +33,12 @@ def main() -> int:
     """Print a line for every command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=15, help="turns; default 15")
-    runs: int = parser.parse_args().runs
+    parser.add_argument("--first", action="store_true", help="what a first use takes, instead")
+    args = parser.parse_args()
+    runs: int = args.runs
+    if args.first:
+        _first_use()
+        return 0
     with _wheel() as (process, config):
         commands: dict[str, Sequence[str]] = {
             "bare interpreter": (sys.executable, "-c", "pass"),
@@ -54,6 +62,18 @@ def main() -> int:
         share = (_processor_of(process.pid) - before) / (time.monotonic() - began)
         print(f"an idle simulated wheel takes {100 * share:.1f} % of a core")
     return 0
+
+
+def _first_use() -> None:
+    """Print what the first replay and the first diagnosis compile: announced, processor time and wall time."""
+    code = "import sys, rw_ekf.compile_ahead as c; c.compile_in_children(getattr(c, sys.argv[1]), lambda n: 0)"
+    for verb, kernels in (("replay, fit", "FIT"), ("diagnose", "DIAGNOSIS")):
+        announced = compile_ahead.seconds_of(getattr(compile_ahead, kernels))
+        with tempfile.TemporaryDirectory() as folder:
+            begun = time.monotonic()
+            spent = processor_s(("env", f"NUMBA_CACHE_DIR={folder}", sys.executable, "-c", code, kernels))
+            took = time.monotonic() - begun
+        print(f"{verb:<22}announced {announced:4.0f} s   took {took:4.1f} s   processor time {spent:4.1f} s")
 
 
 def _processor_of(pid: int) -> float:
