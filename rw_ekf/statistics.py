@@ -99,7 +99,12 @@ class RunStatistics:
         tested = self.used + self.rejected
         chance = math.erfc(math.sqrt(0.5 * gate))
         expected = tested * chance
-        if self.rejected <= expected:  # the usual case: no more than the mean, so that p is near a half or above
+        if self.rejected <= expected:  # no more than the mean, so that p is near a half or above
+            return None
+        others = tested - self.rejected
+        just_so_many = math.lgamma(tested + 1) - math.lgamma(self.rejected + 1) - math.lgamma(others + 1)
+        just_so_many += self.rejected * math.log(chance) + others * math.log1p(-chance)
+        if just_so_many >= math.log(_FALSE_ALARM):  # so is the tail, and a library that takes long to import is spared
             return None
         from scipy.special import bdtrc
 
