@@ -119,8 +119,11 @@ def test_an_own_loop_is_the_replay_of_its_log(log: rw_ekf.Log, tmp_path: Path) -
         rw_ekf.Estimator(gain=(1.0, 1.0))
 
 
-def test_two_models_are_told_apart(log: rw_ekf.Log) -> None:
-    """Fits of two logs of one wheel agree; one of a wheel with twice the friction is far off and less likely."""
+def test_two_models_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Fits of two logs of one wheel agree; one of a wheel with twice the friction is far off and less likely.
+
+    The command says the same of files, of a run's log, whose model lies beside it, and of a diagnosis's folder.
+    """
     plain = [rw_ekf.fit(rw_ekf.simulate("P1", seed=seed, duration_s=120.0)) for seed in (5, 6)]
     same = rw_ekf.compare(plain[0], plain[1])
     assert max(abs(item.sigmas) for item in same.differences) < 4.0
@@ -134,7 +137,13 @@ def test_two_models_are_told_apart(log: rw_ekf.Log) -> None:
     assert found.log_likelihoods is not None
     assert found.log_likelihoods[0] > found.log_likelihoods[1] + 10.0
     assert "the first is likelier" in found.text()
-    assert json.loads(found.to_json())["schema"] == "rw_ekf.compare/1"
+    third.save(tmp_path / "third.csv")
+    plain[0].model.save(tmp_path / "run.model.yaml")
+    other.model.save(tmp_path / "augmented-model.yaml")
+    names = ["compare", str(tmp_path / "run.csv"), str(tmp_path), "--on", str(tmp_path / "third.csv")]
+    document = {**found.document(), "log": str(tmp_path / "third.csv")}
+    assert json.loads(said(capsys, *names, "--json")) == document
+    assert said(capsys, *names[:3]).splitlines() == found.text().splitlines()[:-1]
 
 
 def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(

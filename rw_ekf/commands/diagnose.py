@@ -64,11 +64,12 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
     from rw_ekf.json_output import print_json
+    from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 
     gc.set_threshold(_COLLECT_AFTER, *gc.get_threshold()[1:])
     directory = None if args.out is None else Path(args.out)
     if directory is not None:
-        names = ("report.html", "diagnosis.json", "augmented-model.yaml")
+        names = ("report.html", "diagnosis.json", DIAGNOSED_MODEL)
         inputs = [*args.logs, args.columns, args.config, args.effect_file]  # the model may be replaced by a better one
         refuse_to_overwrite([str(directory / name) for name in names], inputs)
     configuration = read_configuration(args.config)

@@ -8,6 +8,8 @@ from rw_ekf.errors import LogError
 from rw_ekf.logs.metadata import metadata_path, read_metadata
 from rw_ekf.logs.parts import FORMS, PartName, beside
 
+DIAGNOSED_MODEL = "augmented-model.yaml"
+
 
 def runs_of(directory: Path) -> tuple[list[Path], list[str]]:
     """Name the log of each run (STEM.csv, whatever form its parts have), oldest first; also what was left out and why.
@@ -41,3 +43,11 @@ def start_path(log: str | Path) -> Path:
 def model_path(log: str | Path) -> Path:
     """Path of the model at the end of a run: run.csv -> run.model.yaml."""
     return beside(log, "model.yaml")
+
+
+def model_of(name: str | Path) -> Path:
+    """Path of the model that a name stands for: a model's own file, a run's log, or the folder of a diagnosis."""
+    path = Path(name)
+    if path.is_dir():
+        return path / DIAGNOSED_MODEL
+    return model_path(path) if path.name.endswith(FORMS) else path

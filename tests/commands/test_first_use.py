@@ -27,7 +27,7 @@ import gc, sys
 from rw_ekf.cli import main
 from rw_ekf.compiled import Kernel
 log, out = sys.argv[1:]
-for arguments in (["replay", "--smooth", "--out", out, log], ["fit", "--noise", log], ["diagnose", log]):
+for arguments in (["compile"], ["replay", "--smooth", "--out", out, log], ["fit", "--noise", log], ["diagnose", log]):
     assert main(arguments) == 0, arguments
 for kernel in [found for found in gc.get_objects() if isinstance(found, Kernel)]:
     odd = [types for types in kernel.dispatcher.overloads if types != kernel.signature]

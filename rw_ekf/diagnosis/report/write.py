@@ -18,11 +18,12 @@ from rw_ekf.diagnosis.report.words import Units
 from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
 from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 
 if TYPE_CHECKING:
     from rw_ekf.diagnosis.result import Diagnosis
 
-DOCUMENT, PAGE, MODEL = "diagnosis.json", "report.html", "augmented-model.yaml"
+DOCUMENT, PAGE = "diagnosis.json", "report.html"
 _EARLIER = "evidence.png"  # as the evidence was drawn before: of an earlier run, and so removed
 
 
@@ -46,7 +47,7 @@ def write_report(
     _make(directory)
     written = [directory / DOCUMENT]
     write_text(written[0], json_text(document))
-    model = directory / MODEL
+    model = directory / DIAGNOSED_MODEL
     if diagnosis.model is not None:
         write_text(model, diagnosis.model.to_text())
         written.append(model)

@@ -26,12 +26,12 @@ from rw_ekf.diagnosis.verdict.verdict import Verdict
 from rw_ekf.documents import inertia_document
 from rw_ekf.effects.catalogue import CATALOGUE, GRID, WANDERING
 from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 from rw_ekf.model.effect import size_of
 from rw_ekf.model.state import PARAMETER_COUNT, PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.units import rpm_from_rad_s
 
 SCHEMA = "rw_ekf.diagnosis/1"
-MODEL_FILE = "augmented-model.yaml"
 
 
 def document_of(judged: Judged) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def document_of(judged: Judged) -> dict[str, Any]:
             "before": _base_parameters(usual),
             "after": _base_parameters(found.reported) if judged.is_better else None,
         },
-        "model": MODEL_FILE if judged.model is not None else None,
+        "model": DIAGNOSED_MODEL if judged.model is not None else None,
         **inertia_document(prepared.setup),
         "explanations": explanation_entries(found, surviving(found, judged.weighed)),
         "ledger": found.ledger.document(None if found.is_unexplained else stands),
