@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rw_ekf.errors import RwEkfError as Error
     from rw_ekf.public import (
+        Bench,
         Comparison,
         Diagnosis,
         Estimate,
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         Log,
         Model,
         Run,
+        bench,
         compare,
         diagnose,
         fit,
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Bench",
     "Comparison",
     "Diagnosis",
     "Error",
@@ -43,6 +46,7 @@ __all__ = [
     "Log",
     "Model",
     "Run",
+    "bench",
     "compare",
     "diagnose",
     "fit",

@@ -34,7 +34,11 @@ from rw_ekf.units import rpm_from_rad_s
 from rw_ekf.wheel.model_file import refusal_of
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+    from matplotlib.figure import Figure
+
     from rw_ekf.filter.identifiability import ParameterReport
+    from rw_ekf.fit_summary import FitSummary
     from rw_ekf.likelihood.noise_posterior import NoisePosterior
     from rw_ekf.logs.wheel_log import WheelLog
     from rw_ekf.settings.schema import Configuration
@@ -62,6 +66,7 @@ class Fit(Shown):
     warnings: tuple[str, ...]
     model: WheelModel
     refusal: str | None  # why this model is none to start from; None: it is one
+    course: Course  # what it was fitted to
 
     def document(self) -> dict[str, Any]:
         """The document of `fit --json`."""
@@ -93,6 +98,28 @@ class Fit(Shown):
     def text(self) -> str:
         """What `fit` prints."""
         return "\n".join([f"{self.log}: {self.samples} samples, {self.method}", *self._lines()])
+
+    def summary(self) -> FitSummary:
+        """What it is worth: correlations, share explained, likelihood, AIC, BIC, residual. Raises FilterError."""
+        from rw_ekf.fit_summary import residual_of, summary_of
+
+        return summary_of(
+            self.log, self.model, self.reports, residual_of(self.course, self.setup, self.belief, self.noises)
+        )
+
+    @property
+    def table(self) -> pa.Table:
+        """A row a parameter and coefficient: name, value, std, unit."""
+        from rw_ekf.logs.tables import table_of
+
+        values, stds, units = map(list, zip(*self.model.numbers.values(), strict=True))
+        return table_of({"name": list(self.model.numbers), "value": values, "std": stds, "unit": units})
+
+    def plot(self) -> Figure:
+        """Measured speed and free run, what the free run misses, and the residual's autocorrelation, as a figure."""
+        from rw_ekf.pictures import fit_figure
+
+        return fit_figure(self.summary(), wheel_units=self.setup.inertia_kg_m2 is not None)
 
     def save(self, path: str | Path) -> None:
         """Write the model. Raises BadInputError where it is none to start from, or the place cannot be written."""
@@ -176,7 +203,7 @@ def fit_record(
     model = model_of(belief, setup, source, noises if with_noise else None, wheel)
     return Fit(
         log.name, len(log), method, belief, setup, tuple(report(belief, setup.prior, points)), quality, noises,
-        with_noise, tuple(warnings), model, _refusal(model, odd),
+        with_noise, tuple(warnings), model, _refusal(model, odd), course,
     )  # fmt: skip
 
 

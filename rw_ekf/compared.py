@@ -6,15 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from rw_ekf.course.conditions import with_conditions
 from rw_ekf.course.course import Course
 from rw_ekf.errors import BadInputError
 from rw_ekf.filter import decisions
-from rw_ekf.filter.log_filter import filter_log
+from rw_ekf.filter.log_filter import filter_log, log_likelihood_of
 from rw_ekf.logs.sampling import without_repeats
-from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.shown import Shown
 from rw_ekf.starting_point import setup_of_record
@@ -86,7 +83,7 @@ class Comparison(Shown):
 
 def compared(first: WheelModel, second: WheelModel, log: WheelLog | None = None) -> Comparison:
     """Compare two models. Raises LogError for a log without a speed."""
-    numbers = [_numbers(model) for model in (first, second)]
+    numbers = [model.numbers for model in (first, second)]
     both = [name for name in numbers[0] if name in numbers[1]]
     differences = []
     for name in both:
@@ -109,24 +106,6 @@ def log_likelihood(model: WheelModel, log: WheelLog) -> float:
     course = with_conditions(Course.of_log(without_repeats(log)[0], model.effects.columns))
     setup = setup_of_record(course, None, model)
     run = filter_log(course, setup.constants, setup.prior.mean, setup.prior.covariance, setup.effects)
-    used = run.outcome == decisions.UPDATED
-    if not used.any():
+    if not (run.outcome == decisions.UPDATED).any():
         raise BadInputError(f"{log.name}: the filter uses none of its readings: it can judge no model")
-    variance = run.innovation_variance[used]
-    return float(-0.5 * np.sum(np.log(2.0 * math.pi * variance) + run.innovation_rad_s[used] ** 2 / variance))
-
-
-def _numbers(model: WheelModel) -> dict[str, tuple[float, float, str]]:
-    """Value, standard deviation and unit of each parameter and coefficient, by name."""
-    stds = np.sqrt(np.diag(np.array(model.covariance)))
-    found = {
-        name: (value, float(stds[i]), STATE_UNITS[name])
-        for i, (name, value) in enumerate(zip(PARAMETER_NAMES, model.parameters, strict=True))
-    }
-    place = len(PARAMETER_NAMES)
-    for term in model.effects.terms:
-        for number, value in enumerate(term.values):
-            name = f"{term.id}.{term.effect.coefficient.name}" + (f" {number + 1}" if len(term.values) > 1 else "")
-            found[name] = float(value), float(stds[place]), term.effect.coefficient.unit
-            place += 1
-    return found
+    return log_likelihood_of(run)

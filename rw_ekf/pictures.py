@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rw_ekf.filter.belief import Belief
+    from rw_ekf.fit_summary import FitSummary
     from rw_ekf.logs.wheel_log import WheelLog
 
 _TITLES = {
@@ -62,6 +63,37 @@ def run_figure(
     figure.suptitle(printable(title or log.name), fontsize=12)
     figure.align_ylabels(axes)
     figure.tight_layout(rect=(0, 0, 1, 0.99))
+    return figure
+
+
+@picture
+def fit_figure(summary: FitSummary, *, wheel_units: bool = True) -> Figure:
+    """Draw a fit: readings and free run, what the free run misses, and the autocorrelation of the one-step residual."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    unit, scale = ("rpm", RAD_S_PER_RPM) if wheel_units else ("rad/s", 1.0)
+    of = summary.residual
+    time_s = of.time_s - of.time_s[0]
+    figure = Figure(figsize=(10, 8), layout="constrained")
+    speed, missed, lags = figure.subplots(3, 1, height_ratios=[1.6, 1.2, 1.0])
+    speed.plot(time_s, of.measured_rad_s / scale, ".", ms=2, color=GREY, label="measured")
+    speed.plot(time_s, of.free_run_rad_s / scale, lw=1.0, color=BLUE, label="free run")
+    speed.set_ylabel(f"speed [{unit}]")
+    missed.plot(time_s, (of.measured_rad_s - of.free_run_rad_s) / scale, ".", ms=2, color=BLUE)
+    missed.set_ylabel(f"free run misses [{unit}]")
+    missed.set_xlabel("time [s]")
+    correlation = summary.autocorrelation
+    lags.axhspan(-summary.white_band, summary.white_band, color=BLUE, alpha=0.15, lw=0, label="95 % of noise")
+    lags.bar(np.arange(1, correlation.size + 1), correlation, width=0.4, color=GREY)
+    lags.xaxis.set_major_locator(MaxNLocator(integer=True))
+    lags.set_ylabel("autocorrelation\nof the one-step residual")
+    lags.set_xlabel("lag [readings]")
+    legend(speed)
+    legend(lags)
+    for axis in (speed, missed, lags):
+        axis.grid(visible=True, alpha=0.25)
+    figure.suptitle(printable(f"{summary.log}: free run {summary.free_run_percent:.2f} %"), fontsize=12)
     return figure
 
 

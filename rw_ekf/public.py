@@ -6,10 +6,13 @@ nothing is printed, and nothing ends the program.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.attitude_bench.held import Bench, hold_bench
+from rw_ekf.attitude_bench.prepare import scenario_of, schemes_of
 from rw_ekf.batch_fit import Fit, Method, fit_record
 from rw_ekf.checking.effect_file import read_effect_file
 from rw_ekf.compared import Comparison, compared
@@ -39,11 +42,13 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 __all__ = [
-    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit", "GuessedColumns", "Log", "Model", "Run",
-    "compare", "diagnose", "fit", "guess_columns", "read", "replay", "simulate",
+    "Bench", "Comparison", "Diagnosis", "Error", "Estimate", "Estimator",
+    "Fit", "GuessedColumns", "Log", "Model", "Run",
+    "bench", "compare", "diagnose", "fit", "guess_columns", "read", "replay", "simulate",
 ]  # fmt: skip
 
 HasModel = Model | Fit | Diagnosis | Run
+Progress = bool | Callable[[str], object]
 
 
 def read(source: Any, columns: str | Path | ColumnMap | GuessedColumns | None = None) -> Log:
@@ -104,17 +109,45 @@ def diagnose(
     split: Kind = "blocks",
     configuration: Configuration | str | Path | None = None,
     effect_file: str | Path | None = None,
-    progress: Callable[[str], object] = lambda text: None,
+    progress: Progress = False,
 ) -> Diagnosis:
     """Find what the model lacks in a log, or in several of one wheel.
 
-    effect_file: of formulas of one's own, judged beside the catalogue. progress: told of each step. Raises Error.
+    effect_file: of formulas of one's own, judged beside the catalogue. progress: True for a bar on a terminal, or what
+    is told of each step in words. Raises Error.
     """
     formulas = [] if effect_file is None else read_effect_file(effect_file, CATALOGUE_IDS)
     several = [logs] if isinstance(logs, Log | str | Path) else list(logs)
     given = _configuration(configuration)
     own = [effect_of(formula) for formula in formulas]
-    return diagnose_log(list(map(_log, several)), given, _model(model, given), split=split, advance=progress, own=own)
+    with _told(progress, "diagnose") as tell:
+        return diagnose_log(list(map(_log, several)), given, _model(model, given), split=split, advance=tell, own=own)
+
+
+def bench(
+    model: HasModel | str | Path | None = None,
+    *,
+    schemes: Sequence[str] | None = None,
+    seeds: int = 1,
+    effects: Sequence[str] = (),
+    scenario: str | Path | None = None,
+    robustness: bool = False,
+    spikes: bool = False,
+    progress: Progress = False,
+) -> Bench:
+    """Hold friction compensations against each other on an attitude bench, over a wheel that reverses (docs/bench.md).
+
+    model: whose wheel is put on the bench, effects and all. schemes: their ids, or ["all"]; None: one of each kind.
+    effects: of the true wheel, that the first model does not have, as `bench --effect` has them. scenario: its file.
+    Runs in processes of its own, which end with it. Raises Error.
+    """
+    held = _model(model)
+    setting = scenario_of(scenario, held, effects)
+    with _told(progress, "bench") as tell:
+        return hold_bench(
+            schemes_of(schemes), setting, held, seeds, with_robustness=robustness, with_spikes=spikes,
+            advance=lambda of: tell(f"{of} runs"),
+        )  # fmt: skip
 
 
 @one_thread()
@@ -178,6 +211,25 @@ class Estimator:
     def findings(self) -> list[str]:
         """What had to be reset so far, and why, in sentences."""
         return self._filter.findings
+
+
+@contextmanager
+def _told(progress: Progress, title: str) -> Iterator[Callable[[str], object]]:
+    """Who is told of each step in words."""
+    if not isinstance(progress, bool):
+        yield progress
+    elif not progress:
+        yield lambda text: None
+    else:
+        from rw_ekf.console import progress as shown
+
+        with shown(title, None) as bar:
+
+            def tell(text: str) -> None:
+                bar.set_description(text)
+                bar.update(1)
+
+            yield tell
 
 
 def _log(given: Log | str | Path) -> Log:

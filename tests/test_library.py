@@ -16,9 +16,9 @@ from rw_ekf.cli import main
 from tests.live.bench import ROOT
 
 PUBLIC = [
-    "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit",
+    "Bench", "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit",
     "GuessedColumns", "Log", "Model", "Run", "__version__",
-    "compare", "diagnose", "fit",
+    "bench", "compare", "diagnose", "fit",
     "guess_columns", "read", "replay", "simulate",
 ]  # fmt: skip
 
@@ -144,6 +144,23 @@ def test_two_models_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture
     document = {**found.document(), "log": str(tmp_path / "third.csv")}
     assert json.loads(said(capsys, *names, "--json")) == document
     assert said(capsys, *names[:3]).splitlines() == found.text().splitlines()[:-1]
+
+
+def test_a_bench_is_held_from_a_script_without_a_guard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its processes do not run the script again; the document is the command's, the table has its rows."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import rw_ekf\n"
+        "steps = []\n"
+        "found = rw_ekf.bench(schemes=['pid_current', 'dmc'], progress=steps.append)\n"
+        "assert len(steps) == 4, steps\n"
+        "assert found.table.num_rows == 4\n"
+        "print(found.to_json())\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == json.loads(said(capsys, "bench", "--schemes", "pid_current", "dmc", "--json"))
 
 
 def test_what_cannot_be_done_is_an_error_with_the_command_s_sentence(

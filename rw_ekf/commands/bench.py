@@ -48,48 +48,39 @@ def _seeds(text: str) -> int:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
-    from pathlib import Path
-
-    from rw_ekf.bench import robustness, spike_table
-    from rw_ekf.bench.bench_page import headline_of, write_page
-    from rw_ekf.bench.contest import entries_of, hold_contest, models_of
-    from rw_ekf.bench.contest_result import LEGEND, document_of, rows_of, tables_of
-    from rw_ekf.bench.contest_tables import texts
-    from rw_ekf.bench.prepare import scenario_of, schemes_of
+    from rw_ekf.attitude_bench.held import hold_bench
+    from rw_ekf.attitude_bench.prepare import scenario_of, schemes_of
     from rw_ekf.commands.first_use import make_ready
+    from rw_ekf.commands.inputs import read_wheel_model
     from rw_ekf.commands.undrawn import drawn
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.console import progress
     from rw_ekf.json_output import print_json
 
     schemes = schemes_of(args.schemes)
-    scenario, model = scenario_of(args.scenario, args.model, args.effect)
+    model = read_wheel_model(args.model)
+    scenario = scenario_of(args.scenario, model, args.effect)
     make_ready(DIAGNOSIS)
-    more = robustness.runs_of(schemes, args.seeds) if args.robustness else 0
-    more += len(schemes) * len(scenario.cycle.speed_noise_rpm) if args.spikes else 0
-    with progress("bench", len(entries_of(schemes, scenario, args.seeds)) + more, " runs") as bar:
-        models = models_of(schemes, scenario, model)
-        contest = hold_contest(schemes, scenario, args.seeds, models, bar.update)
-        bearings = robustness.sweep_all(schemes, scenario, args.seeds, models, bar.update) if args.robustness else []
-        answers = spike_table.answers_of(schemes, scenario, models, bar.update) if args.spikes else {}
-    rows, further = rows_of(contest), []
-    document, headline = document_of(contest), headline_of(rows)
-    if args.robustness:
-        document["robustness"] = [bearing.document() for bearing in bearings]
-        further.append(robustness.table_of(bearings))
-    if args.spikes:
-        document["spikes"] = spike_table.documents_of(answers)
-        further.append(spike_table.table_of(answers))
+    with progress("bench", None, " runs") as bar:
+
+        def advance(of: int) -> None:
+            bar.total = of
+            bar.update(1)
+
+        found = hold_bench(
+            schemes, scenario, model, args.seeds,
+            with_robustness=args.robustness, with_spikes=args.spikes, advance=advance,
+        )  # fmt: skip
     whole = True
     if args.out is not None:
 
         def write() -> None:
-            for path in write_page(Path(args.out), contest, document, headline, further):
+            for path in found.report(args.out):
                 sys.stderr.write(f"rw-ekf: wrote {path}\n")
 
         whole = drawn(write)
     if args.json:
-        print_json(document)
+        print_json(found.document())
     else:
-        sys.stdout.write(f"{texts([*tables_of(rows, scenario), *further])}\n{LEGEND}\n\n{headline}\n")
+        sys.stdout.write(found.text() + "\n")
     return 0 if whole else 1

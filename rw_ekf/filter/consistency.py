@@ -92,20 +92,29 @@ def consistency_of(innovation_rad_s: Float64Array, variance: Float64Array, used:
     spread = float(np.std(z))
     if not spread > 0.0:
         return Consistency(n, None, None, None, None, None)
-    centred = z - z.mean()
-    lags = min(_LAGS, n // 5)
-    power = float(centred @ centred)
-    correlation = np.array([float(centred[:-m] @ centred[m:]) / power for m in range(1, lags + 1)])
-    ljung_box = n * (n + 2.0) * float(np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
+    correlation = autocorrelation(z, min(_LAGS, n // 5))
     worst = int(np.argmax(np.abs(correlation)))
     return Consistency(
         samples=n,
-        whiteness_p=chi_square_tail(ljung_box, lags),
+        whiteness_p=ljung_box_p(correlation, n),
         mean_p=math.erfc(abs(float(z.mean())) / spread * math.sqrt(n / 2.0)),
         largest_correlation=float(correlation[worst]),
         largest_lag=worst + 1,
         noise_ratio=math.sqrt(float(np.mean(z**2))),
     )
+
+
+def autocorrelation(z: Float64Array, lags: int) -> Float64Array:
+    """Of z (n,) about its mean at lags 1 to `lags`, (lags,)."""
+    centred = z - z.mean()
+    power = float(centred @ centred)
+    return np.array([float(centred[:-m] @ centred[m:]) / power for m in range(1, lags + 1)])
+
+
+def ljung_box_p(correlation: Float64Array, n: int) -> float:
+    """P that n values of noise have autocorrelations (lags,) as large as these [Ljung & Box 1978]."""
+    lags = np.arange(1, correlation.size + 1)
+    return chi_square_tail(n * (n + 2.0) * float(np.sum(correlation**2 / (n - lags))), correlation.size)
 
 
 def skewed_tail(seen: Float64Array, alone: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -7,6 +7,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.course.course import Course
 from rw_ekf.errors import FilterError
+from rw_ekf.filter import decisions
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.filter.filter_run import FilterRun
 from rw_ekf.filter.kernel import filter_pass, filter_pass_with_effects
@@ -52,3 +53,10 @@ def filter_log(
             "in the log's speed or current, or give a prior nearer to the plant (--config, --prior)."
         )
     return run
+
+
+def log_likelihood_of(run: FilterRun) -> float:
+    """Of the readings that were used, each given those before it (the prediction error decomposition)."""
+    used = run.outcome == decisions.UPDATED
+    variance = run.innovation_variance[used]
+    return float(-0.5 * np.sum(np.log(2.0 * np.pi * variance) + run.innovation_rad_s[used] ** 2 / variance))

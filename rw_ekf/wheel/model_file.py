@@ -54,6 +54,17 @@ class WheelModel:
         """Its effects by formulas of a user's own."""
         return tuple(t.effect for t in self.effects.terms if issubclass(t.effect, FormulaEffect))
 
+    @property
+    def numbers(self) -> dict[str, tuple[float, float, str]]:
+        """Value, standard deviation and unit of each parameter and coefficient, by name, in the covariance's order."""
+        named = [(name, value, STATE_UNITS[name]) for name, value in zip(PARAMETER_NAMES, self.parameters, strict=True)]
+        for term in self.effects.terms:
+            coefficient = term.effect.coefficient
+            for number, value in enumerate(term.values):
+                which = f" {number + 1}" if len(term.values) > 1 else ""
+                named.append((f"{term.id}.{coefficient.name}{which}", float(value), coefficient.unit))
+        return {name: (value, math.sqrt(self.covariance[i][i]), unit) for i, (name, value, unit) in enumerate(named)}
+
     def document(self) -> dict[str, Any]:
         """Plain data, as a file has it; `wheel` is left out where nobody knows whose it is."""
         return {

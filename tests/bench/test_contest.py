@@ -14,18 +14,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.bench import contest as contests
-from rw_ekf.bench.bench_page import headline_of, write_page
-from rw_ekf.bench.contest import Contest, Entry, hold_contest, run_entry
-from rw_ekf.bench.contest_result import document_of, rows_of, tables_of
-from rw_ekf.bench.contest_tables import Table
-from rw_ekf.bench.metrics import metrics_of
-from rw_ekf.bench.robustness import SWEEPS, sweep_all
-from rw_ekf.bench.robustness import table_of as sweep_table
-from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.spike_answer import answer_to_spike
-from rw_ekf.bench.spike_table import answers_of, documents_of
-from rw_ekf.bench.spike_table import table_of as spikes_table
+from rw_ekf.attitude_bench import contest as contests
+from rw_ekf.attitude_bench.bench_page import headline_of, write_page
+from rw_ekf.attitude_bench.contest import Contest, Entry, hold_contest, run_entry
+from rw_ekf.attitude_bench.contest_result import document_of, rows_of, tables_of
+from rw_ekf.attitude_bench.contest_tables import Table
+from rw_ekf.attitude_bench.metrics import metrics_of
+from rw_ekf.attitude_bench.robustness import SWEEPS, sweep_all
+from rw_ekf.attitude_bench.robustness import table_of as sweep_table
+from rw_ekf.attitude_bench.scenario import Scenario
+from rw_ekf.attitude_bench.spike_answer import answer_to_spike
+from rw_ekf.attitude_bench.spike_table import answers_of, documents_of
+from rw_ekf.attitude_bench.spike_table import table_of as spikes_table
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.json_output import json_text
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rw_ekf.bench.drag_margins import drag_margins
-from rw_ekf.bench.margins import margin_of
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.drag_margins import drag_margins
+from rw_ekf.attitude_bench.margins import margin_of
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.pi_drag import CASSINI_RAD_S
 
 DAMPING = 0.707

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rw_ekf.bench.bench_run import BenchRun, run_bench
-from rw_ekf.bench.bench_start import start_of
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.bench_run import BenchRun, run_bench
+from rw_ekf.attitude_bench.bench_start import start_of
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.scheme import Knowledge
 from rw_ekf.control.compensation.schemes import SCHEMES

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rw_ekf.bench.margins import SMALLEST_MARGIN_DEG, margin_of, scenario_for, with_largest_integral
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.margins import SMALLEST_MARGIN_DEG, margin_of, scenario_for, with_largest_integral
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 
 

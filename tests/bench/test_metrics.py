@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.bench.bench_run import BenchRun
-from rw_ekf.bench.metrics import metrics_of
+from rw_ekf.attitude_bench.bench_run import BenchRun
+from rw_ekf.attitude_bench.metrics import metrics_of
 
 
 def drawn_run(error_deg: Float64Array, current_A: Float64Array, reversal_s: float = 50.0) -> BenchRun:

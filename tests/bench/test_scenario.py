@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rw_ekf.bench.of_model import with_wheel_of
-from rw_ekf.bench.prepare import REPRESENTATIVE, scenario_of, schemes_of
-from rw_ekf.bench.scenario import Scenario, load_scenario
-from rw_ekf.bench.wheels import drawn_wheel
+from rw_ekf.attitude_bench.of_model import with_wheel_of
+from rw_ekf.attitude_bench.prepare import REPRESENTATIVE, scenario_of, schemes_of
+from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
+from rw_ekf.attitude_bench.wheels import drawn_wheel
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.wheel.model_file import read_model

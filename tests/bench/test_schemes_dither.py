@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rw_ekf.bench.bench_run import BenchRun, run_bench
-from rw_ekf.bench.bench_start import start_of
-from rw_ekf.bench.contest import Entry, run_entry
-from rw_ekf.bench.metrics import Metrics, metrics_of
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.bench_run import BenchRun, run_bench
+from rw_ekf.attitude_bench.bench_start import start_of
+from rw_ekf.attitude_bench.contest import Entry, run_entry
+from rw_ekf.attitude_bench.metrics import Metrics, metrics_of
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.dither import Dither, DitherSignal, square
 from rw_ekf.control.compensation.pid_current import PidCurrent
 from rw_ekf.control.compensation.schemes import SCHEMES

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.bench.bench_run import BenchRun, run_bench
-from rw_ekf.bench.bench_start import start_of
-from rw_ekf.bench.metrics import WINDOW_S, metrics_of
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.bench_run import BenchRun, run_bench
+from rw_ekf.attitude_bench.bench_start import start_of
+from rw_ekf.attitude_bench.metrics import WINDOW_S, metrics_of
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES, WheelSheet
 
 pytestmark = pytest.mark.slow

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rw_ekf.bench.contest import Entry, run_entry
-from rw_ekf.bench.metrics import metrics_of
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.contest import Entry, run_entry
+from rw_ekf.attitude_bench.metrics import metrics_of
+from rw_ekf.attitude_bench.scenario import Scenario
 
 pytestmark = pytest.mark.slow
 

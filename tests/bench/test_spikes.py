@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 from scipy.integrate import solve_ivp
 
-from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.spike_answer import Spike, answer_to_spike, rate_error_threshold_rpm, steady_scenario
+from rw_ekf.attitude_bench.scenario import Scenario
+from rw_ekf.attitude_bench.spike_answer import Spike, answer_to_spike, rate_error_threshold_rpm, steady_scenario
 from rw_ekf.control.compensation.pi_drag import CASSINI_DAMPING, PiDragParameters
 from rw_ekf.control.compensation.schemes import SCHEMES
 

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from tools.demo.wheel import BAUD, COMMAND, SPEED_FACTOR
 
-_SPEAK_EVERY_S = 15.0
+_LOOK_EVERY_S, _SPEAK_EVERY_S = 1.0, 15.0
 
 CONFIGURATION = """\
 # Written by `make demo` for the daemon. The wheel's time, its line included, runs {factor:g} times as fast as ours: so
 # are baud rate, loop rate and slew limit. Each of the wheel's seconds has its usual 10 samples.
 wheel: {{port: {link}, name: demo-wheel, baud: {baud}}}
 limits: {{current_A: 0.6, slew_A_per_s: {slew:g}}}
-loop: {{rate_hz: {rate:g}, reply_timeout_ms: 16}}
+loop: {{rate_hz: {rate:g}, reply_timeout_ms: 10}}
 filter: {{model: {model}}}
 command: {command}
 output: {{directory: {directory}}}
@@ -42,10 +45,12 @@ def write_configuration(path: Path, *, link: str, runs: Path, command: str, mode
     return path
 
 
-def run_daemon(config: Path, wheel_s: float, runs: Path) -> dict[str, Any]:
+def run_daemon(
+    config: Path, wheel_s: float, runs: Path, *, at: float = math.inf, then: Callable[[Path], None] = lambda log: None
+) -> dict[str, Any]:
     """`rw-ekf run` for so many of the wheel's seconds: its progress on a terminal, elsewhere a line now and then.
 
-    runs: where it writes its log, which says how far it is.
+    runs: where it writes its log, which says how far it is; then: called once with that log, after `at` wheel seconds.
     """
     before = set(logs_in(runs))
     process = subprocess.Popen(
@@ -54,17 +59,18 @@ def run_daemon(config: Path, wheel_s: float, runs: Path) -> dict[str, Any]:
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
-    said = -1
-    while not sys.stderr.isatty() and said < wheel_s:
-        ended = process.poll() is not None
-        covered = min(round(max((covered_s(log) for log in logs_in(runs) if log not in before), default=0.0)), wheel_s)
-        if covered >= wheel_s or (covered > said and not ended):
-            print(f"   {covered:3.0f} of {wheel_s:.0f} wheel seconds", flush=True)
-            said = int(covered)
-        if ended:
-            break
+    spoke = time.monotonic()
+    while process.poll() is None:
         with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(timeout=_SPEAK_EVERY_S)
+            process.wait(timeout=_LOOK_EVERY_S)
+        for log in set(logs_in(runs)) - before:
+            covered = min(round(covered_s(log)), wheel_s)
+            if covered >= at:
+                at = math.inf
+                then(log)
+            if not sys.stderr.isatty() and time.monotonic() - spoke > _SPEAK_EVERY_S:
+                spoke = time.monotonic()
+                print(f"   {covered:3.0f} of {wheel_s:.0f} wheel seconds", flush=True)
     out, _ = process.communicate()
     if process.returncode != 0:
         raise SystemExit(f"the daemon ended with status {process.returncode}; its message stands above")

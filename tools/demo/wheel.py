@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 COMMAND = [sys.executable, "-m", "rw_ekf"]
-SPEED_FACTOR = 6.0  # of the wheel's time; the daemon polls as many times faster, on a line as many times as fast
-BAUD = 230_400  # 6 x 38400
+SPEED_FACTOR = 8.0  # of the wheel's time; the daemon polls as many times faster, on a line as many times as fast
+BAUD = 307_200  # 8 x 38400
 
 # Each of these is well above what 600 s at 1 rpm can show, and none is declared to anybody. Sizes: 4 to 12 % of Coulomb
 # friction where they act most, or 0.4 to 0.9 of a sample for the delay; `+-`: either sign.

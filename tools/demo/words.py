@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import itertools
+import tempfile
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from pyarrow import csv
 
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.log_replay import replay_log
@@ -101,6 +105,19 @@ def print_truth(lot: Lot, runs: Sequence[tuple[str, dict[str, Any]]], found: dic
 def wrapped(text: str) -> str:
     """A sentence in lines that a terminal holds."""
     return textwrap.fill(text, 116, initial_indent="   ", subsequent_indent="     ", break_on_hyphens=False)
+
+
+def draw_so_far(path: Path, log: Path, truth: dict[str, float]) -> None:
+    """Draw a run that still goes on, from what its daemon has written."""
+    written = [file.read_text(encoding="utf-8").split("\n")[:-1] for file in (log, log.with_suffix(".estimates.csv"))]
+    rows, estimates = ("\n".join(lines[: min(map(len, written))]) + "\n" for lines in written)
+    with tempfile.TemporaryDirectory() as folder:
+        head = Path(folder) / log.name
+        head.write_text(rows, encoding="utf-8")
+        record = read_log(head)
+    table = csv.read_csv(io.BytesIO(estimates.encode()))
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    save_picture(run_figure(record, columns, truth=truth, title="demo, the first run so far"), path)
 
 
 def draw_run(path: Path, log: str, config: Path, truth: dict[str, float], title: str) -> None:

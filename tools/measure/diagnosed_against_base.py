@@ -11,8 +11,8 @@ import argparse
 
 import numpy as np
 
-from rw_ekf.bench.contest import hold_contest, models_of
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.contest import hold_contest, models_of
+from rw_ekf.attitude_bench.scenario import Scenario
 
 EFFECTS = (
     "offset_torque",

@@ -21,10 +21,10 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.bench.bench_run import BenchRun
-from rw_ekf.bench.metrics import metrics_of
-from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.scheme_run import run_scheme
+from rw_ekf.attitude_bench.bench_run import BenchRun
+from rw_ekf.attitude_bench.metrics import metrics_of
+from rw_ekf.attitude_bench.scenario import Scenario
+from rw_ekf.attitude_bench.scheme_run import run_scheme
 from rw_ekf.control.compensation.schemes import SCHEMES, SchemeEntry
 
 TRAINING_SEED = 0

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rw_ekf.bench.bench_start import start_of
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.bench_start import start_of
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.known import WheelKnown
 from rw_ekf.control.compensation.predictive_crossing import Payback, PredictiveCrossing, inverted
 from rw_ekf.control.compensation.schemes import SCHEMES

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.bench.bench_run import BenchRun, run_bench
-from rw_ekf.bench.bench_start import start_of
-from rw_ekf.bench.margins import scenario_for
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.bench_run import BenchRun, run_bench
+from rw_ekf.attitude_bench.bench_start import start_of
+from rw_ekf.attitude_bench.margins import scenario_for
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SchemeEntry
 from rw_ekf.wheel.model_file import WheelModel
 

@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.bench.bench_pictures import courses_picture, peaks_picture
-from rw_ekf.bench.contest import Contest
-from rw_ekf.bench.contest_result import BASELINE, LEGEND, Row, rows_of, tables_of
-from rw_ekf.bench.contest_tables import Table
-from rw_ekf.bench.metrics import RECOVERED_DEG
+from rw_ekf.attitude_bench.bench_pictures import courses_picture, peaks_picture
+from rw_ekf.attitude_bench.contest import Contest
+from rw_ekf.attitude_bench.contest_result import BASELINE, LEGEND, Row, rows_of, tables_of
+from rw_ekf.attitude_bench.contest_tables import Table
+from rw_ekf.attitude_bench.metrics import RECOVERED_DEG
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.diagnosis.report.drawn import write_pictures
 from rw_ekf.diagnosis.report.rendering import rendered

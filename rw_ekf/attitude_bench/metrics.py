@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.bench.bench_run import BenchRun
+from rw_ekf.attitude_bench.bench_run import BenchRun
 from rw_ekf.flyby.impulse import zero_crossing_impulse
 
 WINDOW_S = 120.0  # from the reversal on

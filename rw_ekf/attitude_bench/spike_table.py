@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from rw_ekf.bench.contest import Models, finished
-from rw_ekf.bench.contest_tables import Table, shown
-from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.spike_answer import RECOVERED_DEG, Spike, SpikeAnswer, answer_to_spike, rate_error_threshold_rpm
+from rw_ekf.attitude_bench.contest import Models, finished
+from rw_ekf.attitude_bench.contest_tables import Table, shown
+from rw_ekf.attitude_bench.scenario import Scenario
+from rw_ekf.attitude_bench.spike_answer import (
+    RECOVERED_DEG,
+    Spike,
+    SpikeAnswer,
+    answer_to_spike,
+    rate_error_threshold_rpm,
+)
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.wheel.model_file import WheelModel
 
@@ -34,14 +40,14 @@ def _answered(name: str, scenario: Scenario, noise_rpm: float, model: WheelModel
     return answer_to_spike(SCHEMES[name], scenario, noise_rpm, 1, None, model)
 
 
-def documents_of(answers: dict[Place, SpikeAnswer]) -> list[dict[str, Any]]:
+def documents_of(answers: Mapping[Place, SpikeAnswer]) -> list[dict[str, Any]]:
     """As `bench --spikes --json` has them."""
     return [
         {"scheme": name, "noise_rpm": noise_rpm, **answer._asdict()} for (name, noise_rpm), answer in answers.items()
     ]
 
 
-def table_of(answers: dict[Place, SpikeAnswer]) -> Table:
+def table_of(answers: Mapping[Place, SpikeAnswer]) -> Table:
     """The same for people."""
     spike = Spike()
     size = f"{spike.of_coulomb:g} x Coulomb friction at {spike.speed_rpm:g} rpm, decay {spike.decay_s:g} s"

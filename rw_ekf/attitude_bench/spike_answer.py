@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.bench.bench_run import BenchRun
-from rw_ekf.bench.metrics import recovered_s
-from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.scheme_run import run_scheme
-from rw_ekf.bench.wheels import drawn_wheel
+from rw_ekf.attitude_bench.bench_run import BenchRun
+from rw_ekf.attitude_bench.metrics import recovered_s
+from rw_ekf.attitude_bench.scenario import Scenario
+from rw_ekf.attitude_bench.scheme_run import run_scheme
+from rw_ekf.attitude_bench.wheels import drawn_wheel
 from rw_ekf.control.compensation.schemes import SchemeEntry
 from rw_ekf.units import rad_s_from_rpm
 from rw_ekf.wheel.model_file import WheelModel

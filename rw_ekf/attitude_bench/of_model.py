@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.errors import BadInputError
 from rw_ekf.model.friction import LAW_NAMES
 from rw_ekf.units import rpm_from_rad_s

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.bench.contest import Contest, Entry
-from rw_ekf.bench.contest_result import BASELINE, Row
-from rw_ekf.bench.metrics import RECOVERED_DEG
+from rw_ekf.attitude_bench.contest import Contest, Entry
+from rw_ekf.attitude_bench.contest_result import BASELINE, Row
+from rw_ekf.attitude_bench.metrics import RECOVERED_DEG
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, GREY, INK, new_figure, plain, png
 from rw_ekf.drawing import picture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _NOISE_COLOURS = (AFTER, BEFORE, "#0b6e4f", GREY)
 _WIDTH_IN = 9.8
@@ -19,9 +23,14 @@ _SHOWN_BEFORE_S, _SHOWN_AFTER_S = 15.0, 60.0
 _NAMED = {BASELINE: BEFORE, "dmc": "#8a5fb0", "predictive_crossing": AFTER, "dmc_deterministic": "#b08a00"}
 
 
-@picture
 def peaks_picture(rows: Sequence[Row], noises_rpm: Sequence[float]) -> bytes:
-    """Peak error of each scheme on a logarithmic scale, best first; a line goes on to the worst seed. PNG."""
+    """`peaks_figure` as a PNG."""
+    return picture(png)(peaks_figure(rows, noises_rpm))
+
+
+@picture
+def peaks_figure(rows: Sequence[Row], noises_rpm: Sequence[float]) -> Figure:
+    """Peak error of each scheme on a logarithmic scale, best first; a line goes on to the worst seed."""
     from matplotlib.ticker import LogFormatter
 
     last = [row for row in rows if row.noise_rpm == noises_rpm[-1]]
@@ -46,7 +55,7 @@ def peaks_picture(rows: Sequence[Row], noises_rpm: Sequence[float]) -> bytes:
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.xaxis.set_minor_formatter(LogFormatter())
     plain(axis)
-    return png(figure)
+    return figure
 
 
 @picture

@@ -5,19 +5,21 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from types import ModuleType
 from typing import TypeVar
 
-from rw_ekf.bench.bench_run import BenchRun
-from rw_ekf.bench.bench_start import diagnosed
-from rw_ekf.bench.metrics import Metrics, metrics_of
-from rw_ekf.bench.scenario import Scenario
-from rw_ekf.bench.scheme_run import run_scheme
+from rw_ekf.attitude_bench.bench_run import BenchRun
+from rw_ekf.attitude_bench.bench_start import diagnosed
+from rw_ekf.attitude_bench.metrics import Metrics, metrics_of
+from rw_ekf.attitude_bench.scenario import Scenario
+from rw_ekf.attitude_bench.scheme_run import run_scheme
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.parent import die_with_parent
 from rw_ekf.wheel.model_file import WheelModel
@@ -133,7 +135,7 @@ def workers(most: int) -> Iterator[Executor]:
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
     try:
-        with _interrupts_held():
+        with _interrupts_held(), _no_main_module():
             for _ in range(count):  # each starts a process, for none is idle yet
                 pool.submit(die_with_parent)
         yield pool
@@ -144,6 +146,17 @@ def workers(most: int) -> Iterator[Executor]:
         raise
     # A pool that is left without waiting for it can keep the program from ever exiting (CPython 3.11).
     pool.shutdown(wait=True)
+
+
+@contextmanager
+def _no_main_module() -> Iterator[None]:
+    """What is started meanwhile does not import the program's main module, which may be a script without a guard."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager

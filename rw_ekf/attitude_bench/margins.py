@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Complex128Array, Float64Array
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SchemeEntry
 
 SMALLEST_MARGIN_DEG = 45.0

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from rw_ekf.bench.contest import Models, hold_runs
-from rw_ekf.bench.contest_result import BASELINE
-from rw_ekf.bench.contest_tables import Table
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.contest import Models, hold_runs
+from rw_ekf.attitude_bench.contest_result import BASELINE
+from rw_ekf.attitude_bench.contest_tables import Table
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rw_ekf.bench.of_model import with_wheel_of
-from rw_ekf.bench.scenario import Scenario, load_scenario
+from rw_ekf.attitude_bench.of_model import with_wheel_of
+from rw_ekf.attitude_bench.scenario import Scenario, load_scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.errors import BadInputError
-from rw_ekf.wheel.model_file import WheelModel, read_model
+from rw_ekf.wheel.model_file import WheelModel
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.plant_parameters import PlantParameters
@@ -37,15 +37,14 @@ def schemes_of(wanted: Sequence[str] | None) -> list[str]:
     return [name for name in SCHEMES if name in wanted]
 
 
-def scenario_of(path: str | None, model_path: str | None, effects: Sequence[str]) -> tuple[Scenario, WheelModel | None]:
-    """The scenario, with the wheel of a model where one is given, and the effects added to it; and that model.
+def scenario_of(path: str | Path | None, model: WheelModel | None, effects: Sequence[str]) -> Scenario:
+    """The scenario, with the wheel of a model where one is given, and the effects added to it.
 
     Raises ConfigError for a file that is wrong, BadInputError for an effect that is, or a wheel that never reverses.
     """
-    from rw_ekf.bench.wheels import drawn_wheel
+    from rw_ekf.attitude_bench.wheels import drawn_wheel
 
-    scenario = Scenario() if path is None else load_scenario(path)
-    model = None if model_path is None else read_model(Path(model_path))
+    scenario = Scenario() if path is None else load_scenario(str(path))
     if model is not None:
         scenario = with_wheel_of(scenario, model)
     if effects:
@@ -62,4 +61,4 @@ def scenario_of(path: str | None, model_path: str | None, effects: Sequence[str]
             f"the wheel would reverse after {reversal_s:.0f} s, but cycle.duration_s is {scenario.cycle.duration_s:g} "
             "s: make the run longer, or start the wheel slower (wheel.start_rpm)"
         )
-    return scenario, model
+    return scenario

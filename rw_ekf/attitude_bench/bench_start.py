@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.bench.scenario import BeliefSection, Scenario
-from rw_ekf.bench.wheels import (
+from rw_ekf.attitude_bench.scenario import BeliefSection, Scenario
+from rw_ekf.attitude_bench.wheels import (
     constants_of,
     deterministic,
     drawn_wheel,

@@ -6,7 +6,7 @@ import math
 import random
 from typing import NamedTuple
 
-from rw_ekf.bench.single_axis import AxisState
+from rw_ekf.attitude_bench.single_axis import AxisState
 
 
 class PidGains(NamedTuple):

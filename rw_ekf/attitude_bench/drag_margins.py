@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Complex128Array, Float64Array
-from rw_ekf.bench.margins import OpenLoop, attitude_loop, looked_at, phase_margin
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.margins import OpenLoop, attitude_loop, looked_at, phase_margin
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.pi_drag import CASSINI_DAMPING, PiDragEstimator
 
 _HALVINGS = 50

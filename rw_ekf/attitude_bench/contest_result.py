@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any, NamedTuple
 
-from rw_ekf.bench.contest import Contest, Entry
-from rw_ekf.bench.contest_tables import Table, shown
-from rw_ekf.bench.metrics import RECOVERED_DEG
-from rw_ekf.bench.scenario import Scenario
+from rw_ekf.attitude_bench.contest import Contest, Entry
+from rw_ekf.attitude_bench.contest_tables import Table, shown
+from rw_ekf.attitude_bench.metrics import RECOVERED_DEG
+from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.compensation.schemes import SCHEMES
 
 SCHEMA = "rw_ekf.bench/1"

@@ -1,0 +1,103 @@
+"""A contest held: one value with its document, its tables and its page, for the command and for a program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rw_ekf.attitude_bench import robustness, spike_table
+from rw_ekf.attitude_bench.bench_page import headline_of, write_page
+from rw_ekf.attitude_bench.contest import Contest, entries_of, hold_contest, models_of
+from rw_ekf.attitude_bench.contest_result import LEGEND, Row, document_of, rows_of, tables_of
+from rw_ekf.attitude_bench.contest_tables import Table, texts
+from rw_ekf.attitude_bench.robustness import Bearing
+from rw_ekf.attitude_bench.scenario import Scenario
+from rw_ekf.attitude_bench.spike_answer import SpikeAnswer
+from rw_ekf.logs.tables import table_of
+from rw_ekf.shown import Shown
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from matplotlib.figure import Figure
+
+    from rw_ekf.wheel.model_file import WheelModel
+
+
+@dataclass(eq=False, frozen=True, repr=False)
+class Bench(Shown):
+    """Friction compensations on one attitude bench, side by side."""
+
+    contest: Contest
+    rows: tuple[Row, ...]  # one a scheme and noise
+    bearings: tuple[Bearing, ...] | None = None  # None: robustness was not asked for
+    answers: Mapping[spike_table.Place, SpikeAnswer] | None = None  # None: nor a spike
+
+    def document(self) -> dict[str, Any]:
+        """The document of `bench --json`."""
+        document = document_of(self.contest)
+        if self.bearings is not None:
+            document["robustness"] = [bearing.document() for bearing in self.bearings]
+        if self.answers is not None:
+            document["spikes"] = spike_table.documents_of(self.answers)
+        return document
+
+    @property
+    def headline(self) -> str:
+        """What a reversal costs without compensation, and with the best one."""
+        return headline_of(self.rows)
+
+    def text(self) -> str:
+        """What `bench` prints."""
+        tables = [*tables_of(self.rows, self.contest.scenario), *self._further()]
+        return f"{texts(tables)}\n{LEGEND}\n\n{self.headline}"
+
+    @property
+    def table(self) -> pa.Table:
+        """A row a scheme and noise."""
+        rows = [asdict(row) for row in self.rows]
+        return table_of({name: [row[name] for row in rows] for name in rows[0]})
+
+    def plot(self) -> Figure:
+        """Peak error of each scheme, as a matplotlib figure."""
+        from rw_ekf.attitude_bench.bench_pictures import peaks_figure
+
+        return peaks_figure(self.rows, self.contest.scenario.cycle.speed_noise_rpm)
+
+    def report(self, directory: str | Path) -> list[Path]:
+        """Write what `bench --out` leaves; returns the files. Raises what `write_page` raises."""
+        return write_page(Path(directory), self.contest, self.document(), self.headline, self._further())
+
+    def __repr__(self) -> str:
+        return f"Bench({self.headline!r})"
+
+    def _further(self) -> list[Table]:
+        """Tables that stand below those of the reversal."""
+        tables = [] if self.bearings is None else [robustness.table_of(self.bearings)]
+        return tables if self.answers is None else [*tables, spike_table.table_of(self.answers)]
+
+
+def hold_bench(
+    schemes: Sequence[str],
+    scenario: Scenario,
+    model: WheelModel | None = None,
+    seeds: int = 1,
+    *,
+    with_robustness: bool = False,
+    with_spikes: bool = False,
+    advance: Callable[[int], object] = lambda of: None,
+) -> Bench:
+    """Run everything that is asked for, in processes of their own; advance(of) is called as each of so many is done."""
+    of = len(entries_of(schemes, scenario, seeds))
+    of += robustness.runs_of(schemes, seeds) if with_robustness else 0
+    of += len(schemes) * len(scenario.cycle.speed_noise_rpm) if with_spikes else 0
+
+    def tick(_: int) -> None:
+        advance(of)
+
+    models = models_of(schemes, scenario, model)
+    contest = hold_contest(schemes, scenario, seeds, models, tick)
+    bearings = tuple(robustness.sweep_all(schemes, scenario, seeds, models, tick)) if with_robustness else None
+    answers = spike_table.answers_of(schemes, scenario, models, tick) if with_spikes else None
+    return Bench(contest, tuple(rows_of(contest)), bearings, answers)
