@@ -9,10 +9,11 @@ BIN := $(VENV)/bin
 RUNTIME := $(VENV)/.runtime
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test check lint quick-tests all-tests proof-measured install clean
+.PHONY: help demo docs test check lint quick-tests all-tests proof-measured install clean
 
 help:
-	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, the proof, and a table held by it; four minutes"
+	@echo "make demo     a simulated wheel behind a real tty, its log, what the model lacks, the proof, and a table held by it; five minutes"
+	@echo "make docs     the documentation as a site that reads without a network: build/site/index.html"
 	@echo "make test     lint, types, import contracts and all tests, as CI runs them"
 	@echo "make check    the same without the slow tests"
 	@echo "make proof-measured  the diagnosis of the measured records in ../shared/data beside three rivals; skipped without them"
@@ -36,6 +37,11 @@ install: $(INSTALLED)
 
 demo: $(RUNTIME)
 	@$(BIN)/python -m tools.demo $(if $(SEED),--seed $(SEED))
+
+# The site, into build/site; the tests build it too, with its notebooks run and every warning an error.
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --config-file tools/site/mkdocs.yml
+	@echo "build/site/index.html"
 
 # Lint runs beside the tests, and the tests in a process for each core; those marked xdist_group share one.
 check: $(INSTALLED)

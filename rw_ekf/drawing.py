@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import io
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -30,7 +31,9 @@ def picture(function: Callable[P, T]) -> Callable[P, T]:
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             with _defaults():
-                return function(*args, **kwargs)
+                found = function(*args, **kwargs)
+                _let_notebooks_show_figures()
+                return found
         except (RwEkfError, MemoryError):
             raise
         except Exception as error:
@@ -38,6 +41,28 @@ def picture(function: Callable[P, T]) -> Callable[P, T]:
             raise PictureError(f"the picture cannot be drawn ({type(error).__name__}: {reason[:200]})") from error
 
     return drawn
+
+
+def _let_notebooks_show_figures() -> None:
+    """A figure that no pyplot made is shown by a notebook as a picture, and not as its name, once it is told how."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if shell is None or shell.display_formatter is None:
+        return
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    formatter = shell.display_formatter.formatters["image/png"]
+
+    def png(figure: Figure) -> bytes:
+        buffer = io.BytesIO()
+        FigureCanvasAgg(figure)
+        figure.savefig(buffer, format="png")
+        return buffer.getvalue()
+
+    try:
+        formatter.lookup_by_type(Figure)
+    except KeyError:
+        formatter.for_type(Figure, png)
 
 
 @contextlib.contextmanager
