@@ -12,7 +12,10 @@ from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import ConfigError
 from rw_ekf.plugins import loaded, registered
 
-FAMILIES = {"registers": "rw_ekf.drivers.line.register_protocol:protocol_of"}
+FAMILIES = {
+    "registers": "rw_ekf.drivers.line.register_protocol:protocol_of",
+    "nsp": "rw_ekf.drivers.line.nsp_protocol:protocol_of",
+}
 USUAL_FAMILY = "registers"
 
 Where = Callable[[tuple[str | int, ...]], str]

@@ -8,7 +8,7 @@ The marker bytes come from the wire map. `decode` never raises, whatever the byt
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from rw_ekf.drivers.line.wire_layout import Framing
 
@@ -112,6 +112,51 @@ def decode(buffer: bytes, framing: Framing | None = None) -> Decoded:
         else:
             frames.append(frame)
             position = end
+
+
+class Codec(Protocol):
+    """Requests and replies as bytes, at either end of a line: what families of wheels differ in."""
+
+    overhead_bytes: int  # of a frame around its data, escapes aside
+
+    def request(self, seq: int, register_id: int, data: bytes) -> bytes:
+        """The frame that asks. Raises ValueError if it does not fit into one."""
+        ...
+
+    def replies(self, buffer: bytes) -> Decoded:
+        """Frames of what came back, of the seq and id that the last request had where they answer it."""
+        ...
+
+    def requests(self, buffer: bytes) -> Decoded:
+        """Frames at the wheel's end."""
+        ...
+
+    def reply(self, answer: Frame) -> bytes:
+        """The frame that answers; a write's data is its status."""
+        ...
+
+
+class RegisterCodec:
+    """The frames above, the same in both directions."""
+
+    overhead_bytes = 8
+
+    def __init__(self, framing: Framing) -> None:
+        self._framing = framing
+
+    def request(self, seq: int, register_id: int, data: bytes) -> bytes:
+        """`encode`."""
+        return encode(seq, register_id, data, self._framing)
+
+    def replies(self, buffer: bytes) -> Decoded:
+        """`decode`."""
+        return decode(buffer, self._framing)
+
+    requests = replies
+
+    def reply(self, answer: Frame) -> bytes:
+        """`encode`."""
+        return encode(*answer, self._framing)
 
 
 def _body(buffer: bytes, position: int, framing: Framing) -> tuple[bytes | None, int, bool]:

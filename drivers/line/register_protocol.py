@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
-from rw_ekf.checking.findings import Where
+from rw_ekf.checking.findings import Where, checked
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits
-from rw_ekf.drivers.line.serial_link import OpenPort
+from rw_ekf.drivers.line.serial_link import OpenPort, SerialLink
 from rw_ekf.drivers.line.serial_port import open_serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
-from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.line.wire_map import WireMap
+
+Kind = TypeVar("Kind", bound="RegisterProtocol")
 
 
 class RegisterProtocol:
@@ -71,6 +73,7 @@ class RegisterProtocol:
             control=control,
             previous=previous if isinstance(previous, SerialWheel) else None,
             open_port=self._open_port,
+            link=self._link,
         )
 
     def serve(self, plant: Any, link_path: str, **options: Any) -> None:
@@ -79,13 +82,23 @@ class RegisterProtocol:
 
         serve_simulated_wheel(self.wire_map, plant, link_path, **options)
 
+    @property
+    def _link(self) -> Callable[..., SerialLink]:
+        """What makes the line."""
+        return SerialLink
+
 
 def protocol_of(data: Mapping[str, object], where: Where) -> RegisterProtocol:
     """Make the protocol of a wire map's content. Raises ConfigError with every finding."""
+    return of_content(RegisterProtocol, WireMap, data, where)
+
+
+def of_content(kind: type[Kind], maps: type[WireMap], data: Mapping[str, object], where: Where) -> Kind:
+    """The protocol of that kind over a file's content, checked as such a map. Raises ConfigError with every finding."""
     content = {key: value for key, value in data.items() if key != "family"} if isinstance(data, Mapping) else data
-    wire_map = wire_map_from_mapping(content, where)
+    wire_map = checked(maps, content, "a wire map", where)
     said = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-    return RegisterProtocol(wire_map, _scale_places(wire_map, where), said)
+    return kind(wire_map, _scale_places(wire_map, where), said)
 
 
 def _scale_places(wire_map: WireMap, where: Where) -> dict[str, str]:

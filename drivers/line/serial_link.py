@@ -11,14 +11,12 @@ from typing import Any, NamedTuple
 import serial
 
 from rw_ekf.clock import Clock
-from rw_ekf.drivers.line.framing import Frame, decode, encode
+from rw_ekf.drivers.line.framing import Codec, Frame
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, open_serial_port
-from rw_ekf.drivers.line.wire_layout import Framing
 from rw_ekf.records import LinkCounters
 
 DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
-FRAME_BYTES = 8  # of a frame around its data, doubled escapes aside
 # What comes just after opening is of whoever was here before, or of the plug: it is let pass until the line is quiet.
 QUIET_GAP_S, LONGEST_GAP_S = 0.010, 0.100
 OpenPort = Callable[[PortSettings, float], Any]  # gives an open port as pyserial's are
@@ -38,7 +36,7 @@ class SerialLink:
     def __init__(
         self,
         settings: PortSettings,
-        framing: Framing,
+        codec: Codec,
         reply_timeout_s: float,
         clock: Clock,
         counters: LinkCounters | None = None,
@@ -47,7 +45,8 @@ class SerialLink:
         """Open the port. reply_timeout_s: behind a request's last byte. open_port: opens it in pyserial's place."""
         self.settings = settings
         self._clock = clock
-        self.framing = framing
+        self.codec = codec
+        self.restarts = 0  # of the wheel, that this end had to see to
         self.byte_s = settings.line.bits_per_byte / settings.baud
         self.reply_timeout_s = reply_timeout_s
         self.counters = counters if counters is not None else LinkCounters()
@@ -70,7 +69,7 @@ class SerialLink:
         damaged. Returns within timeout_s (default: sending time + reply timeout). Raises DriverError if the port fails.
         """
         self._seq = (self._seq + 1) & 0xFF
-        frame = encode(self._seq, register_id, data, self.framing)
+        frame = self.codec.request(self._seq, register_id, data)
         started_s = self._clock.monotonic()
         limit_s = self.transmit_s(len(frame)) + self.reply_timeout_s
         deadline_s = started_s + (limit_s if timeout_s is None else min(limit_s, max(timeout_s, 0.0)))
@@ -88,7 +87,7 @@ class SerialLink:
         if reply is None:
             self.counters.timeouts += 1
             return Exchange(None, arrived_s, self._clock.monotonic())
-        took_s = self._came_s - arrived_s - self.transmit_s(FRAME_BYTES + reply_bytes)
+        took_s = self._came_s - arrived_s - self.transmit_s(self.codec.overhead_bytes + reply_bytes)
         self.counters.note_reply(1e3 * max(took_s, 0.0))
         return Exchange(reply, arrived_s, self._came_s)
 
@@ -161,7 +160,7 @@ class SerialLink:
         if not chunk:
             return chunk
         self._came_s = self._clock.monotonic()
-        decoded = decode(self._rest + chunk, self.framing)
+        decoded = self.codec.replies(self._rest + chunk)
         self._rest = decoded.rest
         self.received_bytes += len(chunk)
         self.good_frames += len(decoded.frames)

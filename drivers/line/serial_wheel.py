@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
@@ -55,6 +57,7 @@ class SerialWheel:
         self._expected: WheelIdentity | None = None  # who answered before, while it is not known who answers now
         self._quiet_since_s: float | None = None
         self._opened_s = self._host.monotonic()
+        self._restarts = 0
         self._speed: tuple[float, float] | None = None  # the last reading [rad/s], and when it came [s]
         self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
 
@@ -75,6 +78,10 @@ class SerialWheel:
             self._note_quiet()
             return None
         self._quiet_since_s = None
+        if self._line.restarts != self._restarts:
+            self._restarts = self._line.restarts
+            self.clock.begin_segment("wheel_restarted", "the wheel was in its boot loader and has been started")
+            self.doubt_identity()
         for register in self._others:
             values = (self._values(register, self._exchange(register, deadline_s)) or {}) | values
         if "uptime" not in values and any(register.field("uptime") for register in (self._main, *self._others)):
@@ -267,19 +274,21 @@ def open_serial_wheel(
     exclusive: bool = True,
     control: ControlLines = USUAL_LINES,
     open_port: OpenPort = open_serial_port,
+    link: Callable[..., SerialLink] = SerialLink,
 ) -> SerialWheel:
     """Open a wheel. Default timeout and baud are the wire map's.
 
     probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
     segments go on from it. exclusive: refuse a port that another process has locked. control: what DTR and RTS are set
-    to. open_port: opens it in pyserial's place. Raises DriverError: no such port, busy, no permission, no answer.
+    to. open_port: opens it in pyserial's place. link: makes the line, of another kind. Raises DriverError: no such
+    port, busy, no permission, no answer.
     """
     if previous is not None:
         previous.close()
     counters = previous.link if previous is not None else None
     timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.link.reply_timeout_s
     settings = PortSettings(port, baud if baud is not None else wire_map.link.baud, wire_map.link, exclusive, control)
-    line = SerialLink(settings, wire_map.framing, timeout_s, clock, counters, open_port)
+    line = link(settings, wire_map.codec(), timeout_s, clock, counters, open_port)
     wheel = SerialWheel(line, wire_map, clock, previous.clock if previous is not None else None)
     if previous is not None:
         wheel.identity = previous.identity if previous.identity is not None else previous._expected

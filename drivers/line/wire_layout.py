@@ -19,6 +19,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad/s": ("speed", 1.0),
     "A": ("current", 1.0),
     "mA": ("current", A_PER_MA),
+    "N m": ("current", 1.0),  # a wheel that takes a torque: it stands where a current would, motor_gain is then 1 / J
+    "mN m": ("current", 1.0e-3),
     "degC": ("temperature", 1.0),
     "Pa": ("pressure", 1.0),
     "hPa": ("pressure", 100.0),

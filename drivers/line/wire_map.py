@@ -9,6 +9,7 @@ from pydantic import ValidationInfo, field_validator
 
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.checking.section import Mistake, Section, refuse
+from rw_ekf.drivers.line.framing import Codec, RegisterCodec
 from rw_ekf.drivers.line.wire_layout import Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
 STATUS_OK = 0
@@ -54,6 +55,10 @@ class WireMap(Section):
         """Tell the registers in which order their bytes stand."""
         for register in self.registers:
             register._order = "<" if self.framing.byte_order == "little" else ">"
+
+    def codec(self) -> Codec:
+        """How its registers are spoken of on a line, for one end of it."""
+        return RegisterCodec(self.framing)
 
     def register(self, name: str) -> Register | None:
         """The register of that name, or None where the wheel has none."""

@@ -95,17 +95,19 @@ def serve_simulated_wheel(
     duration_s: float | None = None,
     faults: Sequence[Fault] = (),
     law: Advance = advance,
+    electronics: type[RegisterServer] = RegisterServer,
 ) -> None:
     """Serve a simulated wheel at `link_path` until SIGINT, SIGTERM or SIGHUP, `stop`, or duration_s [s] of host time.
 
     on_ready: called with the device's path when a client can open the link. Signals are handled in the main thread
-    only. law: of the plant's motion, where it has a formula of a user's own. Raises DriverError where the link cannot
+    only. law: of the plant's motion, where it has a formula of a user's own. electronics: of
+    another family of wheels. Raises DriverError where the link cannot
     be made, BadInputError for a fault of what the map does not have.
     """
     check_faults(faults, wire_map)
     state = PlantState(speed_rad_s=initial_speed_rad_s, temperature_degC=parameters.ambient_degC)
     plant = PlantRunner(parameters, noise, seed, state, law=law)
-    registers = RegisterServer(wire_map, plant, serial_number=(seed % 65535) + 1, faults=FaultInjector(faults, seed))
+    registers = electronics(wire_map, plant, serial_number=(seed % 65535) + 1, faults=FaultInjector(faults, seed))
     asked = stop.is_set if isinstance(stop, threading.Event) else (stop or (lambda: False))
     end_s = None if duration_s is None else time.monotonic() + duration_s
     with _signals() as (signalled, wake):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from rw_ekf.drivers.line.framing import Frame, decode, encode
+from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.registers import decode_register, encode_saturated
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
@@ -70,11 +70,12 @@ class RegisterServer:
         self._integral_A = 0.0
         self._loop_due_s = plant.time_s
         self._rest = b""
+        self._codec = wire_map.codec()
 
     def handle(self, received: bytes, time_s: float) -> list[Reply]:
         """Replies to bytes whose last one arrived at `time_s` of the plant's clock. Damaged frames get none."""
         self.advance_to(time_s)
-        decoded = decode(self._rest + received, self.wire_map.framing)
+        decoded = self._codec.requests(self._rest + received)
         self._rest = decoded.rest
         self.damaged += decoded.damaged
         replies: list[Reply] = []
@@ -84,7 +85,7 @@ class RegisterServer:
             data = self._answer(frame, register)
             if data is not None:
                 answer = self._spoilt.reply(frame, register, data, time_s)
-                replies.append(Reply(encode(*answer, self.wire_map.framing), register.name if register else None))
+                replies.append(Reply(self._codec.reply(answer), register.name if register else None))
         return replies
 
     def advance_to(self, time_s: float) -> None:
