@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field as Key
 
 from rw_ekf.checking.findings import Where
 from rw_ekf.checking.section import Section
 from rw_ekf.drivers.line.framing import Codec
-from rw_ekf.drivers.line.nsp import INIT_ID, OK, PING_ID, NspCodec
+from rw_ekf.drivers.line.nsp import INIT_ID, OK, PING_ID, REFUSED, NspCodec
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
 from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
 from rw_ekf.drivers.line.wire_layout import Byte
 from rw_ekf.drivers.line.wire_map import WireMap
+
+if TYPE_CHECKING:
+    from rw_ekf.drivers.sim.register_server import RegisterServer
 
 _START_EVERY_S = 1.0  # a wheel is not started again while it starts
 _REFUSED_READS = 2  # in a row: one alone is of a file that this wheel does not have
@@ -32,22 +34,6 @@ class NspFraming(Section):
     init_address: int = Key(0x1000, ge=0, le=0xFFFF_FFFF, description="where INIT starts the wheel's program")
     echoes_b: Literal["auto", "yes", "no"] = Key("auto", description="whether a reply copies bit B of its request")
     byte_order: Literal["little"] = "little"
-
-
-class NspMap(WireMap):
-    """A wire map of such a wheel."""
-
-    framing: NspFraming = NspFraming()  # type: ignore[assignment]
-
-    def codec(self) -> Codec:
-        """For one end of a line."""
-        known = {"auto": None, "yes": True, "no": False}[self.framing.echoes_b]
-        return NspCodec(self.framing.wheel_address, self.framing.own_address, known)
-
-    @property
-    def init_data(self) -> bytes:
-        """What INIT carries."""
-        return self.framing.init_address.to_bytes(4, "little")
 
 
 class NspLink(SerialLink):
@@ -71,11 +57,24 @@ class NspLink(SerialLink):
             self._hush()  # a late reply would be taken for the next one's
         exchange = super().request(register_id, data, reply_bytes, timeout_s)
         self._in_vain = 0 if exchange.data is not None else self._in_vain + 1
-        self._runs = self._runs or exchange.data is not None
-        enough = _REFUSED_READS if self.codec.refused_to_read else _DEAF_READS
+        self._runs = self._runs or exchange.data not in (None, REFUSED)
+        if exchange.data == REFUSED and not self._runs and register_id < INIT_ID:
+            self._start()  # idle from then on: a zero is confirmed that way too
+            return super().request(register_id, data, reply_bytes) if self._runs else exchange
+        enough = _REFUSED_READS if self.is_refused else _DEAF_READS
         if self._in_vain >= enough and self._clock.monotonic() >= self._start_again_s:
             self._start()
         return exchange
+
+    @property
+    def is_refused(self) -> bool:
+        """A read, by a NACK."""
+        return self.codec.refused_to_read
+
+    @property
+    def answers(self) -> bool:
+        """Whether the wheel's own program does."""
+        return super().answers and self._runs
 
     def _start(self) -> None:
         """PING, and INIT where somebody answers."""
@@ -98,21 +97,38 @@ class NspLink(SerialLink):
             heard_s = now_s if came else heard_s
 
 
+class NspMap(WireMap):
+    """A wire map of such a wheel."""
+
+    framing: NspFraming = NspFraming()  # type: ignore[assignment]
+
+    def codec(self) -> Codec:
+        """For one end of a line."""
+        known = {"auto": None, "yes": True, "no": False}[self.framing.echoes_b]
+        return NspCodec(self.framing.wheel_address, self.framing.own_address, known)
+
+    def open_line(self, *line: Any) -> SerialLink:
+        """A line on which it is spoken."""
+        settings, *more = line
+        return NspLink(settings, self.codec(), *more, init_data=self.init_data)
+
+    @property
+    def init_data(self) -> bytes:
+        """What INIT carries."""
+        return self.framing.init_address.to_bytes(4, "little")
+
+
 class NspProtocol(RegisterProtocol):
     """A WheelProtocol over such a map."""
 
     wire_map: NspMap
 
-    def serve(self, plant: Any, link_path: str, **options: Any) -> None:
-        """Serve a simulated wheel that speaks it."""
-        from rw_ekf.drivers.sim.nsp_server import NspServer
-        from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
-
-        serve_simulated_wheel(self.wire_map, plant, link_path, electronics=NspServer, **options)
-
     @property
-    def _link(self) -> Callable[..., SerialLink]:
-        return partial(NspLink, init_data=self.wire_map.init_data)
+    def electronics(self) -> type[RegisterServer]:
+        """What answers in a simulated wheel."""
+        from rw_ekf.drivers.sim.nsp_server import NspServer
+
+        return NspServer
 
 
 def protocol_of(data: Mapping[str, object], where: Where) -> NspProtocol:

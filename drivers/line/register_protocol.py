@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits
-from rw_ekf.drivers.line.serial_link import OpenPort, SerialLink
+from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import open_serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
+
+if TYPE_CHECKING:
+    from rw_ekf.drivers.sim.register_server import RegisterServer
 
 Kind = TypeVar("Kind", bound="RegisterProtocol")
 
@@ -73,19 +76,20 @@ class RegisterProtocol:
             control=control,
             previous=previous if isinstance(previous, SerialWheel) else None,
             open_port=self._open_port,
-            link=self._link,
         )
 
     def serve(self, plant: Any, link_path: str, **options: Any) -> None:
         """Serve a simulated wheel with these registers, as `rw_ekf.drivers.sim.pty_server.serve_simulated_wheel`."""
         from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
 
-        serve_simulated_wheel(self.wire_map, plant, link_path, **options)
+        serve_simulated_wheel(self.wire_map, plant, link_path, electronics=self.electronics, **options)
 
     @property
-    def _link(self) -> Callable[..., SerialLink]:
-        """What makes the line."""
-        return SerialLink
+    def electronics(self) -> type[RegisterServer]:
+        """What answers in a simulated wheel."""
+        from rw_ekf.drivers.sim.register_server import RegisterServer
+
+        return RegisterServer
 
 
 def protocol_of(data: Mapping[str, object], where: Where) -> RegisterProtocol:

@@ -91,6 +91,16 @@ class SerialLink:
         self.counters.note_reply(1e3 * max(took_s, 0.0))
         return Exchange(reply, arrived_s, self._came_s)
 
+    @property
+    def is_refused(self) -> bool:
+        """Whether the last request was answered by a refusal that is no reply: nothing more is waited for."""
+        return False
+
+    @property
+    def answers(self) -> bool:
+        """Whether a good frame has come since it was opened."""
+        return self.good_frames > 0
+
     def transmit_s(self, byte_count: int) -> float:
         """How long bytes take on the line [s]."""
         return byte_count * self.byte_s
@@ -140,7 +150,7 @@ class SerialLink:
     def _wait(self, register_id: int, reply_bytes: int, deadline_s: float) -> bytes | None:
         """The data of the reply, or None at the deadline."""
         reply: bytes | None = None
-        while reply is None and self._clock.monotonic() < deadline_s:
+        while reply is None and not self.is_refused and self._clock.monotonic() < deadline_s:
             frames: list[Frame] = []
             self._take(1, keep=frames)
             for frame in frames:

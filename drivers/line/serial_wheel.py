@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
@@ -140,13 +138,14 @@ class SerialWheel:
         """Wait for the first valid reply and read who answers. Raises DriverError if none comes within_s [s]."""
         identity = self._map.register("identity")
         deadline_s = self._host.monotonic() + within_s
-        while self._line.good_frames == 0:
+        while not self._line.answers:
             for register in filter(None, (identity, self._main)):
                 self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
             if self._host.monotonic() >= deadline_s:
                 break
         if self._line.good_frames == 0:
             raise silent_error(self._line.settings.port, self._line.settings.baud, within_s, self._line.received_bytes)
+        self._restarts = self._line.restarts  # one that had to be started to be attached has not restarted
         soon_s = self._host.monotonic() + 4.0 * self._line.reply_timeout_s
         if identity is not None and self.identity is None:
             self._note_identity(self._values(identity, self._exchange(identity, soon_s)), identity)
@@ -274,21 +273,19 @@ def open_serial_wheel(
     exclusive: bool = True,
     control: ControlLines = USUAL_LINES,
     open_port: OpenPort = open_serial_port,
-    link: Callable[..., SerialLink] = SerialLink,
 ) -> SerialWheel:
     """Open a wheel. Default timeout and baud are the wire map's.
 
     probe: wait up to 2 s for a first valid reply. previous: the wheel that was lost on this port; counters, clock and
     segments go on from it. exclusive: refuse a port that another process has locked. control: what DTR and RTS are set
-    to. open_port: opens it in pyserial's place. link: makes the line, of another kind. Raises DriverError: no such
-    port, busy, no permission, no answer.
+    to. open_port: opens it in pyserial's place. Raises DriverError: no such port, busy, no permission, no answer.
     """
     if previous is not None:
         previous.close()
     counters = previous.link if previous is not None else None
     timeout_s = reply_timeout_s if reply_timeout_s is not None else wire_map.link.reply_timeout_s
     settings = PortSettings(port, baud if baud is not None else wire_map.link.baud, wire_map.link, exclusive, control)
-    line = link(settings, wire_map.codec(), timeout_s, clock, counters, open_port)
+    line = wire_map.open_line(settings, timeout_s, clock, counters, open_port)
     wheel = SerialWheel(line, wire_map, clock, previous.clock if previous is not None else None)
     if previous is not None:
         wheel.identity = previous.identity if previous.identity is not None else previous._expected

@@ -10,6 +10,7 @@ from pydantic import ValidationInfo, field_validator
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.checking.section import Mistake, Section, refuse
 from rw_ekf.drivers.line.framing import Codec, RegisterCodec
+from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
 STATUS_OK = 0
@@ -59,6 +60,11 @@ class WireMap(Section):
     def codec(self) -> Codec:
         """How its registers are spoken of on a line, for one end of it."""
         return RegisterCodec(self.framing)
+
+    def open_line(self, *line: Any) -> SerialLink:
+        """A line on which it is spoken, from what `SerialLink` is made of but the codec. Raises DriverError."""
+        settings, *more = line
+        return SerialLink(settings, self.codec(), *more)
 
     def register(self, name: str) -> Register | None:
         """The register of that name, or None where the wheel has none."""

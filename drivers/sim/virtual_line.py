@@ -14,7 +14,6 @@ from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.line_errors import open_error
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.serial_port import POLL_S, PortSettings
-from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.wheel_line import WheelLine
 
@@ -106,17 +105,13 @@ class VirtualCable:
             self.line.unplug()
             raise serial.SerialException("device disconnected")
 
+    def carrying(self, spoken: RegisterProtocol) -> RegisterProtocol:
+        """The same protocol on this cable, whatever the port's name."""
+        return type(spoken)(spoken.wire_map, spoken.scale_places, spoken.fingerprint, self._open_port)
 
-class VirtualLineProtocol(RegisterProtocol):
-    """The protocol of a wire map on one wheel in this process, whatever the port's name."""
-
-    def __init__(self, wire_map: WireMap, server: RegisterServer, clock: Clock) -> None:
-        super().__init__(wire_map, open_port=self._open_virtual_port)
-        self.cable = VirtualCable(server, clock)
-
-    def _open_virtual_port(self, settings: PortSettings, write_timeout_s: float) -> VirtualPort:
+    def _open_port(self, settings: PortSettings, write_timeout_s: float) -> VirtualPort:
         """Raises DriverError while the cable is out."""
         try:
-            return VirtualPort(self.cable, write_timeout_s)
+            return VirtualPort(self, write_timeout_s)
         except serial.SerialException as error:
             raise open_error(settings.port, error, settings.line.parity) from error

@@ -8,6 +8,7 @@ import itertools
 import pytest
 
 from rw_ekf.clock import VirtualClock
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.sim.fault_draw import LOTS, drawn_faults
 from rw_ekf.drivers.sim.fault_text import parse_fault, parse_faults
@@ -15,7 +16,7 @@ from rw_ekf.drivers.sim.faults import FaultInjector
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.register_server import RegisterServer
-from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.errors import DriverError
 
 
@@ -24,7 +25,7 @@ def test_the_real_driver_on_a_virtual_clock(wire_map: WireMap) -> None:
     clock = VirtualClock()
     plant = PlantRunner(PlantParameters(), PlantNoise(0.0), 1, PlantState(speed_rad_s=50.0))
     faults = FaultInjector(parse_faults(["hangup@2s:1s,silence@5s:1s"]))
-    protocol = VirtualLineProtocol(wire_map, RegisterServer(wire_map, plant, faults=faults), clock)
+    protocol = VirtualCable(RegisterServer(wire_map, plant, faults=faults), clock).carrying(RegisterProtocol(wire_map))
     wheel = protocol.open_wheel("nowhere", clock, 0.04)
     came: dict[str, list[float]] = {"sample": [], "missed": [], "lost": []}
     while clock.monotonic() < 8.0:
@@ -53,7 +54,7 @@ def test_no_drawn_fault_breaks_the_driver(wire_map: WireMap) -> None:
     clock = VirtualClock()
     plant = PlantRunner(PlantParameters(), PlantNoise(0.0), 1, PlantState(speed_rad_s=50.0), fine_step_s=0.02)
     faults = FaultInjector(drawn_faults(11, 3600.0, mean_gap_s=20.0))
-    protocol = VirtualLineProtocol(wire_map, RegisterServer(wire_map, plant, faults=faults), clock)
+    protocol = VirtualCable(RegisterServer(wire_map, plant, faults=faults), clock).carrying(RegisterProtocol(wire_map))
     wheel = protocol.open_wheel("nowhere", clock, 0.04)
     samples, lost, last_s = 0, 0, 0.0
     while clock.monotonic() < 3600.0:

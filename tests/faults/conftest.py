@@ -8,27 +8,38 @@ from pathlib import Path
 import pytest
 
 from rw_ekf.clock import SystemClock
-from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.line.wire_map import WireMap
-from tests.live.bench import Bench, served_wheel, wire_map_of
-
-
-@pytest.fixture(scope="session")
-def wire_map() -> WireMap:
-    """The project's wire map."""
-    return wire_map_of("sunspace-wheel")
+from tests.faults.rig import FAMILY
+from tests.live.bench import FAMILIES, Bench, protocol_named, served_wheel, wire_map_of
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
+def family(request: pytest.FixtureRequest) -> Iterator[str]:
+    """A map of the family of wheels that a test is about; `EACH_FAMILY` marks tests of each."""
+    found: str = getattr(request, "param", FAMILIES[0])
+    token = FAMILY.set(found)
+    yield found
+    FAMILY.reset(token)
+
+
+@pytest.fixture
+def wire_map(family: str) -> WireMap:
+    """The wire map of that family."""
+    return wire_map_of(family)
+
+
+@pytest.fixture
+def bench(tmp_path: Path, family: str) -> Iterator[Bench]:
     """A wheel on a pty."""
-    with served_wheel(tmp_path) as made:
+    with served_wheel(tmp_path, protocol=family) as made:
         yield made
 
 
 @pytest.fixture
-def wheel(bench: Bench, wire_map: WireMap) -> Iterator[SerialWheel]:
+def wheel(bench: Bench, family: str) -> Iterator[SerialWheel]:
     """The real driver, open on that pty; patient, because the machine may be busy."""
-    opened = open_serial_wheel(bench.port, wire_map, SystemClock(), 0.15)
+    opened = protocol_named(family).open_wheel(bench.port, SystemClock(), 0.15)
+    assert isinstance(opened, SerialWheel)
     yield opened
     opened.close()

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.attach import checked_protocol
+import pytest
+
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
-from rw_ekf.drivers.sim.register_server import RegisterServer
-from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.injecting import put_faults
-from tests.live.bench import CURRENT_COMMAND, wire_map_of, write_config
+from tests.live.bench import FAMILIES, protocol_named, spoken_by, write_config
 from tests.live.daemon import Notes, Ran
 
+EACH_FAMILY = pytest.mark.parametrize("family", FAMILIES, indirect=True)  # `usefixtures` where it is not asked for
+FAMILY = ContextVar("FAMILY", default=FAMILIES[0])  # of the wheels of a test that does not say
 BEGAN = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 
 
@@ -35,6 +39,7 @@ class LineWheel:
     directory: Path
     parameters: PlantParameters = field(default_factory=PlantParameters)
     serial_number: int = 1
+    protocol: str = ""  # what it speaks; "": what the test is about
     speed_rad_s: float = 0.0
     noise_rpm: float = 1.0
     faults: str = ""  # as `rw-ekf simulate --fault` takes them, in the wheel's time
@@ -60,23 +65,25 @@ class LineWheel:
             "command": {"profile": "random-sines", "period_s": 20.0},
         }
         usual["command"]["confirm_sign"] = True
+        usual["wheel"] = {"protocol": self.protocol or FAMILY.get()}
         sections = {name: usual.get(name, {}) | changes.get(name, {}) for name in {*usual, *changes}}
         configuration = load_configuration(write_config(self.directory, str(self.directory / "wheel"), **sections))
         clock, notes = VirtualClock(at), notes if notes is not None else Notes()
         noise = PlantNoise(self.noise_rpm * RAD_S_PER_RPM)
         plant = PlantRunner(self.parameters, noise, 5, PlantState(speed_rad_s=self.speed_rad_s), 0.01)
-        wire_map = wire_map_of("sunspace-wheel")
+        true = protocol_named(self.protocol or FAMILY.get())
+        command = true.wire_map.current_command
 
         def watch(frame: Frame) -> None:
-            if frame.id == CURRENT_COMMAND:
-                self.written_A.append(1e-4 * int.from_bytes(frame.data, "little", signed=True))
+            if frame.id == command.id:
+                self.written_A.append(decode_register(command, frame.data)["current_command"])
                 self.speeds_rad_s.append(plant.speed_rad_s)
 
-        server = RegisterServer(wire_map, plant, serial_number=self.serial_number, first_uptime_s=100.0, watch=watch)
+        server = true.electronics(
+            true.wire_map, plant, serial_number=self.serial_number, first_uptime_s=100.0, watch=watch
+        )
         put_faults(server, self.faults)
-        spoken = checked_protocol(configuration)
-        protocol = VirtualLineProtocol(wire_map_of(configuration.wheel.protocol), server, clock)
-        protocol.fingerprint, protocol.scale_places = spoken.fingerprint, spoken.scale_places
+        protocol = VirtualCable(server, clock).carrying(spoken_by(configuration))
         given = GivenModel(
             read_wheel_model(named, configuration),
             named or configuration.filter.model,

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from rw_ekf.commands.run import exit_status
-from tests.faults.rig import LineWheel
+from tests.faults.rig import EACH_FAMILY, LineWheel
+
+pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
 
 SINE = {"profile": "sine", "amplitude_A": 0.3, "period_s": 8.0, "bias_A": 0.0, "confirm_sign": False}
 

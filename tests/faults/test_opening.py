@@ -12,7 +12,10 @@ from rw_ekf.clock import SystemClock
 from rw_ekf.driver import ControlLines
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
+from tests.faults.rig import EACH_FAMILY
 from tests.live.bench import Bench
+
+pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
 
 CLOCK = SystemClock()
 
@@ -75,15 +78,15 @@ def test_an_opening_that_resets_the_wheel_is_found(bench: Bench, wheel: SerialWh
     bench.registers.restart()
     again = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15, probe=False, previous=wheel)
     assert again.identity is None
-    sample = again.read(1.0)
+    sample = next(filter(None, (again.read(1.0) for _ in range(4))), None)  # a boot loader refuses until it is told
     assert sample is not None
     assert sample.news is not None
     assert sample.news[0] == "wheel_restarted"
     assert sample.segment > first.segment
-    assert sample.current_command_A == 0.0
-    assert again.identity is not None
+    assert sample.current_command_A in (0.0, None)
     after = again.read(1.0)
     assert after is not None
+    assert again.identity is not None
     assert (after.news, after.segment) == (None, sample.segment)
     again.close()
 

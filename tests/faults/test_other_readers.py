@@ -18,7 +18,10 @@ from rw_ekf.drivers.line import serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
+from tests.faults.rig import EACH_FAMILY
 from tests.live.bench import Bench, wait_for
+
+pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
 
 TIOCGEXCL = 0x80045440
 MODEM_MANAGER = b"AT\r\r\nAT+GCAP\rAT\x7e\x00\x78\xf0\x7e\r"

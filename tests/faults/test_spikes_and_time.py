@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rw_ekf.attach import checked_protocol
 from rw_ekf.clock import VirtualClock
 from rw_ekf.course.course import Course
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.register_server import RegisterServer
-from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.filter import decisions
 from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.filter.estimator import Estimator
@@ -33,7 +32,7 @@ from rw_ekf.records import IssuedCommand, Outcome, WheelSample
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.injecting import put_faults
-from tests.live.bench import CYCLE, served_wheel, wire_map_of, write_config
+from tests.live.bench import CYCLE, served_wheel, spoken_by, wire_map_of, write_config
 from tests.live.daemon import Notes, Ran, resume, run
 from tools.measure.runs import constants_for
 
@@ -101,9 +100,7 @@ class Held:
         }
         sections = {name: usual.get(name, {}) | changes.get(name, {}) for name in {*usual, *changes}}
         configuration = load_configuration(write_config(self.directory, str(self.directory / "wheel"), **sections))
-        protocol = VirtualLineProtocol(wire_map_of("sunspace-wheel"), self.server, self.clock)
-        spoken = checked_protocol(configuration)
-        protocol.fingerprint, protocol.scale_places = spoken.fingerprint, spoken.scale_places
+        protocol = VirtualCable(self.server, self.clock).carrying(spoken_by(configuration))
         notes = Notes()
         with StopSignal() as stop:
             for time_s, action in events:

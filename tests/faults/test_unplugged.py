@@ -16,8 +16,11 @@ from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
 from tests.faults.ports import Failing, opening
+from tests.faults.rig import EACH_FAMILY
 from tests.live.bench import Bench, open_descriptors, wait_for
 from tests.live.daemon import run
+
+pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
 
 CLOCK = SystemClock()
 ERRORS: list[BaseException] = [

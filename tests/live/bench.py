@@ -17,14 +17,19 @@ from typing import Any
 
 import yaml
 
+from rw_ekf.attach import checked_protocol
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.drivers.line.framing import Frame
-from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
+from rw_ekf.drivers.line.registers import decode_register
+from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.protocols import protocol_of
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.pty_server import PtyServer
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.resources import protocol_path
+from rw_ekf.settings.schema import Configuration
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.contract import check_document
 from tests.injecting import put_faults
@@ -32,12 +37,14 @@ from tests.injecting import put_faults
 ROOT = Path(__file__).parents[2]
 PROGRAM = (sys.executable, "-W", "ignore", "-m", "rw_ekf")
 CURRENT_COMMAND, CYCLE = 3, 137
+FAMILIES = ("sunspace-wheel", "nsp-wheel")  # one map of each family of wheels
 
 
 @dataclass
 class Recorder:
     """Remembers what the wheel was sent."""
 
+    wire_map: WireMap
     requests: list[tuple[float, Frame]] = field(default_factory=list)
 
     def __call__(self, request: Frame) -> None:
@@ -45,11 +52,9 @@ class Recorder:
 
     def writes_A(self) -> list[float]:
         """Every current that a good write frame carried, in order."""
-        return [
-            1e-4 * int.from_bytes(frame.data, "little", signed=True)
-            for _, frame in list(self.requests)
-            if frame.id == CURRENT_COMMAND
-        ]
+        register = self.wire_map.current_command
+        frames = [frame for _, frame in list(self.requests) if frame.id == register.id]
+        return [decode_register(register, frame.data)["current_command"] for frame in frames]
 
     def ids(self) -> set[int]:
         """Ids of all good frames so far."""
@@ -64,6 +69,7 @@ class Bench:
     registers: RegisterServer
     recorder: Recorder
     link: str = "wheel"
+    protocol: str = "sunspace-wheel"
     _server: PtyServer | None = None
     _thread: threading.Thread | None = None
     _stop: threading.Event = field(default_factory=threading.Event)
@@ -114,7 +120,8 @@ class Bench:
 
     def config(self, **changes: dict[str, Any]) -> Path:
         """Write a configuration; a section given here is merged over the usual one."""
-        return write_config(self.directory, self.port, **changes)
+        wheel = {"protocol": self.protocol} | changes.pop("wheel", {})
+        return write_config(self.directory, self.port, wheel=wheel, **changes)
 
 
 def write_config(directory: Path, port: str, **changes: dict[str, Any]) -> Path:
@@ -132,10 +139,24 @@ def write_config(directory: Path, port: str, **changes: dict[str, Any]) -> Path:
     return path
 
 
-def wire_map_of(protocol: str) -> WireMap:
+def protocol_named(name: str) -> RegisterProtocol:
+    """A protocol by a name from config/ or a path."""
+    document = load_yaml(protocol_path(name))
+    made = protocol_of(document.data, document.where)
+    assert isinstance(made, RegisterProtocol)
+    return made
+
+
+def wire_map_of(name: str) -> WireMap:
     """A wire map by a name from config/ or a path."""
-    document = load_yaml(protocol_path(protocol))
-    return wire_map_from_mapping(document.data, document.where)
+    return protocol_named(name).wire_map
+
+
+def spoken_by(configuration: Configuration) -> RegisterProtocol:
+    """The protocol of a configuration, checked against it."""
+    made = checked_protocol(configuration)
+    assert isinstance(made, RegisterProtocol)
+    return made
 
 
 @contextmanager
@@ -146,14 +167,16 @@ def served_wheel(
     noise_rpm: float = 1.0,
     first_uptime_s: float = 100.0,
     link: str = "wheel",
+    protocol: str = FAMILIES[0],
 ) -> Iterator[Bench]:
     """A simulated wheel on a pty, served by a thread for the length of a with block."""
-    recorder = Recorder()
+    spoken = protocol_named(protocol)
+    recorder = Recorder(spoken.wire_map)
     plant = PlantRunner(
         PlantParameters(), PlantNoise(noise_rpm * RAD_S_PER_RPM), 5, PlantState(speed_rad_s=initial_speed_rad_s)
     )
-    registers = RegisterServer(wire_map_of("sunspace-wheel"), plant, watch=recorder, first_uptime_s=first_uptime_s)
-    bench = Bench(directory, registers, recorder, link)
+    registers = spoken.electronics(spoken.wire_map, plant, watch=recorder, first_uptime_s=first_uptime_s)
+    bench = Bench(directory, registers, recorder, link, protocol)
     bench.plug()
     try:
         yield bench

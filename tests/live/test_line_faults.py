@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.live.bench import Bench, served_wheel
+from tests.live.bench import FAMILIES, Bench, served_wheel
 from tests.live.daemon import Event, Ran, resume, run
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    """A wheel on a pty."""
-    with served_wheel(tmp_path) as made:
+@pytest.fixture(params=FAMILIES)
+def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """A wheel of each family on a pty."""
+    with served_wheel(tmp_path, protocol=request.param) as made:
         yield made
 
 
@@ -70,7 +70,7 @@ def test_in_silence_zero_is_written_again_and_again_and_then_the_run_goes_on(ben
 @pytest.mark.slow
 def test_a_zero_confirmed_in_silence_is_in_the_log_from_when_it_acted(bench: Bench) -> None:
     """Only the readings are lost: the zero is confirmed, logged as a row without a speed, and nothing is re-seeded."""
-    ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, "silence/cycle"))
+    ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, f"silence/{bench.registers.wire_map.speed_register.name}"))
     log = ran.log
     assert log.segment.max() == 0
     assert ran.outcome.statistics.rejected == 0
@@ -86,6 +86,8 @@ def test_a_write_that_is_taken_but_never_confirmed_does_not_mislead_the_filter(b
     steps = {"profile": "steps", "amplitude_A": 0.3, "period_s": 1.0, "bias_A": 0.0}
     ran = run(bench, 2.4, *fault(bench, 0.9, 1.4, "silence/current_command"), command=steps)
     assert ran.outcome.statistics.rejected == 0
+    if bench.protocol != FAMILIES[0]:
+        pytest.skip("this family tells no command that could be read back: each such write begins a segment")
     assert ran.log.segment.max() == 0
     told_A = ran.log.channels["current_A"]
     assert np.allclose(told_A[1:], ran.log.current_A[:-1], atol=1e-7)
@@ -93,11 +95,12 @@ def test_a_write_that_is_taken_but_never_confirmed_does_not_mislead_the_filter(b
 
 
 def test_a_wheel_that_restarts_begins_a_new_segment_with_the_parameters_kept(bench: Bench) -> None:
-    """Uptime starts again: the log's segment changes, time restarts in it, the speed is re-seeded, k goes on."""
+    """The log's segment changes, time restarts in it with the uptime, the speed is re-seeded, k goes on."""
     ran = run(bench, 2.2, (1.1, bench.registers.restart))
     log = ran.log
     first = int(np.argmax(log.segment > 0))
-    assert log.time_s[first] < 1.0 < log.time_s[first - 1]
+    if bench.registers.wire_map.speed_register.field("uptime"):
+        assert log.time_s[first] < 1.0 < log.time_s[first - 1]
     assert ran.outcome.statistics.reseeded >= 1
     assert ran.outcome.statistics.rejected == 0
     estimates = np.genfromtxt(ran.outcome.files.estimates, delimiter=",", names=True, dtype=None, encoding="utf-8")

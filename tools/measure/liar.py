@@ -28,13 +28,14 @@ from rw_ekf.attach import checked_protocol
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import VirtualClock
 from rw_ekf.drivers.line.framing import Frame
+from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.register_server import RegisterServer
-from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live import guard
 from rw_ekf.live.daemon import run_daemon
@@ -214,9 +215,9 @@ def run_draw(draw: Draw, directory: Path) -> Told:
     server.deaf_from_s = math.inf if draw.acts else draw.begins_s
     configuration = load_configuration(_configuration(draw, directory))
     clock = VirtualClock()
-    protocol = VirtualLineProtocol(wire_map, server, clock)
     spoken = checked_protocol(configuration)
-    protocol.fingerprint, protocol.scale_places = spoken.fingerprint, spoken.scale_places
+    assert isinstance(spoken, RegisterProtocol)
+    protocol = VirtualCable(server, clock).carrying(spoken)
     allow: Any = guard.allowed_current
 
     def noted(requested_A: float, *others: Any) -> Any:

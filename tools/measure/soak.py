@@ -36,7 +36,7 @@ from rw_ekf.drivers.sim.faults import FaultInjector
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.pty_server import PtyServer
-from rw_ekf.drivers.sim.virtual_line import VirtualLineProtocol
+from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.outcome import RunOutcome
@@ -124,8 +124,8 @@ def _wheel(server: Witness, port: Path, *, pty: bool) -> Iterator[tuple[WheelPro
     """The wheel on a line: what is spoken on it, the daemon's clock, and the wheel's time."""
     if not pty:
         clock = VirtualClock()
-        protocol = VirtualLineProtocol(server.wire_map, server, clock)
-        yield protocol, clock, protocol.cable.now_s
+        cable = VirtualCable(server, clock)
+        yield cable.carrying(RegisterProtocol(server.wire_map)), clock, cable.now_s
         return
     served, over = PtyServer(server, port), threading.Event()
     thread = threading.Thread(target=served.run, args=(over.is_set,), daemon=True)
