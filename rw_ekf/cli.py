@@ -48,7 +48,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="rw-ekf",
         description="Online estimator for reaction wheels: speed, motor gain and bearing friction.",
-        epilog="`rw-ekf help VERB` shows a verb's options and an example. Start with `rw-ekf simulate` or docs/.",
+        epilog="`rw-ekf help VERB` shows a verb's options and an example, `rw-ekf help --man` a manual page, `rw-ekf help "
+        "--completion bash` (zsh, tcsh) a script for the shell. Start with `rw-ekf simulate` or docs/.",
     )
     parser.add_argument("-V", "--version", action="version", version=f"rw-ekf {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -80,6 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["help"] and words[1:2] in (["--man"], ["--completion"]):
+        return _described(words[1:])
     as_json = any(word.startswith("--j") and "--json".startswith(word) for word in words)
     try:
         args = _parsed(words)
@@ -100,6 +103,23 @@ def _main(arguments: Sequence[str] | None) -> int:
         return _fail("interrupted", ["interrupted"], 130, as_json=as_json)
     except MemoryError:
         return _fail("memory", ["not enough memory for this; take a shorter log"], 1, as_json=as_json)
+
+
+def _described(words: list[str]) -> int:
+    """The manual page, or a shell's completion, on standard output."""
+    from rw_ekf.manual import completion, man_page
+
+    try:
+        parser = build_parser()
+        text = man_page(parser, __version__) if words[0] == "--man" else completion(parser, *words[1:2] or [""])
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except UsageError as error:
+        return _fail(error.kind, [str(error)], error.exit_status, as_json=False)
+    except BrokenPipeError:
+        abandon_output()
+        return 1
+    return 0
 
 
 def _parsed(words: list[str]) -> argparse.Namespace:

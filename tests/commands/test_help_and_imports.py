@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -197,3 +198,26 @@ def test_stop_imports_nothing_heavy(tmp_path: Path) -> None:
     """`stop` on a wheel loads no heavy module, and nothing of the filter; `tools.measure.startup` has the times."""
     with served_wheel(tmp_path) as bench:
         assert heavy_imports("stop", "--config", str(bench.config())) == (0, "")
+
+
+def test_a_manual_page_has_every_verb_and_troff_takes_it(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its lines are the verbs' help; groff, where there is one, has nothing to say about it."""
+    assert main(["help", "--man"]) == 0
+    page = capsys.readouterr().out
+    assert [line[4:] for line in page.splitlines() if line.startswith(".SS ")] == list(VERBS)
+    if shutil.which("groff"):
+        done = subprocess.run(
+            ["groff", "-man", "-Tutf8", "-ww"], input=page, capture_output=True, text=True, check=True
+        )
+        assert done.stderr == ""
+        assert "--duration T" in done.stdout.replace("\u2010", "-")
+
+
+def test_a_shell_is_told_how_to_complete(capsys: pytest.CaptureFixture[str]) -> None:
+    """bash takes the script; a shell that there is none for is refused with those that there are."""
+    assert main(["help", "--completion", "bash"]) == 0
+    script = capsys.readouterr().out
+    subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+    assert "--duration" in script
+    assert main(["help", "--completion", "fish"]) == 2
+    assert "bash, zsh, tcsh" in capsys.readouterr().err

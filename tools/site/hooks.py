@@ -10,7 +10,8 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 import rw_ekf
-from rw_ekf.cli import VERBS, build_parser
+from rw_ekf.cli import build_parser
+from rw_ekf.manual import verbs_of
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -76,9 +77,9 @@ def _named(found: re.Match[str]) -> str:
 
 def commands_page() -> str:
     """`--help` of every verb."""
-    verbs = build_parser()._subparsers._group_actions[0].choices  # type: ignore[union-attr]
+    verbs = verbs_of(build_parser())
     text = "# Commands\n\nEach verb's own help, as `rw-ekf help VERB` prints it.\n"
-    return text + "".join(f"\n## {verb}\n\n```text\n{verbs[verb].format_help()}```\n" for verb in VERBS)  # type: ignore[index]
+    return text + "".join(f"\n## {name}\n\n```text\n{verb.format_help()}```\n" for name, verb in verbs.items())
 
 
 def library_page() -> str:
