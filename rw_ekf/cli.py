@@ -48,8 +48,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="rw-ekf",
         description="Online estimator for reaction wheels: speed, motor gain and bearing friction.",
-        epilog="`rw-ekf help VERB` shows a verb's options and an example, `rw-ekf help --man` a manual page, `rw-ekf help "
-        "--completion bash` (zsh, tcsh) a script for the shell. Start with `rw-ekf simulate` or docs/.",
+        epilog="`rw-ekf help VERB` shows a verb's options and an example, `rw-ekf help --man` a manual page, "
+        "`rw-ekf help --completion bash` (zsh, tcsh) a script for the shell. Start with `rw-ekf simulate` or docs/.",
     )
     parser.add_argument("-V", "--version", action="version", version=f"rw-ekf {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)

@@ -36,6 +36,8 @@ def picture(function: Callable[P, T]) -> Callable[P, T]:
                 return found
         except (RwEkfError, MemoryError):
             raise
+        except ModuleNotFoundError as error:  # all but pictures works without it, where there is none for a machine
+            raise PictureError(f"the picture cannot be drawn: {error.name} is not installed (pip install)") from error
         except Exception as error:
             reason = str(error).strip().split("\n")[0]
             raise PictureError(f"the picture cannot be drawn ({type(error).__name__}: {reason[:200]})") from error

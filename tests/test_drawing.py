@@ -11,7 +11,7 @@ import pytest
 from rw_ekf.drawing import picture
 from rw_ekf.errors import BadInputError, PictureError
 from tests.commands.logs import profile_log
-from tests.live.bench import document_of, rw_ekf
+from tests.live.bench import ROOT, document_of, rw_ekf
 
 BACKENDS = ("module://matplotlib_inline.backend_inline", "module://nowhere", "nosuch")
 
@@ -63,3 +63,15 @@ def test_a_picture_that_cannot_be_drawn_costs_the_picture_alone(tmp_path: Path) 
     assert sentence.startswith("rw-ekf: error: the picture cannot be drawn (UnicodeDecodeError")
     assert document_of(done.stdout)["logs"][0]["samples"] == 300
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "matplotlibrc", "rows.csv"]
+
+
+def test_without_matplotlib_all_but_the_picture_is_as_it_was(tmp_path: Path) -> None:
+    """A machine that has none: the table is printed, one sentence says what is not installed, status 1."""
+    log = profile_log(tmp_path / "log.csv", samples=300)
+    (tmp_path / "matplotlib.py").write_text("raise ModuleNotFoundError('no', name='matplotlib')\n", encoding="utf-8")
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), str(ROOT)))}
+    done = rw_ekf("replay", str(log), "--picture", str(tmp_path / "run.png"), env=env)
+    assert done.returncode == 1
+    assert "motor_gain" in done.stdout
+    assert "the picture cannot be drawn: matplotlib is not installed" in done.stderr
+    assert rw_ekf("replay", str(log), env=env).returncode == 0
