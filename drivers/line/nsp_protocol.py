@@ -10,6 +10,7 @@ from pydantic import Field as Key
 from rw_ekf.checking.findings import Where
 from rw_ekf.checking.section import Section
 from rw_ekf.drivers.line.framing import Codec
+from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from rw_ekf.drivers.line.nsp import INIT_ID, OK, PING_ID, REFUSED, NspCodec
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
 from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
@@ -58,11 +59,11 @@ class NspLink(SerialLink):
         exchange = super().request(register_id, data, reply_bytes, timeout_s)
         self._in_vain = 0 if exchange.data is not None else self._in_vain + 1
         self._runs = self._runs or exchange.data not in (None, REFUSED)
-        if exchange.data == REFUSED and not self._runs and register_id < INIT_ID:
+        may_start = self._clock.monotonic() >= self._start_again_s
+        if exchange.data == REFUSED and not self._runs and may_start:
             self._start()  # idle from then on: a zero is confirmed that way too
             return super().request(register_id, data, reply_bytes) if self._runs else exchange
-        enough = _REFUSED_READS if self.is_refused else _DEAF_READS
-        if self._in_vain >= enough and self._clock.monotonic() >= self._start_again_s:
+        if self._in_vain >= (_REFUSED_READS if self.is_refused else _DEAF_READS) and may_start:
             self._start()
         return exchange
 
@@ -92,7 +93,10 @@ class NspLink(SerialLink):
         gap_s = self.reply_timeout_s
         heard_s = began_s = now_s = self._clock.monotonic()
         while now_s - heard_s < gap_s and now_s - began_s < _LONGEST_HUSH * gap_s:
-            came = self._take(1)
+            try:
+                came = self._take(1)
+            except LINE_EXCEPTIONS as error:
+                raise lost_error(self.settings.port, error) from error
             now_s = self._clock.monotonic()
             heard_s = now_s if came else heard_s
 

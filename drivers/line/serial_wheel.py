@@ -20,6 +20,7 @@ from rw_ekf.drivers.line.wheel_registers import (
 )
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.errors import DriverError
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
@@ -145,6 +146,11 @@ class SerialWheel:
                 break
         if self._line.good_frames == 0:
             raise silent_error(self._line.settings.port, self._line.settings.baud, within_s, self._line.received_bytes)
+        if not self._line.answers:
+            raise DriverError(
+                f"{self.source}: the wheel answers and refuses every read: it may wait in its boot loader for another "
+                "framing.init_address than that of the wire map"
+            )
         self._restarts = self._line.restarts  # one that had to be started to be attached has not restarted
         soon_s = self._host.monotonic() + 4.0 * self._line.reply_timeout_s
         if identity is not None and self.identity is None:

@@ -18,6 +18,7 @@ from rw_ekf.drivers.sim.nsp_server import NspServer
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
+from rw_ekf.errors import DriverError
 from tests.injecting import put_faults
 from tests.live.bench import protocol_named
 
@@ -199,6 +200,16 @@ def test_zero_is_confirmed_by_a_wheel_that_is_in_its_boot_loader(rig: Rig) -> No
     wheel = rig.spoken.open_wheel("nowhere", rig.clock, 0.04, probe=False)
     assert wheel.stop_current().acknowledged
     assert rig.server.command_A == 0.0
+
+
+def test_a_wheel_that_cannot_be_started_is_an_error_that_says_so(rig: Rig) -> None:
+    """INIT of another address is refused: no daemon attaches, and the sentence names the key."""
+    rig.server.wire_map = rig.server.wire_map.model_copy(
+        update={"framing": rig.server.wire_map.framing.model_copy(update={"init_address": 0x2000})}
+    )
+    with pytest.raises(DriverError, match=r"refuses every read.*framing\.init_address"):
+        rig.open()
+    assert 1 <= rig.asked.count(INIT_ID) <= 3  # once a second
 
 
 @pytest.mark.parametrize("name", ["nsp-wheel-torque", "nsp-wheel-large"])
