@@ -17,6 +17,7 @@ from rw_ekf.errors import DriverError
 MODE, RESET = "mode", "reset"  # registers that let go of the current
 _REGISTERS = {ZERO_BY_MODE: MODE, ZERO_BY_RESET: RESET}
 IDLE = 0.0  # the mode without one
+_F32_PART = 1.0e-6  # of a value: above what 24 bits of it, and a scale, lose
 RESET_EVERY_S = 5.0  # a wheel is not kept from coming up by resetting it again and again
 
 
@@ -60,7 +61,7 @@ class CurrentWriter:
         told_A = self._told_A()
         if told_A is None:
             return Written(sent_A, received_s, False, reason)
-        if abs(told_A - sent_A) <= 0.5 * field.si_per_count:
+        if abs(told_A - sent_A) <= (_F32_PART * abs(sent_A) if field.type == "f32" else 0.5 * field.si_per_count):
             return Written(sent_A, received_s, reason=None if reason == TIMEOUT else ACTED_THOUGH + reason)
         return Written(told_A, received_s, reason=reason)
 
@@ -115,7 +116,7 @@ class CurrentWriter:
 
 def _toward_zero(field: Field, current_A: float) -> float:
     """The current itself, or one count less where rounding on the wire would carry it beyond: a limit is a limit."""
-    if not math.isfinite(current_A):
+    if not math.isfinite(current_A) or field.type == "f32":  # that rounds by less than any limit is known
         return current_A
     try:
         sent_A = rounded_si(field, current_A)

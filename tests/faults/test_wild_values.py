@@ -11,6 +11,7 @@ import pytest
 
 from rw_ekf.clock import SystemClock
 from rw_ekf.course.course import WILD
+from rw_ekf.driver import ZERO_BY_MODE
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register, is_plausible
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
@@ -20,7 +21,7 @@ from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
 from tests.injecting import put_faults
-from tests.live.bench import Bench, served_wheel, wait_for
+from tests.live.bench import FAMILIES, Bench, served_wheel, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
 
@@ -68,6 +69,15 @@ def test_a_reply_with_an_impossible_number_is_damaged(
     assert wheel.link.damaged == 2
 
 
+def test_a_float_tells_the_command_to_its_last_digits(line: tuple[SerialWheel, RegisterServer]) -> None:
+    """Row 14: 0.3 A in force is not taken for a zero that was refused: mode idle follows."""
+    wheel, server = line
+    assert wheel.command_current(0.3).acknowledged
+    put_faults(server, "nack/current_command")
+    assert wheel.stop_current().reason == ZERO_BY_MODE
+    assert server.command_A == 0.0
+
+
 @pytest.mark.parametrize(("name", "number"), [("speed", math.inf), ("uptime", math.nan), ("current", 3.0e38)])
 def test_the_daemon_goes_on(
     float_map: WireMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, number: float
@@ -82,6 +92,19 @@ def test_the_daemon_goes_on(
     assert math.isfinite(ran.outcome.belief.mean[0])
     assert ran.outcome.statistics.samples > 10
     assert len(ran.log) == ran.outcome.statistics.samples
+
+
+@pytest.mark.parametrize("family", FAMILIES[1:], indirect=True)
+@pytest.mark.parametrize("number", WRONG)
+def test_a_wheel_that_speaks_in_floats_is_held_to_them(bench: Bench, wheel: SerialWheel, number: float) -> None:
+    """Row 18: as above for a speed that a file of its own carries; of a temperature only that value is missing."""
+    bench.fault(f"value/speed:speed={number!r}")
+    assert wheel.read(1.0) is None
+    assert wheel.link.damaged == 1
+    bench.fault(f"value/temperature:temperature={number!r}")
+    sample = wheel.read(1.0)
+    assert sample is not None
+    assert sample.temperature_degC is None
 
 
 @pytest.mark.parametrize("number", ["inf", "-inf", "nan", "1715.7", "-1715.73"])
