@@ -42,8 +42,14 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
             text = f"limits.{key} is {limit:g} {unit}, but {the_map} carries {carried} from {low:g} to {high:g} {unit}"
             found.append((("limits", key), f"{text}: lower the limit."))
 
-    too_wide("current_A", "A", limits.current_A, "commands", *wire.current_A)
+    too_wide("current_A", wire.current_unit, limits.current_A, "commands", *wire.current_A)
     too_wide("speed_rpm", "rpm", limits.speed_rpm, "speeds", *(rpm_from_rad_s(v) for v in wire.speed_rad_s))
+    if wire.current_unit != "A" and configuration.command.writes and "slew_A_per_s" not in limits.model_fields_set:
+        text = f"limits.slew_A_per_s is not given, and its default, {limits.slew_A_per_s:g}, is meant for amperes"
+        text += (
+            f" per second: {the_map} commands {wire.current_unit}, which stands for A in every key that ends in _A. "
+        )
+        found.append((("limits",), f"{text}Give limits.slew_A_per_s in {wire.current_unit} per second."))
     if not configuration.command.writes and not wire.tells_current:
         text = f"command.profile is none, but {the_map} has no current_command or current in its telemetry"
         found.append((("command", "profile"), f"{text}: without one of them it is not known what drives the wheel."))

@@ -64,6 +64,7 @@ class WireLimits(NamedTuple):
     speed_rad_s: tuple[float, float]  # lowest and highest that can be read
     speed_step_rad_s: float = 0.0  # resolution of a reading; 0: none
     hottest_degC: float | None = None  # None: no temperature in telemetry
+    current_unit: str = "A"  # "N m" where a torque stands in place of the current
     tells_current: bool = True  # whether telemetry has the current, commanded or measured
 
 

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import Field as Key
+from pydantic import field_validator, model_validator
 
 from rw_ekf.checking.findings import Where
-from rw_ekf.checking.section import Section
+from rw_ekf.checking.section import Mistake, Section, refuse
 from rw_ekf.drivers.line.framing import Codec
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
-from rw_ekf.drivers.line.nsp import INIT_ID, OK, PING_ID, REFUSED, NspCodec
+from rw_ekf.drivers.line.nsp import FIRST_READ, INIT_ID, OK, PING_ID, REFUSED, NspCodec
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
 from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
-from rw_ekf.drivers.line.wire_layout import Byte
+from rw_ekf.drivers.line.wire_layout import Byte, IdRanges, Register
 from rw_ekf.drivers.line.wire_map import WireMap
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.register_server import RegisterServer
 
 _START_EVERY_S = 1.0  # a wheel is not started again while it starts
-_REFUSED_READS = 2  # in a row: one alone is of a file that this wheel does not have
-_DEAF_READS = 3  # unanswered in a row: then it is asked whether anybody is there, who may wait for INIT
+_REFUSED_READS = 2  # of files that it has, in a row
+_DEAF_READS = (
+    16  # unanswered in a row: a boot loader may be mute. Fewer are lost on a bad line, and INIT ends a program
+)
 _LONGEST_HUSH = 5.0  # in times that a reply may take
 _TEXT_BYTES = 4  # of a PING's answer, as the codec has it
 
@@ -36,6 +39,12 @@ class NspFraming(Section):
     echoes_b: Literal["auto", "yes", "no"] = Key("auto", description="whether a reply copies bit B of its request")
     byte_order: Literal["little"] = "little"
 
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        if self.wheel_address == self.own_address:
+            refuse([(("own_address",), "is the wheel's address too: an echo of a request would be its reply")])
+        return self
+
 
 class NspLink(SerialLink):
     """A line to a wheel that powers up in a boot loader, and falls back into it: it is started, and that is counted."""
@@ -48,21 +57,25 @@ class NspLink(SerialLink):
         self._start_again_s = self._clock.monotonic()
         self._in_vain = 0  # requests running that brought nothing
         self._runs = False  # its program, and not the boot loader, as far as it is known
+        self._files: dict[int, int] = {}  # that it has, by id, with the size of their data
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """As `SerialLink.request`; a wheel that refuses every read, or hears none though it is there, is started."""
-        if register_id == PING_ID and not self._runs:  # a boot loader's text is not what the wheel is known by
-            now_s = self._clock.monotonic()
-            return Exchange(None, now_s, now_s)
+        if register_id == PING_ID:
+            return self._identity(reply_bytes, timeout_s)
         if self._in_vain and self.codec.echoes_b is False:
             self._hush()  # a late reply would be taken for the next one's
-        exchange = super().request(register_id, data, reply_bytes, timeout_s)
-        self._in_vain = 0 if exchange.data is not None else self._in_vain + 1
-        self._runs = self._runs or exchange.data not in (None, REFUSED)
+        ahead = self._asked_ahead(register_id)
+        exchange = super().request(ahead, b"", self._files[ahead], timeout_s) if ahead is not None else None
+        if exchange is None or exchange.data is not None:
+            exchange = super().request(register_id, data, reply_bytes, timeout_s)
+        self._note(register_id, reply_bytes, exchange)
         may_start = self._clock.monotonic() >= self._start_again_s
         if exchange.data == REFUSED and not self._runs and may_start:
-            self._start()  # idle from then on: a zero is confirmed that way too
-            return super().request(register_id, data, reply_bytes) if self._runs else exchange
+            if self._start():  # idle from then on: a zero is confirmed that way too
+                exchange = super().request(register_id, data, reply_bytes)
+                self._note(register_id, reply_bytes, exchange)
+            return exchange
         if self._in_vain >= (_REFUSED_READS if self.is_refused else _DEAF_READS) and may_start:
             self._start()
         return exchange
@@ -75,18 +88,50 @@ class NspLink(SerialLink):
     @property
     def answers(self) -> bool:
         """Whether the wheel's own program does."""
-        return super().answers and self._runs
+        return super().answers and bool(self._files)
 
-    def _start(self) -> None:
-        """PING, and INIT where somebody answers."""
+    def _asked_ahead(self, register_id: int) -> int | None:
+        """A file to ask for first: behind two requests in vain B is again what it was, and an old reply may be late.
+
+        Two in vain, two of the other file, and so on: no reply that is late by one, two or three answers a request.
+        """
+        if register_id < FIRST_READ or self._in_vain // 2 % 2 == 0:
+            return None
+        return next((file for file in self._files if file != register_id), None)
+
+    def _note(self, register_id: int, reply_bytes: int, exchange: Exchange) -> None:
+        """What an exchange says of who answers. A boot loader refuses writes too, and lacks no file that was read."""
+        if exchange.data not in (None, REFUSED):
+            self._in_vain, self._runs = 0, True
+            if register_id >= FIRST_READ:
+                self._files[register_id] = reply_bytes
+        elif exchange.data is None and not (self.is_refused and self._files and register_id not in self._files):
+            self._in_vain += 1
+
+    def _identity(self, reply_bytes: int, timeout_s: float | None) -> Exchange:
+        """What PING answers, if a file can be read behind it: a boot loader's text is not the wheel's."""
+        now_s = self._clock.monotonic()
+        nobody = Exchange(None, now_s, now_s)
+        if not self._runs or self._in_vain:
+            return nobody
+        exchange = super().request(PING_ID, b"", reply_bytes, timeout_s)
+        if exchange.data is None or not self._files:
+            return exchange
+        file, size = list(self._files.items())[-1]
+        return nobody if super().request(file, b"", size).data is None else exchange
+
+    def _start(self) -> bool:
+        """PING, and INIT where somebody answers; whether it was taken."""
         self._start_again_s = self._clock.monotonic() + _START_EVERY_S
         self._runs = False
         if super().request(PING_ID, b"", _TEXT_BYTES).data is None:
-            return
-        if super().request(INIT_ID, self._init_data, len(OK)).data == OK:
-            self.restarts += 1
-            self._in_vain = 0
-            self._runs = True
+            self._seq += 1  # B goes on between reads as if nothing had been asked
+            return False
+        if super().request(INIT_ID, self._init_data, len(OK)).data != OK:
+            return False
+        self.restarts += 1
+        self._in_vain = 0
+        return True
 
     def _hush(self) -> None:
         """Let pass what still comes of requests that were given up: until nothing has, for as long as a reply takes."""
@@ -105,6 +150,21 @@ class NspMap(WireMap):
     """A wire map of such a wheel."""
 
     framing: NspFraming = NspFraming()  # type: ignore[assignment]
+    ids: IdRanges = IdRanges(write=(0, INIT_ID - 1), read=(FIRST_READ, PING_ID))
+
+    @field_validator("registers")
+    @classmethod
+    def _speakable(cls, registers: tuple[Register, ...]) -> tuple[Register, ...]:
+        mistakes: list[Mistake] = []
+        for index, register in enumerate(registers):
+            if register.access == "write" and register.id >= INIT_ID:
+                mistakes.append(((index, "id"), f"is {register.id}; a mode has a number of 0 to {INIT_ID - 1}"))
+            elif register.access == "read" and register.id < FIRST_READ:
+                mistakes.append(((index, "id"), f"is {register.id}; a file has {FIRST_READ} and its number"))
+            elif register.id == PING_ID and (register.name != "identity" or register.size != _TEXT_BYTES):
+                mistakes.append(((index, "id"), f"is {PING_ID}, what PING answers: identity with one u32, and no file"))
+        refuse(mistakes)
+        return registers
 
     def codec(self) -> Codec:
         """For one end of a line."""

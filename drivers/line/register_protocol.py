@@ -46,6 +46,7 @@ class RegisterProtocol:
         told = [field for register in self.wire_map.readable() for field in register.fields]
         return WireLimits(
             current_A=self.wire_map.current_range_A,
+            current_unit=self.wire_map.current_unit,
             speed_rad_s=self.wire_map.speed_range_rad_s,
             speed_step_rad_s=self.wire_map.speed_step_rad_s,
             hottest_degC=max((field.si_range[1] for field in told if field.name == "temperature"), default=None),

@@ -34,6 +34,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "deg": ("angle", math.pi / 180.0),
 }
 
+TORQUE_UNITS = ("N m", "mN m")
+
 # type in the map -> (struct code, lowest and highest number it carries)
 TYPES: dict[str, tuple[str, float, float]] = {
     "u8": ("B", 0, 2**8 - 1),

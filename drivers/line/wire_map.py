@@ -11,7 +11,7 @@ from rw_ekf.checking.findings import Where, checked
 from rw_ekf.checking.section import Mistake, Section, refuse
 from rw_ekf.drivers.line.framing import Codec, RegisterCodec
 from rw_ekf.drivers.line.serial_link import SerialLink
-from rw_ekf.drivers.line.wire_layout import Byte, Field, Framing, IdRanges, LineSettings, Name, Register
+from rw_ekf.drivers.line.wire_layout import TORQUE_UNITS, Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
 STATUS_OK = 0
 _STATUSES = {STATUS_OK: "ok", 1: "unknown_id", 2: "wrong_length", 3: "out_of_range", 4: "refused_in_this_mode"}
@@ -93,6 +93,11 @@ class WireMap(Section):
     def current_range_A(self) -> tuple[float, float]:
         """The lowest and highest current that can be commanded [A]."""
         return self.current_command.fields[0].si_range
+
+    @property
+    def current_unit(self) -> str:
+        """What the command is in: A, or N m where a torque stands in its place."""
+        return "N m" if self.current_command.fields[0].unit in TORQUE_UNITS else "A"
 
     @property
     def speed_register(self) -> Register:

@@ -30,9 +30,11 @@ class NspServer(RegisterServer):
             where = "application" if self.started else "boot loader"
             return f"rw-ekf simulated wheel {self._serial_number}, {where}".encode()
         if frame.id == INIT_ID:
-            right = frame.data == self.wire_map.init_data
-            self.started = self.started or right
-            return OK if right else REFUSED
+            if frame.data != self.wire_map.init_data:
+                return REFUSED
+            super().restart()  # a program that runs begins anew: nobody may start it without need
+            self.started = True
+            return OK
         if not self.started:
             return b"" if frame.id >= FIRST_READ else REFUSED
         if frame.id >= FIRST_READ:

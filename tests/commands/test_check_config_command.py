@@ -125,6 +125,44 @@ def test_a_bad_wire_map_is_refused_before_a_port_is_opened(
     assert expected in errors
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("id: 0x02, name: current_command", "id: 0x7F, name: current_command"),
+        ("id: 255, name: identity", "id: 255, name: pressure"),
+        ("own_address: 0x11", "own_address: 0x33"),
+    ],
+)
+def test_a_map_that_says_what_its_frames_cannot_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str
+) -> None:
+    """NSP: a mode that would be INIT, a file that would be PING, an echo that would be a reply."""
+    text = protocol_path("nsp-wheel").read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    wire_map = tmp_path / "map.yaml"
+    wire_map.write_text(text.replace(old, new), encoding="utf-8")
+    errors = findings(capsys, write_config(tmp_path, str(tmp_path / "nowhere"), wheel={"protocol": str(wire_map)}))
+    line = text[: text.index(old)].count("\n") + 1
+    assert f"{wire_map}:{line}:" in errors
+
+
+@pytest.mark.parametrize("protocol", ["nsp-wheel-torque", "nsp-wheel-large"])
+def test_a_torque_s_slew_is_not_left_to_a_default_in_amperes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], protocol: str
+) -> None:
+    """Where the wheel takes newton metres: refused without limits.slew_A_per_s, good with it."""
+    limits: dict[str, Any] = {"current_A": 0.005}
+    config = tmp_path / "torque.yaml"
+    content = {"wheel": {"port": "nowhere", "protocol": protocol}, "limits": limits, "command": {"amplitude_A": 0.002}}
+    config.write_text(yaml.safe_dump(content), encoding="utf-8")
+    errors = findings(capsys, config)
+    assert "limits.slew_A_per_s" in errors
+    assert "N m per second" in errors
+    limits["slew_A_per_s"] = 0.01
+    config.write_text(yaml.safe_dump(content), encoding="utf-8")
+    assert main(["check-config", str(config)]) == 0
+
+
 def test_a_good_map_of_one_s_own_passes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A copy of the shipped map under another path is as good."""
     wire_map = tmp_path / "map.yaml"
