@@ -9,8 +9,9 @@ import pytest
 
 from rw_ekf.commands.run import exit_status
 from tests.faults.rig import EACH_FAMILY, LineWheel
+from tests.live.bench import FAMILIES
 
-pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
+pytestmark = pytest.mark.usefixtures("family")
 
 SINE = {"profile": "sine", "amplitude_A": 0.3, "period_s": 8.0, "bias_A": 0.0, "confirm_sign": False}
 
@@ -28,6 +29,7 @@ def wheel(directory: Path, faults: str, resumes_at_s: float | None = None) -> Li
         (10.0, ["TRACKING", "DEGRADED", "LOST", "SAFE"]),
     ],
 )
+@EACH_FAMILY
 def test_silence_from_a_blink_to_a_latch(tmp_path: Path, for_s: float, states: list[str]) -> None:
     """Row 15: DEGRADED, LOST with zero, SAFE by its length; back by itself, but for the last: zero to the end."""
     made = wheel(tmp_path, f"silence@10s:{for_s}s")
@@ -39,6 +41,7 @@ def test_silence_from_a_blink_to_a_latch(tmp_path: Path, for_s: float, states: l
     assert ran.outcome.statistics.rejected == 0
 
 
+@EACH_FAMILY
 def test_a_latch_opens_at_a_word(tmp_path: Path) -> None:
     """Row 15: after ten seconds of silence and a word from a person the profile goes on, and the filter is right."""
     ran = wheel(tmp_path, "silence@10s:10s", resumes_at_s=30.0).run(60.0, command=SINE)
@@ -47,6 +50,7 @@ def test_a_latch_opens_at_a_word(tmp_path: Path) -> None:
     assert ran.outcome.statistics.rejected <= 1
 
 
+@EACH_FAMILY
 def test_telemetry_that_stands_still_on_a_ramp(tmp_path: Path) -> None:
     """Row 16: values stand, the clock runs: STUCK within seconds, zero, SAFE; alive again it goes on at a word."""
     made = wheel(tmp_path, "freeze@20s:10s", resumes_at_s=45.0)
@@ -60,7 +64,9 @@ def test_telemetry_that_stands_still_on_a_ramp(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("current_A", [0.0, 0.041])
+@pytest.mark.parametrize(
+    ("family", "current_A"), [(FAMILIES[0], 0.0), (FAMILIES[0], 0.041), (FAMILIES[1], 0.0)], indirect=["family"]
+)
 def test_steady_telemetry_is_not_stuck(tmp_path: Path, current_A: float) -> None:
     """Row 16: 15 min at rest, or at a steady speed, without noise: readings repeat, and nobody is alarmed."""
     still = {"profile": "sine", "amplitude_A": 0.0, "bias_A": current_A}
@@ -69,6 +75,7 @@ def test_steady_telemetry_is_not_stuck(tmp_path: Path, current_A: float) -> None
     assert ran.outcome.findings == ()
 
 
+@EACH_FAMILY
 def test_a_brown_out_is_a_new_beginning_of_the_same_wheel(tmp_path: Path) -> None:
     """Row 17: uptime from zero, no current: set up again from zero, parameters kept, speed seeded anew, then on."""
     made = wheel(tmp_path, "reset@20s")

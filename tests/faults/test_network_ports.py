@@ -25,12 +25,17 @@ from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
+from tests.faults.rig import EACH_FAMILY
 from tests.live.bench import Bench, wait_for
 
 CLOCK = SystemClock()
 URLS = {"raw": "socket://127.0.0.1:{}", "rfc2217": "rfc2217://127.0.0.1:{}?ign_set_control"}
 
-pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial 3.5 calls them
+pytestmark = [
+    EACH_FAMILY,
+    pytest.mark.usefixtures("family"),
+    pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning"),  # pyserial 3.5 calls them
+]
 
 
 class Bridge:

@@ -17,10 +17,10 @@ from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
 from tests.faults.ports import Failing, opening
 from tests.faults.rig import EACH_FAMILY
-from tests.live.bench import Bench, open_descriptors, wait_for
+from tests.live.bench import FAMILIES, Bench, open_descriptors, wait_for
 from tests.live.daemon import run
 
-pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
+pytestmark = pytest.mark.usefixtures("family")
 
 CLOCK = SystemClock()
 ERRORS: list[BaseException] = [
@@ -59,6 +59,7 @@ def until_lost(wheel: SerialWheel) -> None:
     wait_for(failed)
 
 
+@EACH_FAMILY
 def test_fifty_times_out_and_in(bench: Bench, wheel: SerialWheel, wire_map: WireMap) -> None:
     """Row 1: each time a DriverError and nothing else, then a new segment of the same wheel; no descriptor is kept."""
     path, before = Path(bench.port), 0
@@ -83,6 +84,7 @@ def test_fifty_times_out_and_in(bench: Bench, wheel: SerialWheel, wire_map: Wire
     wheel.close()
 
 
+@EACH_FAMILY
 def test_the_daemon_is_lost_at_once_and_takes_the_line_up_again_with_zero_first(bench: Bench) -> None:
     """Row 1: LOST, no update meanwhile; back: the first write is zero, a new segment, then the profile and TRACKING."""
     back: list[int] = []
@@ -107,6 +109,7 @@ def test_the_daemon_is_lost_at_once_and_takes_the_line_up_again_with_zero_first(
     assert ran.notes.states[lost : lost + 3] == ["LOST", "CONNECTING", "TRACKING"]
 
 
+@EACH_FAMILY
 def test_it_comes_back_as_another_device(bench: Bench, wheel: SerialWheel, wire_map: WireMap) -> None:
     """Row 2: the old number is still taken, the link leads to a new one: the old is closed, the new opened."""
     old_device, old_port = os.readlink(bench.port), wheel._line._serial
@@ -121,7 +124,12 @@ def test_it_comes_back_as_another_device(bench: Bench, wheel: SerialWheel, wire_
     again.close()
 
 
-@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__module__ + "." + type(error).__name__)
+@pytest.mark.parametrize(
+    ("family", "error"),
+    [*((FAMILIES[0], error) for error in ERRORS), (FAMILIES[1], ERRORS[0])],  # what a family adds is where it calls
+    ids=lambda given: given if isinstance(given, str) else f"{type(given).__module__}.{type(given).__name__}",
+    indirect=["family"],
+)
 def test_every_call_of_a_port_may_fail(bench: Bench, wire_map: WireMap, error: BaseException) -> None:
     """Row 3: raised at call k, for every k of a session: a DriverError or nothing, then reopened; all is closed."""
     before, at_call, went_through = open_descriptors(), 0, False

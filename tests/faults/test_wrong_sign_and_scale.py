@@ -11,8 +11,9 @@ import pytest
 from rw_ekf.drivers.sim.plant_parameters import PlantParameters
 from rw_ekf.learning.learned_file import read_learned
 from rw_ekf.units import RAD_S_PER_RPM
-from tests.faults.rig import LineWheel
+from tests.faults.rig import FAMILY, LineWheel
 from tests.faults.test_learned_and_model import said
+from tests.live.bench import FAMILIES
 from tests.live.daemon import Ran
 from tests.live.test_blind_wheel import wrong_map
 
@@ -54,11 +55,14 @@ def test_a_healthy_wheel_is_confirmed_before_the_profile(tmp_path: Path, speed_r
 @pytest.mark.parametrize(
     ("field", "scale"), [("speed", -1.0), ("speed", -10.0), ("current_command", -1.0), ("current_command", -0.1)]
 )
-@pytest.mark.parametrize("speed_rad_s", [0.0, 20.0])
+@pytest.mark.parametrize(
+    ("family", "speed_rad_s"), [(FAMILIES[0], 0.0), (FAMILIES[0], 20.0), (FAMILIES[1], 0.0)], indirect=["family"]
+)
+@pytest.mark.usefixtures("family")
 def test_a_wrong_sign_never_sees_the_profile(tmp_path: Path, field: str, speed_rad_s: float, scale: float) -> None:
     """Row 19: SAFE within the move, zero from then on, the sentence names both lines; nothing is learned from it."""
     wheel = LineWheel(tmp_path, speed_rad_s=speed_rad_s)
-    protocol = wrong_map(tmp_path, field, scale)
+    protocol = wrong_map(tmp_path, field, scale, FAMILY.get())
     limits = {"current_A": 0.3, "speed_rpm": 1000.0, "silence_s": 0.5}
     ran = wheel.run(60.0, wheel={"protocol": protocol}, limits=limits)
     (text,) = said(ran, "wrong_sign")

@@ -79,9 +79,9 @@ def states_of(bench: Bench) -> list[str]:
     return [event["state"] for event in events if event["event"] == "state"]
 
 
-def wrong_map(directory: Path, field: str, scale: float) -> str:
+def wrong_map(directory: Path, field: str, scale: float, protocol: str = "sunspace-wheel") -> str:
     """A copy of the wire map in which one scale, of all registers that have the field, is multiplied."""
-    content = yaml.safe_load((ROOT / "config" / "sunspace-wheel.yaml").read_text(encoding="utf-8"))
+    content = yaml.safe_load((ROOT / "config" / f"{protocol}.yaml").read_text(encoding="utf-8"))
     for register in content["registers"]:
         for entry in register["fields"]:
             if entry["name"] == field:
