@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pyarrow import csv
+from pyarrow.compute import fill_null_forward
 
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.log_replay import replay_log
@@ -116,7 +117,9 @@ def draw_so_far(path: Path, log: Path, truth: dict[str, float]) -> None:
         head.write_text(rows, encoding="utf-8")
         record = read_log(head)
     table = csv.read_csv(io.BytesIO(estimates.encode()))
-    columns = {name: table[name].to_numpy() for name in table.column_names}
+    # Estimates stand in the rows where they are another than the one before foretold; in between they stay.
+    told = {name: fill_null_forward(table[name]) for name in table.column_names if "innovation" not in name}
+    columns = {name: told.get(name, table[name]).to_numpy() for name in table.column_names}
     save_picture(run_figure(record, columns, truth=truth, title="demo, the first run so far"), path)
 
 
