@@ -96,4 +96,7 @@ def guessed_columns(
         doubts, asked = misreadings_and_questions(log)
     except RwEkfError as error:
         doubts, asked = (str(error),), ()
+    if guess.says_units:  # then a machine may be of any size
+        guess.notes.extend(asked)
+        asked = ()
     return GuessedColumns(str(path), guess, layout, (*doubts, *asked), warnings)

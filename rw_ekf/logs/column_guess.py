@@ -14,12 +14,16 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_names import Role
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, chosen, columns_of
 from rw_ekf.logs.column_speed import find_speed
-from rw_ekf.logs.column_time import Clock, clock_of, rate_in
+from rw_ekf.logs.column_time import Clock, clock_of, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _AMPERES = (0.02, 20.0)  # largest current that, with decimals and no unit, is in amperes: less moves no motor
+_COUNTERS_CALLED = (
+    "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
+)  # fmt: skip
+_DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 _NOTHING: tuple[str, dict[str, object]] = ("current_command_A", {"constant": 0.0})
 _CURRENTS: tuple[tuple[Role, str, str], ...] = (
@@ -63,12 +67,19 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     named = [c for c in columns if c.role == "time" and np.isfinite(c.values).mean() > 1.0 - 1.0e-9]
     if given is not None and given[1] is not None:
         named = [columns[given[1]]]
+    elif not named:  # what is called nothing that is known is a time where it holds dates
+        named = [c for c in columns if c.role in ("other", "count") and _holds_dates(table, c)]
     unit = told.unit("time_s")
     found = [clock_of(c.number, c.name, c.said, c.values, unit, not table.is_plain_number(c.number)) for c in named]
     clocks = [clock for clock in found if clock is not None and (clock.is_clock or given is not None)]
     if clocks:
         clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank))
         _take_clock(clock, columns[clock.number], told, guess)
+        return clock
+    counter = _counter(table, columns)
+    if counter is not None:
+        clock, step_s, why = counter
+        guess.take("time_s", told.with_more("time_s", columns[clock.number].entry(scale=step_s, wrap=clock.wrap)), why)
         return clock
     rate = rate_in((*table.preamble, *table.names))
     if rate is not None:
@@ -79,6 +90,30 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     text = "no column is known to be the time: --set time=COLUMN, or `rate_hz` in the map."
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None
+
+
+def _holds_dates(table: RawTable, column: Column) -> bool:
+    """Whether all its cells are dates or times of day, as text or as seconds since 1970, that do not fall."""
+    values = column.values
+    if len(values) < 3 or not np.isfinite(values).all() or float(np.mean(np.diff(values) < 0.0)) > 0.01:
+        return False
+    since_1970 = _DATES[0] <= float(values[0]) < float(values[-1]) < _DATES[1]
+    return since_1970 if table.is_plain_number(column.number) else float(np.ptp(values)) > 0.0
+
+
+def _counter(table: RawTable, columns: list[Column]) -> tuple[Clock, float, str] | None:
+    """The only counter that rises, where the file says how fast it runs: clock, its step [s], and what says so."""
+    counters = [c for c in columns if c.role in ("count", "angle", "time") and c.said.any_of(*_COUNTERS_CALLED)]
+    found = [(c, clock_of(c.number, c.name, c.said, c.values, "s", stamps=False)) for c in counters]
+    rising = [(c, clock) for c, clock in found if clock is not None and not clock.restarts and c.moves]
+    if len(rising) != 1:
+        return None
+    column, clock = rising[0]
+    told = ticks_a_second((column.remark, table.units.get(column.name, ""), column.name, *table.preamble))
+    if told is None:
+        return None
+    clock.time_s = clock.time_s / told[0]
+    return clock, float(f"{1.0 / told[0]:.15g}"), f"a counter of {told[0]:g} a second, by '{told[1]}'"
 
 
 def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> None:
@@ -109,7 +144,10 @@ def _find_drive(columns: list[Column], speed: Column | None, told: Answers, gues
         return
     for role, note in _DRIVES:
         column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess)
-        if column is not None:
+        if column is not None and role == "torque" and not (column.unit or told.unit("current_A")):
+            text = f"{column.shown} has no unit: a torque, in N m or mN m, or the current?"
+            guess.ask("current_A", text, *(Line("current_A", column.entry(unit), "") for unit in ("N m", "mN m", "A")))
+        elif column is not None:
             guess.take("current_A", told.with_more("current_A", column.entry(column.unit)), note)
             guess.notes.append(f"{column.shown}: {note}")
         if column is not None or len(guess.questions) > asked:
@@ -140,18 +178,19 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
 def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> None:
     """Add a current, with its unit; a question where that is not known."""
     unit = told.unit(name, "current_A", "current_command_A")
-    why = "as it was set" if unit else "its name says so"
+    why, assumed = "as it was set" if unit else "its name says so", False
     if not unit and column.name not in READABLE_COLUMNS:
         if column.unit:
             unit, why = column.unit, f"its name says {column.unit}"
         elif not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]:
-            unit, why = "A", f"it goes to {column.top:.3g}, with decimals: in mA that would move nothing"
+            unit, assumed = "A", True
+            why = f"it goes to {column.top:.3g}, with decimals: in mA that would move nothing"
         else:
             text = f"{column.shown} has no unit, and goes to {column.top:.4g}: mA or A?"
             guess.ask(name, text, *(Line(name, column.entry(unit), "") for unit in ("mA", "A")))
             return
     unit = "" if unit_of(unit) == unit_of("A") else unit
-    guess.take(name, told.with_more(name, column.entry(unit)), why)
+    guess.take(name, told.with_more(name, column.entry(unit)), why, assumed=assumed)
 
 
 def _coasts(speed: Float64Array) -> bool:

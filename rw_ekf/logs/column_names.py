@@ -22,7 +22,7 @@ _WORDS: dict[str, frozenset[str]] = {
         "requested req wanted setspeed setcurrent sollstrom solldrehzahl",
         "time": "time timestamp timestamps zeit temps tiempo tempo tijd tid aika czas elapsed clock stamp ts uhrzeit"
             " zeitstempel datetime date datum "
-        "t millis micros heure fecha hora sec seconds zeitpunkt",
+        "x_axis xaxis abszisse x_value xvalue t millis micros heure fecha hora sec seconds zeitpunkt",
         "speed": "speed speeds velocity velocities vel velo omega omegas rpm erpm drehzahl motordrehzahl raddrehzahl"
             " geschwindigkeit "
         "winkelgeschwindigkeit vitesse regime velocidad velocita giri hastighet spd w wm n nm1 omg thetadot "
@@ -32,7 +32,7 @@ _WORDS: dict[str, frozenset[str]] = {
             "posizione q angular mechangle rotorangle count_enc",
         "current": "current currents curr cur amp amps ampere amperes amperage strom motorstrom iststrom courant "
             "corrente corriente stroem i iq im ia imot imotor isense "
-        "motorcurrent phasecurrent i_q",
+        "motorcurrent phasecurrent i_q iadc adci current_raw",
         "supply": "bat batt battery supply input in bus dc psu line source mains charge quiescent total",
         "torque": "torque tau moment drehmoment couple par trq tq kraftmoment effort koppel",
         "force": "force kraft thrust",
@@ -46,7 +46,7 @@ _WORDS: dict[str, frozenset[str]] = {
             "vorwaerts",
         "segment": "segment run trial experiment versuch test_no run_id lauf essai cycle",
         "count": "index idx sample samples nr no row record id seq counter number count line tick packet step",
-        "direct": "id d vd ud daxis",
+        "direct": "id d vd ud daxis reactive",
         "neither": "error err fehler power leistung puissance potencia efficiency wirkungsgrad energy energie",
         "derived": "filtered filt smooth smoothed est estimated estimate mean avg average lp hat observer kalman "
             "error err std sigma max min limit peak acc "
@@ -67,7 +67,8 @@ _SIGNS = {
     "角度": " angle ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ", "τ": " tau ",
     "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
-_FEW = 3  # words of a name, joined ones among them, beside which a letter may be a symbol
+_FEW = 2  # words of a name beside which a letter may be a symbol
+_CUT = re.compile(r"([a-z0-9])([A-Z])")
 
 
 class Said(NamedTuple):
@@ -77,6 +78,24 @@ class Said(NamedTuple):
     unit_text: str  # as it stands there; empty: none
     unit: Unit | None
 
+    def in_unit(self, text: str) -> Said:
+        """The same with the unit that a file has beside the name, where the name has none."""
+        unit = unit_of(text) if text and self.unit is None else None
+        return self if unit is None else self._replace(unit_text=text, unit=unit)
+
+    def with_remark(self, remark: str) -> Said:
+        """The same with the unit that a remark ends with, where it has none, and its words, where it says no role.
+
+        A remark is prose: `motor current, mA`; `wheel rate (rad/s)`; `bench clock in microseconds`.
+        """
+        if not remark:
+            return self
+        said = self.in_unit(_unit_in_prose(remark))
+        if said.unit is None and (spoken := said_by(remark)).unit is not None:
+            said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
+        more = said_by(remark).words
+        return said._replace(words=said.words | more if role_of(self._replace(unit=None)) == "other" else said.words)
+
     def has(self, *groups: str) -> bool:
         """Whether one of the words belongs to one of the groups."""
         return any(self.words & _WORDS[group] for group in groups)
@@ -84,7 +103,9 @@ class Said(NamedTuple):
     @property
     def says_time(self) -> bool:
         """Whether one of the words is a time's, in one piece or at its end: Laufzeit, runtime."""
-        return self.has("time") or any(word.endswith(("zeit", "time")) for word in self.words)
+        letter = "t" in self.words and not self.has("machine", "derived", "supply", "bus")  # else a temperature's
+        spelt = self.words & (_WORDS["time"] - {"t"})
+        return letter or bool(spelt) or any(word.endswith(("zeit", "time")) for word in self.words)
 
     def any_of(self, *words: str) -> bool:
         """Whether one of these words is among them."""
@@ -97,9 +118,16 @@ def said_by(name: str) -> Said:
     if unit is None:  # in brackets, what is no word and no unit that is known says that it is something else
         bare = re.sub(r"[\[(<{][^\])>}]*[/%][^\])>}]*[\])>}]|[\[(<{].{0,2}[\])>}]", " ", bare)
     words = _words(bare)
-    if sum(len(word) > 1 for word in words) > _FEW:  # a letter is a symbol where it stands alone
-        words = [word for word in words if len(word) > 1]
+    if len(re.findall(r"[^\W\d_]{2,}", _CUT.sub(r"\1 \2", bare))) > _FEW:
+        words = [word for word in words if len(word) > 1]  # among many words a letter is no symbol
     return Said(frozenset(words), text, unit)
+
+
+def _unit_in_prose(text: str) -> str:
+    """The unit with which a remark ends, or which it has before its words: `A (measured)`; empty for none."""
+    last = re.split(r"[,;:(\[]|\bin\b", text)[-1].strip(" .)]")
+    first = re.split(r"[\s(\[]", text.strip())[0]
+    return next((word for word in (last, first) if word and unit_of(word) is not None and word not in {"a", "d"}), "")
 
 
 def _split(name: str) -> tuple[str, str, Unit | None]:
@@ -138,7 +166,7 @@ def _words(text: str) -> list[str]:
     text = unicodedata.normalize("NFKD", text)
     text = "".join(sign for sign in text if not unicodedata.combining(sign))
     whole = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
-    text = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", text)
+    text = _CUT.sub(r"\1 \2", text)
     text = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", text)
     parts = [word.lower() for word in re.split(r"[^A-Za-z]+", text) if word]
     return [*parts, whole, *("".join(pair) for pair in itertools.pairwise(parts))]
@@ -152,6 +180,8 @@ def role_of(said: Said) -> Role:
     if role == "time" and said.unit is not None:  # a slip, a delay and a time constant may be in seconds too
         alone = said.words <= {plain_spelling(said.unit_text), said.unit_text.lower()}
         return "time" if alone or said.says_time else "other"
+    if role == "current" and said.has("direct") and not said.any_of("q", "iq"):
+        return "other"  # it magnetises, and turns nothing
     if role == "voltage" and said.has("bus"):
         return "bus_voltage"
     return _WANTED.get(role, role) if said.has("set") else role

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -9,10 +10,12 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
+from rw_ekf.logs.column_habits import habitual_unit
 from rw_ekf.logs.column_names import Role, Said, role_of, said_by
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
+_REVERSED = re.compile(r"(?<!not )\b(reversed|inverted|negated|opposite|flipped|invertiert|umgekehrt)\b", re.IGNORECASE)
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
 
 
@@ -23,6 +26,7 @@ class Line:
     name: str
     entry: dict[str, object]  # as it stands in a map
     why: str
+    assumed: bool = False  # its unit is concluded from its numbers or a habit: the file does not say it
 
 
 @dataclass(frozen=True)
@@ -48,9 +52,14 @@ class Guess:
         """Whether nothing that a log needs is left open."""
         return not self.questions
 
-    def take(self, name: str, entry: dict[str, object], why: str) -> None:
+    @property
+    def says_units(self) -> bool:
+        """Whether the file itself, or who was asked, says the unit of all that is taken from it."""
+        return not any(line.assumed for line in self.lines)
+
+    def take(self, name: str, entry: dict[str, object], why: str, *, assumed: bool = False) -> None:
         """Add a line."""
-        self.lines.append(Line(name, entry, why))
+        self.lines.append(Line(name, entry, why, assumed))
 
     def ask(self, name: str, text: str, *answers: Line) -> None:
         """Add a question."""
@@ -71,6 +80,7 @@ class Column:
     role: Role
     values: Float64Array  # (n,) NaN where there is no number
     key: str | int = ""  # how a map names it
+    remark: str = ""  # what the file says of it in prose
 
     @property
     def shown(self) -> str:
@@ -115,6 +125,8 @@ class Column:
 
     def entry(self, unit: str = "", **more: object) -> dict[str, object]:
         """Its entry in a map."""
+        if _REVERSED.search(self.remark) and self.role in ("speed", "current"):
+            more = {"scale": -1.0, **more}
         return {
             "column": self.key,
             **({"unit": unit} if unit else {}),
@@ -127,13 +139,16 @@ def columns_of(table: RawTable) -> list[Column]:
     found = []
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
-        said = said_by(name)
+        said = (
+            said_by(name).in_unit(table.units.get(name) or habitual_unit(name)).with_remark(table.remarks.get(name, ""))
+        )
         try:
             values = table.floats(number, stamps=True)
         except LogError:
             values = np.full(table.rows, np.nan)
         key: str | int = name if name and name not in repeated else number
-        found.append(Column(number, name, said, role_of(said) if name else "other", values, key))
+        remark = table.remarks.get(name, "")
+        found.append(Column(number, name, said, role_of(said) if name else "other", values, key, remark))
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,6 +45,7 @@ def find_speed(
         return column
     told_unit = told_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
     unit, why = _speed_unit(column, angles, time_s, told_unit)
+    assumed = unit is not None and not (told_unit or column.unit or _unit_in_words(column))
     sign = _direction(columns, column)
     if unit is None:
         text = f"{column.shown} has no unit, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
@@ -61,7 +63,7 @@ def find_speed(
         more = {known.per: per}
     if known is not None and known.quantity == "linear_speed":
         guess.notes.append(f"{column.shown} is in {unit}: metres stand where radians would, and nothing here turns")
-    guess.lines.append(_speed_line(column, unit, why, sign, told, **more))
+    guess.lines.append(replace(_speed_line(column, unit, why, sign, told, **more), assumed=assumed))
     return column
 
 
@@ -85,9 +87,8 @@ def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | Non
         return ("rpm" if column.name == "speed_rpm" else "rad/s"), "its name is the log's own"
     if column.unit:
         return column.unit, f"its name says {column.unit}"
-    for word in ("erpm", "krpm", "rpm", "dps"):
-        if said.any_of(word, f"rpm{word}"):
-            return word, f"its name says {word}"
+    if word := _unit_in_words(column):
+        return word, f"its name says {word}"
     for angle in angles:
         found = _by_angle(column, angle, time_s)
         if found is not None:
@@ -102,6 +103,13 @@ def _speed_unit(column: Column, angles: list[Column], time_s: Float64Array | Non
     ) and (not column.is_whole and column.top < 300.0):
         return "rad/s", "what is called so is in rad/s"
     return None, ""
+
+
+def _unit_in_words(column: Column) -> str:
+    """A unit that is one of the words of a name; empty for none."""
+    if column.name in {"speed_rad_s", "speed_rpm"}:
+        return column.name
+    return next((word for word in ("erpm", "krpm", "rpm", "dps") if column.said.any_of(word, f"rpm{word}")), "")
 
 
 def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str | None:
@@ -179,6 +187,7 @@ _PER_TURN = tuple(
         r"(?:cpr|ppr|(?:counts?|ticks|inc\w*|steps|pulses)[ _-]*(?:per|pro|/)[ _-]*(?:turn|rev\w*|umdr\w*))"
         r"\D{0,4}(\d{2,8})",
         r"(\d{2,8})\s*(?:cpr|ppr)\b",
+        r"(\d{2,8})\W{0,3}(?:\w+ ){0,2}(?:counts?|ticks?|inc\w*|pulses|lines|steps) (?:per|pro) (?:turn|rev|umdr)",
     )
 )
 

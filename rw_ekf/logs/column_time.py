@@ -21,6 +21,13 @@ _BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
 _SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
 _A_SECOND = 0.9  # between rows, with decimals: less is in seconds
 _THOUSAND = (900.0, 1100.0)  # between rows, in whole numbers: ms at 1 Hz or us at 1 kHz; less is ms, more is us
+_HERTZ = r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([kM]?)Hz"
+_COUNTER_WORDS = r"(?:tick|clock|timer|counter|counts|interrupt|cycle|takt|zaehler|zähler)"
+_TICK_RATE = re.compile(rf"{_COUNTER_WORDS}[^\d]{{0,25}}{_HERTZ}", re.IGNORECASE)
+_RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
+_OTHER_RATE = re.compile(
+    r"pwm|switch|cut.?off|filter|baud|carrier|mains|clock|netz|tick|timer|counter|interrupt", re.IGNORECASE
+)
 
 
 @dataclass(eq=False)
@@ -125,9 +132,22 @@ def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...],
     return ("", ("ms", "us"), told) if usual < _THOUSAND[1] else ("us", (), told)
 
 
+def ticks_a_second(texts: Iterable[str]) -> tuple[float, str] | None:
+    """How fast a counter runs that stands for the time, and the words that say so."""
+    for text in texts:
+        match = _TICK_RATE.search(text) or _RATE_OF_TICKS.search(text)
+        if match is not None:
+            rate = float(match[1].replace(",", ".")) * {"": 1.0, "k": 1e3, "m": 1e6}[match[2].lower()]
+            if rate > 0.0:
+                return rate, match[0].strip()
+    return None
+
+
 def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
     """Rows a second, and the words that say so, where a line above the names has them."""
     for text in texts:
+        if _OTHER_RATE.search(text):
+            continue
         match = re.search(
             r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(k?hz|ms|us|s(?:ec\w*)?)\b",
             text,

@@ -55,7 +55,8 @@ _SPELLINGS: dict[str, Unit] = {
         "degreespersecond"),
     **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s tr/s r/s 1/s s-1 "
         "cyclespersecond"),
-    **_all(Unit("speed", _TURN, per="counts_per_turn"), "counts/s count/s cps ticks/s tick/s pulses/s inc/s steps/s"),
+    **_all(Unit("speed", _TURN, per="counts_per_turn"), "counts/s count/s cps "
+        "counts/sec count/sec cnt/s cnt/sec cnts/s pulses/sec ticks/sec inc/sec ticks/s tick/s pulses/s inc/s steps/s"),
     **_all(Unit("angle"), "rad radian radians bogenmass"),
     **_all(Unit("angle", 1e-3), "mrad"),
     **_all(Unit("angle", _DEGREE), "deg degs degree degrees grad °"),

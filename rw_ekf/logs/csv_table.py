@@ -69,9 +69,11 @@ def read_csv_table(
         return _read_plain(text, layout, must_be_numeric, name_shown)
     with text.open() as stream:
         written = rewritten(stream.read(), found)
-    plain = CsvLayout(",", found.first_line - (2 if found.names else 1), bool(found.names))
+    above = bool(found.names) and found.first_line > 1  # names have a line of their own, as a rule
+    plain = CsvLayout(",", found.first_line - 1 - above, above)
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
-    read.preamble = found.preamble
+    read.preamble, read.names = found.preamble, found.names or read.names
+    read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]
         lines = f"line {first}" if count == 1 else f"{count} lines, first line {first},"

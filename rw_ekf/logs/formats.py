@@ -17,6 +17,7 @@ _OWN = {
     "parquet": "rw_ekf.logs.parquet_table:FORMAT",
     "matlab": "rw_ekf.logs.matlab_table:FORMAT",
     "arrow": "rw_ekf.logs.foreign.arrow:FORMAT",
+    "numpy": "rw_ekf.logs.foreign.numpy_arrays:FORMAT",
     "sheet": "rw_ekf.logs.foreign.sheets:FORMAT",
     "hdf5": "rw_ekf.logs.foreign.hdf5:FORMAT",
     "mdf": "rw_ekf.logs.foreign.mdf:FORMAT",
@@ -29,6 +30,7 @@ _OWN = {
     "can": "rw_ekf.logs.foreign.can_log:FORMAT",
     "influx_csv": "rw_ekf.logs.foreign.influx:ANNOTATED",
     "influx": "rw_ekf.logs.foreign.influx:FORMAT",
+    "json": "rw_ekf.logs.foreign.json_records:FORMAT",
     "csv": "rw_ekf.logs.csv_log:FORMAT",
 }
 _LAST = "csv"  # takes what nobody else takes

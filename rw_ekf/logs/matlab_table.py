@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.format import LogFormat, noting_suffix
+from rw_ekf.logs.labels import labelled_matrix, remarks_beside, said_beside, units_beside
 from rw_ekf.logs.matlab_check import check_skeleton
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.vectors import vector_of, vectors_of
@@ -39,7 +41,12 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
         if layout != "columns":
             raise LogError(f"{name}: layout '{layout}' needs `variable`, one of: {', '.join(content) or 'none'}")
         structs = [value for value in content.values() if np.asarray(value).dtype.names]
-        columns = vectors_of(content) or (vectors_of(_fields(np.asarray(structs[0]))) if len(structs) == 1 else [])
+        if structs and not (_vectors(content) or labelled_matrix(content)):
+            several = len(structs) > 1 and sum(bool(_vectors(_fields(np.asarray(s)))) for s in structs) > 1
+            for value in list(content.values()):  # the only struct with vectors, and what others say beside it
+                if np.asarray(value).dtype.names and not several:
+                    content = content | _fields(np.asarray(value))
+        columns = _columns_in(content)
         kind = "the file holds no numeric vectors"
     else:
         if variable not in content:
@@ -53,7 +60,27 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
             f"{name}: {kind}: name the variable that holds the record (`variable` in the column map); variables: {held}"
         )
     names = tuple(column[0] for column in columns)
-    return RawTable(name, names, [column[1] for column in columns], rows, lambda row: f"row {row + 1}")
+    table = RawTable(name, names, [column[1] for column in columns], rows, lambda row: f"row {row + 1}")
+    return replace(table, preamble=said_beside(content), units=units_beside(content), remarks=remarks_beside(content))
+
+
+def _columns_in(content: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Vectors of the most common length, with the columns of a matrix that has names for them, or is alone.
+
+    Single numbers are columns only where there is nothing else.
+    """
+    vectors, matrix = _vectors(content), labelled_matrix(content)
+    if not vectors and not matrix:
+        return vectors_of(content)
+    if not vectors or (matrix and len(matrix[0][1]) > len(vectors[0][1])):
+        rows = len(matrix[0][1]) if matrix else 0
+        return [*((key, values) for key, values in vectors if len(values) == rows), *matrix]
+    return [*vectors, *((key, values) for key, values in matrix if key and len(values) == len(vectors[0][1]))]
+
+
+def _vectors(content: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Vectors of the most common length, of more than one number."""
+    return [(key, values) for key, values in vectors_of(content) if len(values) > 1]
 
 
 def _load(path: Path, name: str) -> dict[str, Any]:

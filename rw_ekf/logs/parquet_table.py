@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from rw_ekf.errors import LogError
 from rw_ekf.logs.format import LogFormat, noting_suffix
@@ -26,7 +27,19 @@ def read_parquet_table(path: Path, name: str) -> RawTable:
     if table.num_rows == 0:
         raise LogError(f"{name}: has columns but no rows: nothing was logged")
     names = tuple(str(column).strip() for column in table.column_names)
-    return RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")
+    held = list(table.columns)
+    return RawTable(name, names, held, table.num_rows, lambda row: f"row {row + 1}", units=units_in(table.schema))
+
+
+def units_in(schema: Any) -> dict[str, str]:
+    """Units by name of column, where the fields of a schema have one as metadata."""
+    found = {field.name.strip(): (field.metadata or {}) for field in schema}
+    return {
+        name: said.decode("utf-8", "replace")
+        for name, metadata in found.items()
+        for key, said in metadata.items()
+        if key.lower() in (b"unit", b"units")
+    }
 
 
 FORMAT = LogFormat(

@@ -20,7 +20,7 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
     while lines and not lines[-1].strip():
         lines.pop()
     out = [""] * (layout.first_line - 1)
-    if layout.names:
+    if layout.names and out:
         out[-1] = _row(list(layout.names))
     left_out = []
     for number in range(layout.first_line - 1, len(lines)):

@@ -13,12 +13,16 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of, with_unit
+from rw_ekf.logs.text_forms import MARK, NO_FORM, LineForm, labelled_form, stamped_form
 
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _DELIMITERS = ("\t", ";", ",", "|", BLANKS)
+_OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "big5", "euc-kr", "cp1250")
 _LOOKED_AT = 400  # lines
 _MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
+_NEARLY_ALL = 0.9  # of the rows begin with a value where each does
 _AGREE = 3  # lines of one width in a row begin the data
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _NUMBER = re.compile(
@@ -35,6 +39,11 @@ _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
     "-",
 })  # fmt: skip
+_ROW_KEYS = {
+    "units": re.compile(r"((vertical|y) )?(units?|einheit(en)?|unités?|unidad(es)?)|y_unit_label", re.IGNORECASE),
+    "names": re.compile(r"(signal|channel|trace|column|kanal)?[ _]?(names?|labels?|bezeichnung)", re.IGNORECASE),
+    "remarks": re.compile(r"desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?", re.IGNORECASE),
+}
 _LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
 _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
 
@@ -51,6 +60,8 @@ class TextLayout:
     first_line: int = 1  # physical line (from 1) where the data begin
     width: int = 0  # cells of a row of data
     preamble: tuple[str, ...] = ()  # lines before the names
+    remarks: tuple[str, ...] = ()  # of each column, where a row above has them
+    form: LineForm = NO_FORM  # what makes its lines rows of cells
 
     @property
     def grouping(self) -> tuple[str, re.Pattern[str]]:
@@ -59,7 +70,7 @@ class TextLayout:
 
     def cells(self, line: str) -> list[str]:
         """The cells of a line, without the blanks around them; none of what cannot be cut."""
-        return split_cells(line, self.delimiter)
+        return split_cells(self.form.row(line, self.delimiter), self.delimiter)
 
     def filled(self, line: str) -> list[str]:
         """The same up to the last that is not empty."""
@@ -148,6 +159,22 @@ def encoding_of(head: bytes) -> str:
     return "utf-8-sig"
 
 
+def _by_its_words(head: bytes, delimiter: str | None, decimal: str | None, skip_rows: int) -> str:
+    """Of the encodings that a text may have, the one in which most names of columns say what they are."""
+    whole = head[: head.rfind(b"\n") + 1]
+    best, most = "cp1252", 0
+    for encoding in ("cp1252", *_OTHER_ENCODINGS):
+        try:
+            whole.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        found = layout_of(head, delimiter=delimiter, decimal=decimal, encoding=encoding, skip_rows=skip_rows)
+        known = sum(role_of(said_by(name)._replace(unit=None)) != "other" for name in found.names) if found else 0
+        if known > most:
+            best, most = encoding, known
+    return best
+
+
 def lines_of(text: str, most: int | None = None) -> list[str]:
     """Physical lines, without their ends; the first `most` of them."""
     return _LINE_END.split(text) if most is None else _LINE_END.split(text, most)[:most]
@@ -163,34 +190,45 @@ def layout_of(
 ) -> TextLayout | None:
     """The layout of a text that begins with `head`; what is given is taken as it is. None where it is no table."""
     known = encoding or encoding_of(head)
+    if known == "cp1252" and encoding is None:
+        known = _by_its_words(head, delimiter, decimal, skip_rows)
     lines = lines_of(head.decode(known, "replace"))
     if len(lines) > 3:
         lines = lines[:-1]  # perhaps cut
+    form = stamped_form(lines[:_LOOKED_AT])
     if lines and lines[0].lower().startswith("sep=") and delimiter is None:
         delimiter = lines[0][4:5] or None
-    found: list[tuple[float, TextLayout, int]] = []
+    found: list[tuple[float, TextLayout, int, int]] = []
     for mark in (delimiter,) if delimiter else _DELIMITERS:
         for comma in (decimal,) if decimal else (".", ","):
             if mark == comma == "," and '"' not in head[:4000].decode(known, "replace"):
                 continue
-            layout = TextLayout(known, mark, comma)
-            begins, width, score = _rows(lines, layout, skip_rows)
+            layout = TextLayout(known, mark, comma, form=form)
+            begins, width, score, count = _rows(lines, layout, skip_rows)
             if width:
-                found.append((score, replace(layout, width=width, first_line=begins + 1), begins))
+                found.append((score, replace(layout, width=width, first_line=begins + 1), begins, count))
+    labelled, rows, first = labelled_form(lines[skip_rows:_LOOKED_AT])
+    if rows > max((count for *_, count in found), default=0):
+        layout = TextLayout(known, MARK, form=labelled, names=labelled.names, width=len(labelled.names))
+        before = tuple(line for line in lines[: skip_rows + first] if line.strip())
+        return replace(layout, first_line=skip_rows + first + 1, preamble=before)
     if not found:
         return None
-    best = max(score for score, _, _ in found)
-    _, layout, begins = next(item for item in found if item[0] == best)
+    best = max(score for score, *_ in found)
+    _, layout, begins, _ = next(item for item in found if item[0] == best)
+    lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped else lines
     layout = replace(layout, thousands=_has_thousands(lines[begins:_LOOKED_AT], layout))
     return _with_names(lines[:begins], lines[begins:_LOOKED_AT], layout, skip_rows)
 
 
-def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, int, float]:
-    """Index of the first row of data, their usual width (0: there is none), and how well the lines agree with it."""
+def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, int, float, int]:
+    """Index of the first row of data, their usual width (0: there is none), how well the lines agree, how many do."""
     widths: list[int] = []
+    begun: list[bool] = []  # whether the first cell of a line is a value
     numbers = 0
     for index, line in enumerate(lines[:_LOOKED_AT]):
         cells = layout.filled(line) if index >= skip_rows else []
+        begun.append(bool(cells) and layout.is_value(cells[0]))
         if not layout.is_data(cells):
             widths.append(0)
             continue
@@ -198,17 +236,20 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, in
         numbers += sum(1 if layout.is_value(cell) else -2 for cell in cells if cell)
     counted = Counter(width for width in widths if width > 1)
     if not counted:
-        return 0, 0, 0.0
+        return 0, 0, 0.0, 0
     width, lines_of_it = max(counted.items(), key=lambda item: (item[1] * item[0], item[0]))
     near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in widths]
+    first = [value for value, number in zip(begun, widths, strict=True) if number == width]
+    if sum(first) > _NEARLY_ALL * len(first):  # what begins with a word is a setting: `Horizontal Scale,20`
+        near = [fits and value for fits, value in zip(near, begun, strict=True)]
     need = min(_AGREE, lines_of_it)
     begins = next(
         (i for i in range(len(widths)) if widths[i] and all(near[i : i + need]) and len(near[i : i + need]) == need),
         None,
     )
     if begins is None:
-        return 0, 0, 0.0
-    return begins, width, numbers * lines_of_it / max(sum(value > 0 for value in widths), 1)
+        return 0, 0, 0.0, 0
+    return begins, width, numbers * lines_of_it / max(sum(value > 0 for value in widths), 1), lines_of_it
 
 
 def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
@@ -219,6 +260,7 @@ def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
 
 def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
+    described = _described(before[skip_rows:], layout)
     above = [(i, line) for i, line in enumerate(before) if i >= skip_rows and _COMMENT.sub("", line).strip()]
     units: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
@@ -231,6 +273,13 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
         taken -= 1
     if units and not names:
         names, units = units, ()
+    if described and not units:
+        units = described.get("units", ())
+    remarks = described.get("remarks", ())
+    if described and not names:
+        names = described.get("names", ())
+    elif described:
+        remarks = remarks or described.get("names", ())
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
     ragged = _shift(names, rows, layout)
@@ -239,7 +288,20 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     names, units = _fitted(names, layout.width), _fitted(units, layout.width)
     if units:
         names = tuple(map(with_unit, names, units))
-    return replace(layout, names=names, preamble=preamble)
+    return replace(layout, names=names, preamble=preamble, remarks=remarks)
+
+
+def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ...]]:
+    """Rows above the data that begin with what they have of each column: its unit, its name, a remark."""
+    found: dict[str, tuple[str, ...]] = {}
+    for line in before:
+        cells = layout.filled(line)
+        if not 1 < len(cells) <= layout.width + 1:
+            continue
+        key = next((kind for kind, words in _ROW_KEYS.items() if words.fullmatch(cells[0].strip(" #%:"))), "")
+        if key and not (key == "names" and key in found):
+            found[key] = ("", *cells[1:])
+    return found
 
 
 def _widest(rows: list[str], layout: TextLayout) -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rw_ekf.errors import EmptyLogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.foreign.guard import foreign_format
+from rw_ekf.logs.parquet_table import units_in
 from rw_ekf.logs.raw_table import RawTable
 
 _FILE, _STREAM = b"ARROW1", b"\xff\xff\xff\xff"
@@ -24,7 +25,8 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     if table.num_rows == 0:
         raise EmptyLogError(f"{name}: has columns but no rows: nothing was logged")
     names = tuple(str(column).strip() for column in table.column_names)
-    return RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")
+    held = list(table.columns)
+    return RawTable(name, names, held, table.num_rows, lambda row: f"row {row + 1}", units=units_in(table.schema))
 
 
 FORMAT = foreign_format(

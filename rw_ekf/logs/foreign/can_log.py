@@ -18,16 +18,16 @@ _BLF = b"LOGG"
 _ASC = re.compile(rb"(//[^\n]*\n)?(date [^\n]*\r?\n)?base +(hex|dec)")
 _CANDUMP = re.compile(rb"\(\d+\.\d+\) +\w+ +[0-9A-Fa-f]{3,8}#")
 _IDS_SHOWN = 8
+_DATABASES = (".dbc", ".kcd", ".sym", ".arxml")
 
 
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
-    """Messages as groups, their signals in their units. Raises LogError without a fitting database."""
-    if columns.dbc is None:
-        raise LogError(
-            f"{name}: is a CAN log, whose frames mean nothing without their database: name it in the column map "
-            "(`dbc: wheel.dbc`)"
-        )
-    messages = _messages(columns.dbc)
+    """Messages as groups, their signals in their units. Raises LogError without a fitting database.
+
+    Where the map names none, it is the only one in the log's folder, which is said.
+    """
+    database = columns.dbc or _beside(path, name)
+    messages = _messages(database)
     times: dict[str, list[float]] = {}
     rows: dict[str, list[dict[str, float]]] = {}
     unknown: dict[int, int] = {}
@@ -40,12 +40,35 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         times.setdefault(message, []).append(frame.timestamp)
         rows.setdefault(message, []).append(values)
     if not rows:
-        raise LogError(f"{name}: none of its frames ({_shown(unknown)}) is in {columns.dbc}: name the right database")
-    table = table_of_groups([Group(key, np.array(times[key]), channels_of(rows[key])) for key in rows], columns, name)
+        raise LogError(f"{name}: none of its frames ({_shown(unknown)}) is in {database}: name the right database")
+    units = {
+        str(message.name): {signal.name: signal.unit for signal in message.signals if signal.unit}
+        for message in messages.values()
+    }
+    remarks = {
+        str(message.name): {signal.name: str(signal.comment) for signal in message.signals if signal.comment}
+        for message in messages.values()
+    }
+    groups = [Group(key, np.array(times[key]), channels_of(rows[key]), units[key], remarks[key]) for key in rows]
+    table = table_of_groups(groups, columns, name)
+    if columns.dbc is None:
+        table.warnings.append(f"{name}: its frames were decoded by {database}, the only database beside it")
     if unknown:
         count = sum(unknown.values())
-        table.warnings.append(f"{name}: {count} frames ({_shown(unknown)}) are not in {columns.dbc} and were left out")
+        table.warnings.append(f"{name}: {count} frames ({_shown(unknown)}) are not in {database} and were left out")
     return table
+
+
+def _beside(path: Path, name: str) -> str:
+    """The only database in the folder of a log. Raises LogError where there is none, or several."""
+    found = sorted(file for file in path.parent.iterdir() if file.suffix.lower() in _DATABASES)
+    if len(found) == 1:
+        return str(found[0])
+    several = f"; beside it are {', '.join(file.name for file in found)}" if found else ""
+    raise LogError(
+        f"{name}: is a CAN log, whose frames mean nothing without their database: name it in the column map "
+        f"(`dbc: wheel.dbc`){several}"
+    )
 
 
 def _messages(database: str) -> dict[tuple[int, bool], Any]:

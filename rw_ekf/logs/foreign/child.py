@@ -67,7 +67,7 @@ def _pack(groups: list[Group], stream: BinaryIO) -> None:
     arrays: list[object] = []
     names = []
     for group in groups:
-        names.append([group.name, group.time_s is not None, list(group.channels)])
+        names.append([group.name, group.time_s is not None, list(group.channels), group.units, group.remarks])
         arrays += [*([] if group.time_s is None else [group.time_s]), *group.channels.values()]
     said = np.frombuffer(json.dumps(names).encode(), dtype=np.uint8)
     np.savez(stream, said, *arrays)  # type: ignore[arg-type]
@@ -77,7 +77,7 @@ def _unpacked(stream: BinaryIO) -> list[Group]:
     with np.load(stream, allow_pickle=False) as archive:
         held = iter([archive[f"arr_{number}"] for number in range(len(archive.files))])
     groups = []
-    for name, timed, channels in json.loads(bytes(next(held))):
+    for name, timed, channels, units, remarks in json.loads(bytes(next(held))):
         time_s = next(held) if timed else None
-        groups.append(Group(name, time_s, {channel: next(held) for channel in channels}))
+        groups.append(Group(name, time_s, {channel: next(held) for channel in channels}, units, remarks))
     return groups

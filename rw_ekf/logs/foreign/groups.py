@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,8 @@ class Group:
     name: str
     time_s: Float64Array | None  # (n,) [s]; None: the file has no time for them
     channels: dict[str, Any]  # (n,) each, as they are in the file: those that are no numeric vectors are left out
+    units: dict[str, str] = field(default_factory=dict)  # by channel, as far as the file has them
+    remarks: dict[str, str] = field(default_factory=dict)  # by channel: what the file says of it in prose
 
     def __post_init__(self) -> None:
         vectors = {channel: vector_of(values) for channel, values in self.channels.items()}
@@ -52,16 +54,18 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
         chosen = [group for group in groups if group.name == columns.variable]
         if not chosen:
             raise LogError(f"{name}: has no '{columns.variable}' (`variable` in the column map); it holds {shown}")
-        return _table(name, _alone(chosen[0]), chosen[0].rows)
+        return _table(name, _alone(chosen[0]), chosen[0])
     if not groups:
         raise EmptyLogError(f"{name}: holds no numbers: nothing was logged")
     if len(groups) == 1:
-        return _table(name, _alone(groups[0]), groups[0].rows)
+        return _table(name, _alone(groups[0]), groups[0])
     timed = [group for group in groups if group.time_s is not None]
     if not timed:
         raise LogError(f"{name}: holds {shown}, none with a time: name one (`variable` in the column map)")
     base = max(timed, key=lambda group: group.rows)
-    table = _table(name, _joined(timed, base, columns), base.rows)
+    table = _table(name, _joined(timed, base, columns), base)
+    table.units = {f"{group.name}.{key}": unit for group in timed for key, unit in group.units.items()}
+    table.remarks = {f"{group.name}.{key}": text for group in timed for key, text in group.remarks.items()}
     table.warnings.append(
         f"{name}: holds {shown}: all were put on the times of '{base.name}', the last value known at each; `variable` "
         "in the column map takes one alone"
@@ -135,5 +139,8 @@ def _shown(names: list[str]) -> str:
     return f"{len(names)} group{'' if len(names) == 1 else 's'} ({', '.join(names[:MAX_NAMES_SHOWN]) or 'none'}{more})"
 
 
-def _table(name: str, columns: dict[str, Any], rows: int) -> RawTable:
-    return RawTable(name, tuple(columns), list(columns.values()), rows, lambda row: f"row {row + 1}")
+def _table(name: str, columns: dict[str, Any], base: Group) -> RawTable:
+    held = list(columns.values())
+    table = RawTable(name, tuple(columns), held, base.rows, lambda row: f"row {row + 1}")
+    table.units, table.remarks = base.units, base.remarks
+    return table

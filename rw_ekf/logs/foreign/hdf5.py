@@ -32,6 +32,8 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         keys = [key for key in file if not key.startswith("#")] if wanted is None or wanted not in file else [wanted]
         opaque = {key: _class_of(file[key]) for key in keys if _is_opaque(file[key])}
         content = {key: _value(file, file[key], 0) for key in keys if key not in opaque}
+        content |= {said: text for key in content for said, text in _attributes(key, file[key]).items()}
+        content |= _attributes("", file)
         if columns.variable is not None and wanted in file:
             content = {columns.variable: content[wanted]} if wanted in content else {}
     said = "; ".join(_how_to_save(key, kind) for key, kind in opaque.items())
@@ -51,6 +53,8 @@ def _value(file: Any, item: Any, depth: int) -> Any:
         raise ValueError(f"{item.name} goes deeper than {_DEEPEST} groups")
     if isinstance(item, h5py.Group):
         fields = {key: _value(file, item[key], depth + 1) for key in item}
+        if not _class_of(item):
+            fields |= {said: text for key in list(fields) for said, text in _attributes(key, item[key]).items()}
         return _struct(_elements(fields) if _is_struct_array(item) else [fields])
     if _is_opaque(item) or item.attrs.get("MATLAB_empty", 0) or item.shape is None:
         return np.empty((0, 0))
@@ -64,8 +68,15 @@ def _value(file: Any, item: Any, depth: int) -> Any:
             cells[place] = _value(file, file[reference], depth + 1) if reference else np.empty((0, 0))
         return cells.T
     if matlab == "char":
-        return np.array(["".join(map(chr, values.T.reshape(-1)))])
+        return np.array(["".join(map(chr, row)) for row in values.T])
     return values.T if matlab else values  # MATLAB counts dimensions from the other end
+
+
+def _attributes(key: str, item: Any) -> dict[str, Any]:
+    """Attributes of an object as variables beside it: `speed_unit`."""
+    return {
+        f"{key}_{said}".lstrip("_"): np.asarray(value) for said, value in item.attrs.items() if "MATLAB" not in said
+    }
 
 
 def _is_struct_array(group: Any) -> bool:

@@ -48,7 +48,14 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
         held.append(np.repeat(np.cumsum(starts).astype(np.float64), [len(block.rows) for block in blocks]))
         names = [*names, "segment"]
     lines = [line for block in blocks for line in block.lines]
-    return RawTable(name, tuple(names), held, len(lines), lambda row: f"line {lines[row]}")
+    channels = [column for column in blocks[0].names if not column.startswith("X_Value")]
+    units = dict(zip(channels, blocks[0].keys.get("Y_Unit_Label", []), strict=False))
+    dimensions = {cell.strip() for cell in blocks[0].keys.get("X_Dimension", ["Time"])} - {""}
+    timed = dimensions == {"Time"}
+    table = RawTable(name, tuple(names), held, len(lines), lambda row: f"line {lines[row]}")
+    table.units = units | ({"X_Value": "s"} if timed else {})
+    table.remarks = {"X_Value": "time"} if timed else {}
+    return table
 
 
 def _blocks(path: Path, name: str) -> list[_Block]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,11 @@ class _Reader:
         if decode is None:
             self.left_out[channel.topic] = channel.message_encoding
             return
-        self.topics.setdefault(channel.topic, Topic(channel.topic)).add(record.log_time, decode(record.data))
+        if channel.topic not in self.topics:
+            schema = self._schemas.get(channel.schema_id)
+            kind = "" if schema is None else schema.name
+            self.topics[channel.topic] = Topic(channel.topic, kind, _descriptions(schema))
+        self.topics[channel.topic].add(record.log_time, decode(record.data))
 
     def _decoder(self, channel: Any) -> Decoder | None:
         """What decodes a channel's messages; None if nothing does."""
@@ -94,6 +99,24 @@ class _Reader:
         require("rosbags.typesys", "ros", self.name, f"{_KIND} of ROS messages")
         kind = schema.name if "/msg/" in schema.name else schema.name.replace("/", "/msg/")
         return decoders({kind: schema.data.decode("utf-8")}, wire)(kind)
+
+
+def _descriptions(schema: Any) -> dict[str, str]:
+    """What a JSON schema says of its values, by path."""
+    if schema is None or schema.encoding != "jsonschema":
+        return {}
+    try:
+        return dict(_described(json.loads(schema.data), ""))
+    except (ValueError, AttributeError, RecursionError):
+        return {}
+
+
+def _described(schema: Any, path: str) -> Iterator[tuple[str, str]]:
+    for key, inner in schema.get("properties", {}).items():
+        text = " ".join(str(inner[word]) for word in ("title", "description", "unit", "units") if word in inner)
+        if text:
+            yield f"{path}{key}", text
+        yield from _described(inner, f"{path}{key}.")
 
 
 FORMAT = foreign_format(

@@ -35,12 +35,12 @@ def _group(file: Any, number: int) -> Group:
     master = file.masters_db.get(number)
     timed = master is not None and getattr(held.channels[master], "sync_type", 1) in _IS_TIME
     time_s = np.asarray(file.get_master(number), dtype=np.float64) if timed else None
-    channels = {
-        channel.name: _values(file, number, index)
-        for index, channel in enumerate(held.channels)
-        if not (timed and index == master)
-    }
-    return Group(_name(held.channel_group, number), time_s, channels)
+    others = [(index, channel.name) for index, channel in enumerate(held.channels) if not (timed and index == master)]
+    signals = {name: _signal(file, number, index) for index, name in others}
+    channels = {name: _values(signal) for name, signal in signals.items()}
+    units = {name: str(signal.unit) for name, signal in signals.items() if signal.unit}
+    remarks = {name: str(signal.comment) for name, signal in signals.items() if signal.comment}
+    return Group(_name(held.channel_group, number), time_s, channels, units, remarks)
 
 
 def _name(group: Any, number: int) -> str:
@@ -48,9 +48,12 @@ def _name(group: Any, number: int) -> str:
     return next((text for text in said if text and len(text) <= _LONGEST_NAME and "\n" not in text), f"group {number}")
 
 
-def _values(file: Any, number: int, index: int) -> Any:
+def _signal(file: Any, number: int, index: int) -> Any:
+    return file.get(group=number, index=index, raw=True, ignore_invalidation_bits=True)
+
+
+def _values(signal: Any) -> Any:
     """Samples in their unit; of a conversion to texts the numbers that it is made from."""
-    signal = file.get(group=number, index=index, raw=True, ignore_invalidation_bits=True)
     samples = signal.physical(ignore_value2text_conversions=True).samples
     if signal.invalidation_bits is None or samples.dtype.kind not in "fiub":
         return samples

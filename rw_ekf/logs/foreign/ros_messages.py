@@ -11,6 +11,8 @@ from rw_ekf.logs.foreign.groups import Group, channels_of
 
 _LONGEST = 64  # values of an array that become columns; pictures and point clouds are left out
 _STAMP_KEYS = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"))
+# By kind of message, as its definition says; an effort is left out: a torque there, it is a current in many a driver.
+_UNITS = {"sensor_msgs/JointState": {"position": "rad", "velocity": "rad/s"}}
 
 
 class Row(NamedTuple):
@@ -23,8 +25,10 @@ class Row(NamedTuple):
 class Topic:
     """The messages of one topic, as they come."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, kind: str = "", remarks: dict[str, str] | None = None) -> None:
         self.name = name
+        self.units = _UNITS.get(kind.replace("/msg/", "/"), {})
+        self.remarks = remarks or {}  # by value: what the schema says of it in prose
         self.rows: list[Row] = []
         self.logged_s: list[float] = []
 
@@ -37,10 +41,13 @@ class Topic:
         """On the times that its messages bear, if all have one; else on those when they were logged."""
         stamps = [row.stamp_s for row in self.rows]
         times = [self.logged_s[i] if stamp is None else stamp for i, stamp in enumerate(stamps)]
+        channels = channels_of([row.values for row in self.rows])
         return Group(
             self.name,
             np.array(self.logged_s if None in stamps else times, dtype=np.float64),
-            channels_of([row.values for row in self.rows]),
+            channels,
+            units={key: unit for key in channels for field, unit in self.units.items() if key.split(".")[0] == field},
+            remarks=self.remarks,
         )
 
 

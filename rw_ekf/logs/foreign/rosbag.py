@@ -32,7 +32,7 @@ def _read_2(path: Path, name: str, columns: ColumnMap) -> RawTable:
             definitions = {kind: text for kind, encoding, text in rows if encoding == "ros2msg"}
         topics = connection.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
         make = decoders(definitions, "cdr")
-        found = {number: (Topic(topic), _made(make, kind, form)) for number, topic, kind, form in topics}
+        found = {number: (Topic(topic, kind), _made(make, kind, form)) for number, topic, kind, form in topics}
         for number, time_ns, data in connection.execute(
             "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"
         ):
@@ -71,7 +71,7 @@ def _read_1(path: Path, name: str, columns: ColumnMap) -> RawTable:
             kind = connection.msgtype
             if kind not in made:
                 made[kind] = decoders({kind: str(connection.msgdef.data)}, "ros1")(kind)
-            topics.setdefault(connection.topic, Topic(connection.topic)).add(time_ns, made[kind](data))
+            topics.setdefault(connection.topic, Topic(connection.topic, kind)).add(time_ns, made[kind](data))
     return _table(list(topics.values()), [], columns, name)
 
 

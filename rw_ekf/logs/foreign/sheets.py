@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import re
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.column_units import with_unit
+from rw_ekf.logs.column_units import unit_of, with_unit
 from rw_ekf.logs.foreign.guard import Library, foreign_format
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
@@ -20,10 +19,6 @@ _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"  # XLS, and all that Office wrote bef
 _ZIP = b"PK\x03\x04"
 _FIRST_IN_ZIP = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetypeapplication/vnd.oasis")
 _EPOCH, _DAY_0 = datetime.datetime(1970, 1, 1), datetime.datetime(1899, 12, 31)
-_UNITS = re.compile(
-    r"s|sec|[mµun]s|min|h|rpm|(1/|U/)?min(-1)?|rps|Hz|(rad|deg|°)(/s)?|turns|counts|m?[AVW]|m?N|m?N\.?m|K|°?C|degC|"
-    r"[hk]?Pa|m?bar|%|-|m?m|m/s"
-)
 _HEADER_WITHIN = 200  # rows
 _BELOW = 3  # rows under a header that are looked at
 
@@ -109,7 +104,7 @@ def _are_units(names: list[str], units: list[str]) -> bool:
     filled = [unit for unit in units if unit]
     bracketed = all(unit[0] in "[(" and unit[-1] in "])" for unit in filled)
     return all(name for name, unit in zip(names, units, strict=True) if unit) and (
-        bracketed or all(_UNITS.fullmatch(unit.strip("[]()")) for unit in filled)
+        bracketed or all(unit_of(unit.strip("[]()")) is not None for unit in filled)
     )
 
 

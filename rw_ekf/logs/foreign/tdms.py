@@ -51,16 +51,19 @@ def _group(
 ) -> tuple[Group, np.datetime64 | None]:
     """Times from the waveform's step [s], or from a channel of time stamps, or from one that is called time."""
     channels = {channel.name: channel[:] for channel in held}
+    units = {channel.name: text for channel in held if (text := str(channel.properties.get("unit_string", "")))}
+    remarks = {channel.name: text for channel in held if (text := str(channel.properties.get("description", "")))}
     if step_s is not None and step_s > 0.0:
         time_s = (offset_s or 0.0) + step_s * np.arange(len(held[0]))
         begun = None if start is None else np.datetime64(start, "us")
-        return Group(name, np.asarray(time_s, dtype=np.float64), channels), begun
+        return Group(name, np.asarray(time_s, dtype=np.float64), channels, units, remarks), begun
     stamps = next((key for key, values in channels.items() if values.dtype.kind == "M" and len(values)), None)
     if stamps is not None:
         moments = channels.pop(stamps).astype("datetime64[us]")
-        return Group(name, _seconds(moments - moments[0]), channels), moments[0]
+        return Group(name, _seconds(moments - moments[0]), channels, units, remarks), moments[0]
     called = next((key for key, values in channels.items() if _TIME.fullmatch(key) and values.dtype.kind == "f"), None)
-    return Group(name, None if called is None else np.asarray(channels[called], dtype=np.float64), channels), None
+    time = None if called is None else np.asarray(channels[called], dtype=np.float64)
+    return Group(name, time, channels, units, remarks), None
 
 
 def _seconds(spans: Any) -> Float64Array:

@@ -1,0 +1,190 @@
+"""JSON: a line for each row, or one document with a list of rows, a list for each column, or pandas' table in it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.errors import EmptyLogError, LogError
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.foreign.guard import foreign_format
+from rw_ekf.logs.labels import remarks_beside, said_beside, units_beside
+from rw_ekf.logs.raw_table import RawTable, number_or_none
+
+_BEGIN = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])')
+_DEEPEST = 8
+_TRUTH = {"true": 1.0, "false": 0.0}
+
+
+def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
+    """The rows; of objects within objects by path, `motor.rpm`. Raises LogError for what holds no table."""
+    text = path.read_text(encoding="utf-8-sig")
+    try:
+        document = json.loads(text)
+    except json.JSONDecodeError:
+        return _of_lines(text, name)
+    if columns.variable is not None:
+        document = _within(document, columns.variable, name)
+    found = _table_in(document, 0)
+    if found is None:
+        raise LogError(f"{name}: is JSON without a table: it takes a list of rows, or a list for each column")
+    held, beside = found
+    return _table(held, beside, name, lambda row: f"row {row + 1}")
+
+
+def _of_lines(text: str, name: str) -> RawTable:
+    """A row for each line that is an object; the last may be torn."""
+    rows, lines, beside, wrong = list[dict[str, Any]](), list[int](), dict[str, Any](), list[int]()
+    numbered = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    for number, line in numbered:
+        try:
+            record = json.loads(line.strip().rstrip(","))
+        except json.JSONDecodeError:
+            wrong.append(number)
+            continue
+        if isinstance(record, dict):
+            rows.append(dict(_flat(record)))
+            lines.append(number)
+    if len(wrong) > max(1, len(numbered) // 100):
+        raise LogError(f"{name}: line {wrong[0]}: is no JSON, as {len(wrong)} of {len(numbered)} lines: mend them")
+    if not rows:
+        raise EmptyLogError(f"{name}: no line holds an object: nothing was logged")
+    most = max((frozenset(row) for row in rows), key=len)
+    while rows and not {key for key in rows[0] if _is_number(rows[0][key])} & most:  # what the run was, above its rows
+        beside |= rows.pop(0)
+        lines.pop(0)
+    table = _table(_by_column(rows), beside, name, lambda row: f"line {lines[row]}")
+    if wrong:
+        table.torn = wrong[-1] == numbered[-1][0]
+        table.warnings.append(f"{name}: line {wrong[0]} is no JSON, and was left out ({len(wrong)} such)")
+    return table
+
+
+def _within(document: Any, variable: str, name: str) -> Any:
+    """What stands at a path, `run.samples`. Raises LogError where there is nothing."""
+    for key in variable.split("."):
+        if not isinstance(document, dict) or key not in document:
+            held = ", ".join(document) if isinstance(document, dict) else "no names"
+            raise LogError(f"{name}: has no '{variable}' (`variable` in the column map); it holds {held}")
+        document = document[key]
+    return document
+
+
+def _table_in(document: Any, depth: int) -> tuple[dict[str, list[Any]], dict[str, Any]] | None:
+    """Columns by name, and what stands beside them; None where a document holds no table."""
+    if isinstance(document, list):
+        return _of_list(document)
+    if not isinstance(document, dict) or depth > _DEEPEST:
+        return None
+    if isinstance(document.get("columns"), list) and isinstance(document.get("data"), list):  # pandas, orient=split
+        rows = [dict(zip(map(str, document["columns"]), row, strict=False)) for row in document["data"]]
+        return _by_column(rows), _beside(document, {"columns", "data", "index"})
+    lists = {key: _as_list(value) for key, value in document.items()}
+    columns = {key: value for key, value in lists.items() if value is not None and not _is_rows(value)}
+    longest = max((len(value) for value in columns.values()), default=0)
+    same = {key: value for key, value in columns.items() if len(value) == longest}
+    if longest > 2 and len(same) > 1:
+        return same, _beside(document, set(same))
+    inner = [(key, found) for key, value in document.items() if (found := _table_in(value, depth + 1)) is not None]
+    if not inner:
+        return None
+    key, (held, beside) = max(inner, key=lambda item: max(map(len, item[1][0].values()), default=0))
+    return held, _beside(document, {key}) | beside
+
+
+def _of_list(rows: list[Any]) -> tuple[dict[str, list[Any]], dict[str, Any]] | None:
+    if rows and all(isinstance(row, dict) for row in rows):
+        return _by_column([dict(_flat(row)) for row in rows]), {}
+    if len(rows) > 1 and all(isinstance(row, list) for row in rows):
+        names = rows[0] if all(isinstance(cell, str) for cell in rows[0]) else [str(n) for n in range(len(rows[0]))]
+        body = rows[1:] if names is rows[0] else rows
+        return _by_column([dict(zip(names, row, strict=False)) for row in body]), {}
+    return None
+
+
+def _is_rows(value: list[Any]) -> bool:
+    return any(isinstance(cell, dict | list) for cell in value)
+
+
+def _as_list(value: Any) -> list[Any] | None:
+    """A column: a list, or what pandas makes of one, {"0": first, "1": second}."""
+    if isinstance(value, dict) and value and all(key.isdigit() for key in value):
+        return list(value.values())
+    return value if isinstance(value, list) else None
+
+
+def _beside(document: Mapping[str, Any], columns: set[str]) -> dict[str, Any]:
+    return dict(_flat({key: value for key, value in document.items() if key not in columns}))
+
+
+def _flat(record: Mapping[str, Any], path: str = "", depth: int = 0) -> Iterator[tuple[str, Any]]:
+    """Values of an object and of those within it, by path."""
+    for key, value in record.items():
+        if isinstance(value, dict) and depth < _DEEPEST:
+            yield from _flat(value, f"{path}{key}.", depth + 1)
+        elif not isinstance(value, list):
+            yield f"{path}{key}", value
+
+
+def _by_column(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: [row.get(name) for row in rows] for name in names}
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)
+
+
+def _table(held: dict[str, list[Any]], beside: dict[str, Any], name: str, place: Any) -> RawTable:
+    rows = len(next(iter(held.values()), []))
+    if rows == 0:
+        raise EmptyLogError(f"{name}: has no rows: nothing was logged")
+    known = {key: value for key, value in beside.items() if value is not None}
+    same = {key: next(iter(found)) for key, values in held.items() if len(found := _texts_in(values)) == 1}
+    known |= same
+    kept = {key: values for key, values in held.items() if key not in same}
+    table = RawTable(name, tuple(kept), [_column(values) for values in kept.values()], rows, place)
+    table.preamble, table.units, table.remarks = said_beside(known), units_beside(known), remarks_beside(known)
+    for key in kept:  # {"rate": {"value": 1.0, "unit": "rad/s"}}
+        owner = key.rpartition(".")[0]
+        if owner in table.units:
+            table.units.setdefault(key, table.units[owner])
+    return table
+
+
+def _texts_in(values: list[Any]) -> set[str]:
+    """The different texts of a column; none where it holds anything else."""
+    known = {value for value in values if value is not None}
+    return known if all(isinstance(value, str) for value in known) else set()
+
+
+def _column(values: list[Any]) -> Any:
+    """Numbers (n,), NaN where there is none; texts where one of them is no number."""
+    numbers = [_number(value) for value in values]
+    if None not in numbers:
+        return np.array(numbers, dtype=np.float64)
+    import pyarrow as pa
+
+    return pa.array([None if value is None else str(value) for value in values], type=pa.string())
+
+
+def _number(value: Any) -> float | None:
+    if value is None:
+        return float("nan")
+    if isinstance(value, str):
+        return _TRUTH.get(value.lower(), number_or_none(value))
+    return float(value) if isinstance(value, int | float) else None
+
+
+FORMAT = foreign_format(
+    "JSON",
+    lambda head, suffix: suffix in (".json", ".jsonl", ".ndjson") or bool(_BEGIN.match(head)),
+    "a first brace or bracket; .json, .jsonl, .ndjson",
+    _read,
+    otherwise="save it as CSV",
+)

@@ -1,0 +1,111 @@
+"""Names and units that a file has beside its numbers: lists of texts as long as a matrix is wide, and single texts.
+
+A file of variables (MATLAB, HDF5, numpy, JSON) says what its numbers are in variables or attributes of their own:
+`columns = ['t', 'n', 'I']` beside `data`, `speed_unit = 'rpm'` beside `speed`, `units.speed = 'rpm'`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.logs.column_units import unit_of, with_unit
+
+_REMARK_TAIL = re.compile(r"[._](long_?name|desc\w*|comments?|remarks?|labels?|quantity|sign\w*)$", re.IGNORECASE)
+_UNIT_TAIL = re.compile(r"[._]?(units?|einheit(en)?)$", re.IGNORECASE)
+_RATE = re.compile(r"(fs|rate|rate_hz|sampl\w*_?(rate|freq\w*)|f_?s(ample)?|frequency)", re.IGNORECASE)
+_STEP = re.compile(r"(dt|ts|t_?s(ample)?|delta_?t|sampl\w*_?(time|period|interval)|period)", re.IGNORECASE)
+_LONGEST = 200  # characters of a remark
+
+
+def texts_of(value: Any) -> list[str] | None:
+    """The texts of a list, of rows of characters or of a cell array of texts; None for anything else."""
+    array = np.asarray(value)
+    if array.dtype.kind == "S":
+        return [cell.decode("utf-8", "replace").strip() for cell in array.reshape(-1)]
+    if array.dtype.kind == "U":
+        return [str(cell).strip() for cell in array.reshape(-1)]
+    if array.dtype.kind != "O" or array.size == 0:
+        return None
+    cells = [text_of(cell) for cell in array.reshape(-1)]
+    return None if None in cells else [cell for cell in cells if cell is not None]
+
+
+def text_of(value: Any) -> str | None:
+    """The one text that a value is; None for anything else."""
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace").strip()
+    if isinstance(value, str):
+        return value.strip()
+    array = np.asarray(value)
+    if array.dtype.kind not in "USO" or array.size != 1 or (array.dtype.kind == "O" and array.reshape(-1)[0] is value):
+        return None
+    return text_of(array.reshape(-1)[0])
+
+
+def labelled_matrix(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Columns (name, vector) of the only matrix, the longer side for time; named by a list of texts as long as wide.
+
+    A matrix that no list fits has columns without names; no matrix, or several, have none.
+    """
+    matrices = [array for array in map(np.asarray, content.values()) if array.dtype.kind in "fiu" and array.ndim == 2]
+    matrices = [array for array in matrices if min(array.shape) > 1]
+    if len(matrices) != 1:
+        return []
+    matrix = matrices[0]
+    lists = [texts for value in content.values() if (texts := texts_of(value)) is not None and len(texts) > 1]
+    fits = [width for width in matrix.shape if any(len(texts) == width for texts in lists)]
+    width = fits[0] if len(fits) == 1 else min(matrix.shape)
+    columns = matrix.T if matrix.shape[1] == width else matrix
+    lists = sorted((texts for texts in lists if len(texts) == width), key=_units_among)
+    names = lists[0] if lists and _units_among(lists[0]) < 0.5 * width else [""] * width
+    if len(lists) > 1 and any(names):
+        names = list(map(with_unit, names, lists[-1] if _units_among(lists[-1]) else [""] * width))
+    return list(zip(names, columns, strict=True))
+
+
+def _units_among(texts: list[str]) -> int:
+    return sum(unit_of(text) is not None and text not in {"t", "n", "i"} for text in texts)
+
+
+def units_beside(content: Mapping[str, Any]) -> dict[str, str]:
+    """Units by name, of texts that are called after what they are the unit of: `speed_unit`, `units.speed`."""
+    found: dict[str, str] = {}
+    for key, value in content.items():
+        text = text_of(value)
+        if text is None or unit_of(text) is None:
+            continue
+        before, _, last = key.rpartition(".")
+        if _UNIT_TAIL.search(key) and (owner := _UNIT_TAIL.sub("", key)):
+            found[owner] = text
+        elif _UNIT_TAIL.fullmatch(before.rpartition(".")[2]):
+            found[last] = text
+    return found
+
+
+def remarks_beside(content: Mapping[str, Any]) -> dict[str, str]:
+    """What is said of columns, by name, of texts that are called after these: `i_motor_long_name`."""
+    found: dict[str, str] = {}
+    for key, value in content.items():
+        text = text_of(value)
+        if text and (owner := _REMARK_TAIL.sub("", key)) != key:
+            found[owner] = f"{found[owner]}; {text}" if owner in found else text
+    return found
+
+
+def said_beside(content: Mapping[str, Any]) -> tuple[str, ...]:
+    """What single texts and numbers say, as the lines `key: value` that might stand above a table of text."""
+    lines = []
+    for key, value in content.items():
+        text, array = text_of(value), np.asarray(value)
+        if text is not None:
+            lines.append(f"{key}: {text[:_LONGEST]}")
+        elif array.dtype.kind in "fiu" and array.size == 1:
+            last, number = key.rpartition(".")[2], f"{float(array.reshape(-1)[0]):.12g}"
+            said = f"sample rate {number} Hz" if _RATE.fullmatch(last) else number
+            said += " Hz" * (key.lower().endswith("hz") and said == number)
+            lines.append(f"{key}: sample time {number} s" if _STEP.fullmatch(last) else f"{key}: {said}")
+    return tuple(lines)

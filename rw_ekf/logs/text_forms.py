@@ -1,0 +1,101 @@
+"""Lines that are no rows of cells yet: with a terminal's time in front, or with a label at each number.
+
+    12:34:56.102 -> 58,-810.0,-410.0            a serial monitor's
+    [   312 ms] n= -1957 rpm  i=-0.484 A        labelled, with units
+    {'t': 0.097, 'spd': 59.4, 'cur': 238}       a printed dictionary
+
+Both are made rows of cells here, line by line, so that all else goes on as with any table.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rw_ekf.logs.column_units import unit_of, with_unit
+
+MARK = "\t"  # between the cells of what was labelled
+_RECEIVED = "received"  # what the terminal's time is called
+_MOSTLY = 0.6  # of the lines have a form where it is the file's
+_LEAST = 3  # lines
+_OFTEN = 0.5  # of the labelled lines have a label that becomes a column
+_DAY = r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T _]"
+_TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"
+_IN_FRONT = re.compile(rf"\s*\[?(?P<stamp>(?:{_DAY})?{_TIME}Z?)\]?\s*(?:->|=>|>{{1,3}}|(?<=\])|\||:)\s*(?P<rest>\S.*)")
+_ANY_STAMP = re.compile(rf"\s*[\[(]?(?P<stamp>(?:{_DAY})?{_TIME}Z?)[\])]?\s*(?:->|>|\||:|,|-)?\s+(?P<rest>\S.*)")
+_NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|NaN|None|null"
+_COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")
+_PIECES = re.compile(r"[,;|\t{}]|\s{2,}")
+_UNIT = r"[A-Za-zµ°%][\w/%°^.\-]*"
+_SPOKEN = re.compile(rf"\W*(?P<key>[^\W\d][^=:]*?)[\"']?\s*[=:]\s*(?P<value>{_NUMBER})\s*(?P<unit>{_UNIT})?\s*")
+_TERSE = re.compile(
+    rf"(?P<key>[^\W\d][\w.%/°\[\]()\-]*)\s*[=:]\s*(?P<value>{_NUMBER})"
+    rf"(?:\s?(?P<unit>{_UNIT})(?![\w.]*\s*[=:]))?(?![\w.]|[-:/]\d)"
+)
+
+
+class LineForm(NamedTuple):
+    """How lines become rows of cells."""
+
+    stamped: bool = False
+    labels: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # the labels with their units
+
+    def row(self, line: str, mark: str) -> str:
+        """A line as a row of cells between marks; a row stays as it is."""
+        if self.labels:
+            found = {label: value for label, value, _ in _labelled(line)}
+            held = [found.get(label, "") for label in self.labels]
+            return MARK.join(held) if sum(map(bool, held)) > 0.5 * len(held) else ""
+        match = _IN_FRONT.fullmatch(line) if self.stamped else None
+        if match is None:
+            return line
+        first = match["stamp"] if re.match(r"\W*[\d.]", match["rest"]) else _RECEIVED
+        return f"{first}{mark}{match['rest']}"
+
+
+NO_FORM = LineForm()
+
+
+def stamped_form(lines: Sequence[str]) -> LineForm:
+    """Whether most lines have a terminal's time in front."""
+    filled = [line for line in lines if line.strip()]
+    count = sum(_IN_FRONT.fullmatch(line) is not None for line in filled)
+    return LineForm(stamped=count >= max(_LEAST, _MOSTLY * len(filled)))
+
+
+def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:
+    """The labels of lines that have them at each number, how many lines have, and the first of these (from 0)."""
+    found = [(index, _labelled(line)) for index, line in enumerate(lines)]
+    found = [(index, parts) for index, parts in found if len(parts) > 1]
+    counts = Counter(label for _, parts in found for label in dict.fromkeys(label for label, _, _ in parts))
+    labels = tuple(label for label, count in counts.items() if count > _OFTEN * len(found))
+    rows = [(index, parts) for index, parts in found if sum(label in labels for label, _, _ in parts) > 1]
+    if len(labels) < 2 or len(rows) < _LEAST:
+        return LineForm(), 0, 0
+    said = Counter((label, unit) for _, parts in rows for label, _, unit in parts)
+    units = {label: unit for (label, unit), _ in reversed(said.most_common())}
+    names = tuple(with_unit(label, units[label] if unit_of(units[label]) else "") for label in labels)
+    return LineForm(labels=labels, names=names), len(rows), rows[0][0]
+
+
+def _labelled(line: str) -> list[tuple[str, str, str]]:
+    """Label, number and unit of what a line says; its time in front goes by `time` or `received`."""
+    found: list[tuple[str, str, str]] = []
+    stamp = _ANY_STAMP.fullmatch(line)
+    if stamp is not None:
+        found.append((_RECEIVED, stamp["stamp"], ""))
+        line = stamp["rest"]
+    counted = _COUNTED.fullmatch(line)
+    if counted is not None:
+        found.append(("time", counted["value"], counted["unit"] or ""))
+        line = counted["rest"]
+    line = re.sub(r"([=:])\s+", r"\1", line)
+    for piece in filter(None, map(str.strip, _PIECES.split(line))):
+        whole = _SPOKEN.fullmatch(piece)
+        for match in [whole] if whole else _TERSE.finditer(piece):
+            value = "nan" if match["value"] in ("None", "null") else match["value"]
+            found.append((match["key"].strip(" '\"([<"), value, match["unit"] or ""))
+    return found
