@@ -17,7 +17,8 @@ Role = Literal[
 _WORDS: dict[str, frozenset[str]] = {
     name: frozenset(words.split())
     for name, words in {
-        "set": "ref reference set setpoint sp cmd command commanded target desired des demand soll sollwert vorgabe "
+        "set": "mandada mandado comandada ordenada consigna ref reference "
+            "set setpoint sp cmd command commanded target desired des demand soll sollwert vorgabe "
             "consigne goal request "
         "requested req wanted setspeed setcurrent sollstrom solldrehzahl",
         "time": "time timestamp timestamps zeit temps tiempo tempo tijd tid aika czas elapsed clock stamp ts uhrzeit"
@@ -33,13 +34,14 @@ _WORDS: dict[str, frozenset[str]] = {
         "current": "current currents curr cur amp amps ampere amperes amperage strom motorstrom iststrom courant "
             "corrente corriente stroem i iq im ia imot imotor isense "
         "motorcurrent phasecurrent i_q iadc adci current_raw",
-        "supply": "bat batt battery supply input in bus dc psu line source mains charge quiescent total",
+        "supply": "netzteil versorgung fuente alim alimentation alimentazione netz "
+            "bat batt battery supply input in bus dc psu line source mains charge quiescent total",
         "torque": "torque tau moment drehmoment couple par trq tq kraftmoment effort koppel",
         "force": "force kraft thrust",
         "voltage": "voltage volt volts spannung tension voltaje tensione u v vm vmot armature motorvoltage uq vq",
         "bus": "bus bat batt battery supply vbat vbus vin vdd psu dc ubat input netzteil versorgung",
         "share": "pwm duty dutycycle throttle",
-        "temperature": "temp temperature temperatur temperatura temps_c t_motor tmot tmotor lagertemperatur "
+        "temperature": "tmp temp temperature temperatur temperatura temps_c t_motor tmot tmotor lagertemperatur "
             "motortemp bearingtemp",
         "pressure": "pressure druck pression presion press vacuum",
         "direction": "dir direction richtung drehrichtung sense sens sign sentido senso forward reverse cw ccw "
@@ -64,9 +66,11 @@ _SIGNS = {
     **dict.fromkeys(("轉速", "转速", "速度"), " speed "), **dict.fromkeys(("電流", "电流"), " current "),
     **dict.fromkeys(("時間", "时间"), " time "), **dict.fromkeys(("電壓", "电压"), " voltage "),
     **dict.fromkeys(("轉矩", "转矩", "扭矩"), " torque "), **dict.fromkeys(("温度", "溫度"), " temperature "),
-    "角度": " angle ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ", "τ": " tau ",
+    "角度": " angle ", "モータ": " motor ", "電源": " supply ", "回転": " speed ", "ホイール": " wheel ",
+    "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ", "τ": " tau ",
     "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
+_ENDS = ("strom", "drehzahl", "temperatur", "spannung", "moment", "winkel", "geschwindigkeit", "istwert", "sollwert")
 _FEW = 2  # words of a name beside which a letter may be a symbol
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 
@@ -168,8 +172,16 @@ def _words(text: str) -> list[str]:
     whole = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
     text = _CUT.sub(r"\1 \2", text)
     text = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", text)
-    parts = [word.lower() for word in re.split(r"[^A-Za-z]+", text) if word]
+    parts = [part for word in re.split(r"[^A-Za-z]+", text) if word for part in _uncompounded(word.lower())]
     return [*parts, whole, *("".join(pair) for pair in itertools.pairwise(parts))]
+
+
+def _uncompounded(word: str) -> list[str]:
+    """A German compound with its parts behind it: netzteilstrom, netzteil, strom."""
+    end = next((end for end in _ENDS if word.endswith(end) and len(word) > len(end) + 1), None)
+    if end is None:
+        return [word]
+    return [word, *_uncompounded(word.removesuffix(end)), end]
 
 
 def role_of(said: Said) -> Role:

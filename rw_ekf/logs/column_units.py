@@ -51,8 +51,8 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
     **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
     **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),
-    **_all(Unit("speed", _DEGREE), "deg/s deg/sec degs-1 dps degree/s degrees/s degrees/sec degps grad/s gradsec "
-        "degreespersecond"),
+    **_all(Unit("speed", _DEGREE), "deg/s °/s °/sec deg/sec degs-1 dps degree/s degrees/s degrees/sec degps "
+        "grad/s gradsec degreespersecond"),
     **_all(Unit("speed", _TURN), "hz rps rev/s rev/sec revs/s turn/s turns/s turns/sec u/s tr/s r/s 1/s s-1 "
         "cyclespersecond"),
     **_all(Unit("speed", _TURN, per="counts_per_turn"), "counts/s count/s cps "
@@ -126,7 +126,8 @@ def plain_spelling(spelling: str) -> str:
 
 def with_unit(name: str, unit: str) -> str:
     """A name with the unit that stood in a row below it: `n [rpm]`."""
-    return f"{name} [{unit.strip('[](){} ')}]" if unit else name
+    bare = re.sub(r"\s*\(.*\)$", "", unit) if unit[:1] not in "[({" else unit  # `A (Current)`
+    return f"{name} [{bare.strip('[](){} ')}]" if unit else name
 
 
 def units_known(column: str) -> str:

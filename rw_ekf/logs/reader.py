@@ -17,6 +17,7 @@ from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.formats import format_of
 from rw_ekf.logs.guessed_map import UncertainColumnsError, guessed_map
+from rw_ekf.logs.interleaved import widened
 from rw_ekf.logs.mapping import MappedColumns, map_columns
 from rw_ekf.logs.odd_columns import clock_set_back
 from rw_ekf.logs.packing import packed_path
@@ -202,7 +203,8 @@ def _read_part(file: Path, columns: ColumnMap) -> RawTable:
 
 def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     name = str(path)
-    return format_of(path, name).read(path, name, columns)
+    table = format_of(path, name).read(path, name, columns)
+    return (widened(table) or table) if needs_guess(table) else table
 
 
 def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> WheelLog:

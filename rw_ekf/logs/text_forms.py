@@ -23,7 +23,7 @@ _LEAST = 3  # lines
 _OFTEN = 0.5  # of the labelled lines have a label that becomes a column
 _DAY = r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T _]"
 _TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"
-_IN_FRONT = re.compile(rf"\s*\[?(?P<stamp>(?:{_DAY})?{_TIME}Z?)\]?\s*(?:->|=>|>{{1,3}}|(?<=\])|\||:)\s*(?P<rest>\S.*)")
+_IN_FRONT = re.compile(rf"\s*\[?(?P<stamp>(?:{_DAY})?{_TIME}Z?)(?:\]|\]?\s*(?:->|=>|>{{1,3}}|\||:))\s*(?P<rest>\S.*)")
 _ANY_STAMP = re.compile(rf"\s*[\[(]?(?P<stamp>(?:{_DAY})?{_TIME}Z?)[\])]?\s*(?:->|>|\||:|,|-)?\s+(?P<rest>\S.*)")
 _NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|NaN|None|null"
 _COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")

@@ -10,7 +10,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rw_ekf.logs.column_names import role_of, said_by
@@ -44,6 +44,7 @@ _ROW_KEYS = {
     "names": re.compile(r"(signal|channel|trace|column|kanal)?[ _]?(names?|labels?|bezeichnung)", re.IGNORECASE),
     "remarks": re.compile(r"desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?", re.IGNORECASE),
 }
+_SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scope
 _LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
 _COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
 
@@ -62,6 +63,7 @@ class TextLayout:
     preamble: tuple[str, ...] = ()  # lines before the names
     remarks: tuple[str, ...] = ()  # of each column, where a row above has them
     form: LineForm = NO_FORM  # what makes its lines rows of cells
+    begins_with_value: bool = False  # whether each row does
 
     @property
     def grouping(self) -> tuple[str, re.Pattern[str]]:
@@ -76,8 +78,10 @@ class TextLayout:
         """The same up to the last that is not empty."""
         return without_trailing(self.cells(line))
 
-    def is_data(self, cells: Iterable[str]) -> bool:
+    def is_data(self, cells: Sequence[str]) -> bool:
         """Whether most of what stands in a line is numbers or stamps."""
+        if self.begins_with_value and cells and not self.is_value(cells[0]):
+            return False  # a setting: `Horizontal Scale,20`; `Date;12.03.2022`
         filled = [cell for cell in cells if cell]
         values = sum(map(self.is_value, filled))
         return values > 0 and values >= _MOSTLY * len(filled)
@@ -169,7 +173,8 @@ def _by_its_words(head: bytes, delimiter: str | None, decimal: str | None, skip_
         except UnicodeDecodeError:
             continue
         found = layout_of(head, delimiter=delimiter, decimal=decimal, encoding=encoding, skip_rows=skip_rows)
-        known = sum(role_of(said_by(name)._replace(unit=None)) != "other" for name in found.names) if found else 0
+        words = (*found.names, *found.remarks) if found else ()
+        known = sum(role_of(said_by(name)._replace(unit=None)) != "other" for name in words)
         if known > most:
             best, most = encoding, known
     return best
@@ -203,10 +208,9 @@ def layout_of(
         for comma in (decimal,) if decimal else (".", ","):
             if mark == comma == "," and '"' not in head[:4000].decode(known, "replace"):
                 continue
-            layout = TextLayout(known, mark, comma, form=form)
-            begins, width, score, count = _rows(lines, layout, skip_rows)
-            if width:
-                found.append((score, replace(layout, width=width, first_line=begins + 1), begins, count))
+            begins, layout, score, count = _rows(lines, TextLayout(known, mark, comma, form=form), skip_rows)
+            if layout.width:
+                found.append((score, replace(layout, first_line=begins + 1), begins, count))
     labelled, rows, first = labelled_form(lines[skip_rows:_LOOKED_AT])
     if rows > max((count for *_, count in found), default=0):
         layout = TextLayout(known, MARK, form=labelled, names=labelled.names, width=len(labelled.names))
@@ -221,8 +225,8 @@ def layout_of(
     return _with_names(lines[:begins], lines[begins:_LOOKED_AT], layout, skip_rows)
 
 
-def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, int, float, int]:
-    """Index of the first row of data, their usual width (0: there is none), how well the lines agree, how many do."""
+def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, TextLayout, float, int]:
+    """Index of the first row of data, the layout with their width (0: there is none), how well and how many agree."""
     widths: list[int] = []
     begun: list[bool] = []  # whether the first cell of a line is a value
     numbers = 0
@@ -236,20 +240,25 @@ def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, in
         numbers += sum(1 if layout.is_value(cell) else -2 for cell in cells if cell)
     counted = Counter(width for width in widths if width > 1)
     if not counted:
-        return 0, 0, 0.0, 0
+        return 0, layout, 0.0, 0
     width, lines_of_it = max(counted.items(), key=lambda item: (item[1] * item[0], item[0]))
-    near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in widths]
     first = [value for value, number in zip(begun, widths, strict=True) if number == width]
-    if sum(first) > _NEARLY_ALL * len(first):  # what begins with a word is a setting: `Horizontal Scale,20`
-        near = [fits and value for fits, value in zip(near, begun, strict=True)]
+    if not layout.begins_with_value and sum(first) > _NEARLY_ALL * len(first):
+        return _rows(lines, replace(layout, begins_with_value=True), skip_rows)
+    near = [number > 0 and abs(number - width) <= max(2, width // 3) for number in widths]
     need = min(_AGREE, lines_of_it)
     begins = next(
         (i for i in range(len(widths)) if widths[i] and all(near[i : i + need]) and len(near[i : i + need]) == need),
         None,
     )
     if begins is None:
-        return 0, 0, 0.0, 0
-    return begins, width, numbers * lines_of_it / max(sum(value > 0 for value in widths), 1), lines_of_it
+        return 0, layout, 0.0, 0
+    return (
+        begins,
+        replace(layout, width=width),
+        numbers * lines_of_it / max(sum(value > 0 for value in widths), 1),
+        lines_of_it,
+    )
 
 
 def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
@@ -301,7 +310,18 @@ def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ..
         key = next((kind for kind, words in _ROW_KEYS.items() if words.fullmatch(cells[0].strip(" #%:"))), "")
         if key and not (key == "names" and key in found):
             found[key] = ("", *cells[1:])
+        paired = len(cells) > 3 and set(cells[::2]) == {cells[0]}  # a time beside each channel: Name, a, Name, b
+        if paired and key:
+            found[key] = tuple("" if number % 2 == 0 else cell for number, cell in enumerate(cells))
+        elif paired and (sampled := _SAMPLED.fullmatch(cells[0])):
+            found["times"] = tuple(f"time [{sampled[1]}]" if number % 2 == 0 else "" for number in range(layout.width))
+    if "times" in found and "names" in found:
+        found["names"] = tuple(map(_either, found.pop("times"), _fitted(found["names"], layout.width)))
     return found
+
+
+def _either(first: str, second: str) -> str:
+    return first or second
 
 
 def _widest(rows: list[str], layout: TextLayout) -> int:

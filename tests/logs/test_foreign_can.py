@@ -73,6 +73,7 @@ def assert_same_to_a_thousandth(found: np.ndarray, meant: np.ndarray) -> None:
 def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No database, one that is not there, is none, or has other frames; and a library that is not installed."""
     path = save(tmp_path / "a.log", Record(2))
+    (tmp_path / "wheel.dbc").unlink()
     assert "name it in the column map (`dbc: wheel.dbc`)" in refusal(path, *MAP[1:])
     assert "gone.dbc: no such file (`dbc`" in refusal(path, "dbc: gone.dbc", *MAP[1:])
     (tmp_path / "bad.dbc").write_text("this is no database")
@@ -80,6 +81,18 @@ def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "other.dbc").write_text(DBC.replace(" 256 ", " 512 ").replace("2566844672", "2566844673"))
     assert "none of its frames (ids 0x100, 0x18FEF100, 0x7FF) is in" in refusal(path, "dbc: other.dbc", *MAP[1:])
     assert_says_what_to_install(monkeypatch, path, "cantools", "can")
+
+
+def test_of_the_databases_beside_a_log_the_one_that_knows_its_ids_is_taken(tmp_path: Path) -> None:
+    """And said; where two know as many, neither is. One that is damaged is passed over."""
+    path = save(tmp_path / "a.log", Record(4))
+    (tmp_path / "bad.dbc").write_text("this is no database")
+    (tmp_path / "other.dbc").write_text(DBC.replace(" 256 ", " 512 "))
+    log = read_with(path, *MAP[1:])
+    assert log.speed_rad_s[0] == pytest.approx(Record(4).speed[0], abs=1e-3)
+    assert any("decoded by" in text and "wheel.dbc" in text for text in log.warnings)
+    (tmp_path / "again.dbc").write_text(DBC)
+    assert "beside it are again.dbc, bad.dbc, other.dbc, wheel.dbc" in refusal(path, *MAP[1:])
 
 
 @pytest.mark.slow

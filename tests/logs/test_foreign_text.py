@@ -47,6 +47,10 @@ def _at(t: float) -> datetime.datetime:
     return BEGIN + datetime.timedelta(seconds=t)
 
 
+def _clock(t: float) -> str:
+    return (BEGIN + datetime.timedelta(hours=-12, seconds=t)).strftime("%H:%M:%S.%f")[:-3]
+
+
 def _midnight(t: float) -> str:
     return _at(t).strftime("%H:%M:%S,%f")[:-3]
 
@@ -120,6 +124,73 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "timestamp;speed_rpm;current_A;status",
         lambda i, t, w, c: f"{_at(t).isoformat()};{w * RPM!r};{c!r};{'WARN' if i % 9 else 'OK'}",
     ).encode(),
+    "a terminal's time in front": lambda r: _table(
+        r, "12:00:00.000 -> boot\n12:00:00.001 -> t_ms,vel_rpm,corriente_mA",
+        lambda i, t, w, c: f"{_clock(t)} -> {1e3 * t!r},{w * RPM!r},{c * MA!r}"
+    ).encode(),
+    "only a terminal's time": lambda r: _table(
+        r, "[12:00:00.001] rpm,current_A", lambda i, t, w, c: f"[{_clock(t)}] {w * RPM!r},{c!r}"
+    ).encode(),
+    "labelled, with units": lambda r: _table(
+        r, "boot\nok", lambda i, t, w, c: f"[{1e3 * t:9.1f} ms] n={w * RPM: 18.12f} rpm  i={c:.12f} A  st=RUN"
+    ).encode(),
+    "printed dictionaries": lambda r: _table(
+        r, "connected", lambda i, t, w, c: str({"t": t, "speed_rpm": w * RPM, "cur_mA": c * MA, "e": None})
+    ).encode(),
+    "keys and values, decimal points, hexadecimal": lambda r: _table(
+        r, "# fw 1.2", lambda i, t, w, c: f"t_us={1e6 * t:.1f} st=RUN omega_rad_s={w!r} iq_A={c!r} flag=0x4{i % 8}"
+    ).encode(),
+    "settings as wide as the rows": lambda r: _table(
+        r, "Model,X1\nSample Interval,2.0e-2,,\nRecord,300,,\nVertical Units,rpm,A,\n"
+        "Label,wheel speed,I motor,\nTIME,CH1,CH2,",
+        lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},"
+    ).encode(),
+    "a block that describes": lambda r: _table(
+        r, '"name","x-axis","Out1","In1"\n"description","","wheel angular rate","motor current measured"\n'
+        '"unit","s","rad/s","A"\n\n"trace_values"',
+        lambda i, t, w, c: f'"",{t!r},{w!r},{c!r}'
+    ).encode(),
+    "a time for each channel": lambda r: _table(
+        r, "Name\tfActVelo\tName\tfActCurrent\nSampleTime[ms]\t20\tSampleTime[ms]\t20\n"
+        "Unit\t°/s (AngularVelocity)\tUnit\tA (Current)\n",
+        lambda i, t, w, c: f"{1e3 * t!r}\t{math.degrees(w)!r}\t{1e3 * t!r}\t{c!r}"
+    ).encode("cp1252"),
+    "chinese of the mainland, in its own encoding": lambda r: _table(
+        r, "飞轮电机测试,,,\n时间(ms),实际转速(r/min),q轴电流(A),d轴电流(A)",
+        lambda i, t, w, c: f"{1e3 * t!r},{w * RPM!r},{c!r},{0.01 * (i % 3)!r}"
+    ).encode("gb18030"),
+    "japanese remarks, in its own encoding": lambda r: _table(
+        r, '"CH","A1","A2","P1"\n"Comment","モータ電流","電源電流","ホイール回転"\n"Time","1-1[A]","1-2[A]","P-1[r/s]"',
+        lambda i, t, w, c: f"{t!r},{c!r},{0.3 + 0.01 * (i % 7)!r},{w / (2.0 * math.pi)!r}"
+    ).encode("cp932"),
+    "a counter whose rate stands above": lambda r: _table(
+        r, "# timer 10 kHz\ntick,omega [rad/s],I [A]", lambda i, t, w, c: f"{40021 + round(1e4 * t)},{w!r},{c!r}"
+    ).encode(),
+    "a row a signal": lambda r: _table(
+        r, "ts,signal,value",
+        lambda i, t, w, c: f"{t!r},W1_SPEED_RPM,{w * RPM!r}\n{t!r},W1_CUR_MA,{c * MA!r}"
+        + f"\n{t!r},TMP_C,21" * (i % 9 == 0)
+    ).encode(),
+    "json lines, two kinds of packets": lambda r: _table(
+        r, '{"event": "boot"}',
+        lambda i, t, w, c: json.dumps({"ts": _at(t).isoformat(), "wheel": {
+            "rate": {"value": math.degrees(w), "unit": "deg/s"}, "current": {"value": c * MA, "unit": "mA"}}})
+        + '\n{"ts": "2026-03-30T01:02:03Z", "eps": {"vbat": 8.1}}' * (i % 10 == 5)
+    ).encode(),
+    "json by column, units beside": lambda r: json.dumps({
+        "units": {"t": "s", "speed": "rpm", "i": "A"}, "data": {
+            "t": [row[0] for row in r], "speed": [row[1] * RPM for row in r], "i": [row[2] for row in r]}
+    }).encode(),
+    "pandas, split": lambda r: json.dumps({
+        "columns": ["time_s", "omega (rad/s)", "iq (A)"], "index": list(range(len(r))),
+        "data": [list(row) for row in r]
+    }).encode(),
+    "two runs with a heading each": lambda r: "".join(
+        f"Messung {n}\nDatum;12.03.2022\n\n"
+        "Zeit [s];Sollstrom [A];Drehzahl [1/min];Motorstrom [A];Netzteilstrom [A]\n"
+        + "".join(f"{_comma(t)};{_comma(c)};{_comma(w * RPM)};{_comma(c)};0,035\n" for t, w, c in part)
+        for n, part in enumerate((r[:200], r[200:]))
+    ).encode("cp1252"),
     "set-point beside it": lambda r: _table(
         r, "t [s],speed_ref [rpm],speed [rpm],i_ref [A],i_q [A],i_d [A],v_bus [V],status",
         lambda i, t, w, c: f"{t!r},{w * RPM + 3!r},{w * RPM!r},{c!r},{c!r},0.01,24.1,0",

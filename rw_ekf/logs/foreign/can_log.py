@@ -24,9 +24,9 @@ _DATABASES = (".dbc", ".kcd", ".sym", ".arxml")
 def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     """Messages as groups, their signals in their units. Raises LogError without a fitting database.
 
-    Where the map names none, it is the only one in the log's folder, which is said.
+    Where the map names none, it is the one in the log's folder that knows most of its ids, which is said.
     """
-    database = columns.dbc or _beside(path, name)
+    database = columns.dbc or _fitting(path, name)
     messages = _messages(database)
     times: dict[str, list[float]] = {}
     rows: dict[str, list[dict[str, float]]] = {}
@@ -52,23 +52,33 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
     groups = [Group(key, np.array(times[key]), channels_of(rows[key]), units[key], remarks[key]) for key in rows]
     table = table_of_groups(groups, columns, name)
     if columns.dbc is None:
-        table.warnings.append(f"{name}: its frames were decoded by {database}, the only database beside it")
+        table.warnings.append(f"{name}: its frames were decoded by {database}, which is beside it")
     if unknown:
         count = sum(unknown.values())
         table.warnings.append(f"{name}: {count} frames ({_shown(unknown)}) are not in {database} and were left out")
     return table
 
 
-def _beside(path: Path, name: str) -> str:
-    """The only database in the folder of a log. Raises LogError where there is none, or several."""
+def _fitting(path: Path, name: str) -> str:
+    """Of the databases in the folder of a log the one that knows more of its ids than others. Raises LogError."""
     found = sorted(file for file in path.parent.iterdir() if file.suffix.lower() in _DATABASES)
-    if len(found) == 1:
-        return str(found[0])
+    ids = {(frame.arbitration_id, frame.is_extended_id) for frame in _frames(path)} if found else set()
+    known = sorted(((len(ids & _ids_in(file)), str(file)) for file in found), reverse=True)
+    if known and known[0][0] > 0 and (len(known) == 1 or known[0][0] > known[1][0]):
+        return known[0][1]
     several = f"; beside it are {', '.join(file.name for file in found)}" if found else ""
     raise LogError(
         f"{name}: is a CAN log, whose frames mean nothing without their database: name it in the column map "
         f"(`dbc: wheel.dbc`){several}"
     )
+
+
+def _ids_in(database: Path) -> set[tuple[int, bool]]:
+    """What a database knows; nothing for one that cannot be read."""
+    try:
+        return set(_messages(str(database)))
+    except LogError:
+        return set()
 
 
 def _messages(database: str) -> dict[tuple[int, bool], Any]:

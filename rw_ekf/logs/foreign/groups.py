@@ -16,6 +16,7 @@ from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
 from rw_ekf.logs.vectors import vector_of
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
+_SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere
 _CLOCKS = ("time_s", "clock_s")  # what a group's time is called: the second where a channel has the first name
 
 
@@ -88,9 +89,15 @@ def seconds_of(ticks: Sequence[int], per_second: int) -> Float64Array:
 
 
 def held_at(at_s: Float64Array, time_s: Float64Array, values: Any) -> Float64Array:
-    """The last of `values` (n,), sampled at `time_s` (n,) in any order, known at each of `at_s` (m,); NaN before."""
+    """The last of `values` (n,), sampled at `time_s` (n,) in any order, known at each of `at_s` (m,); NaN before.
+
+    What follows within a tenth of the usual step between these is of the same moment: one turn of a bus sends its
+    messages one after the other.
+    """
     order = np.argsort(time_s, kind="stable")
-    index = np.searchsorted(time_s[order], at_s, side="right") - 1
+    step_s = np.diff(at_s)
+    turn_s = _SAME_TURN * float(np.median(step_s[step_s > 0.0])) if (step_s > 0.0).any() else 0.0
+    index = np.searchsorted(time_s[order], at_s + turn_s, side="right") - 1
     held = np.asarray(values, dtype=np.float64)[order[np.maximum(index, 0)]]
     held[index < 0] = np.nan
     return held

@@ -13,6 +13,7 @@ import numpy as np
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.foreign.guard import foreign_format
+from rw_ekf.logs.interleaved import held
 from rw_ekf.logs.labels import remarks_beside, said_beside, units_beside
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 
@@ -58,11 +59,20 @@ def _of_lines(text: str, name: str) -> RawTable:
     while rows and not {key for key in rows[0] if _is_number(rows[0][key])} & most:  # what the run was, above its rows
         beside |= rows.pop(0)
         lines.pop(0)
+    records = [(_kind(row), row) for row in rows]
+    if len({kind for kind, _ in records}) > 1:
+        rows, places = held(records)
+        lines = [lines[place] for place in places]
     table = _table(_by_column(rows), beside, name, lambda row: f"line {lines[row]}")
     if wrong:
         table.torn = wrong[-1] == numbered[-1][0]
         table.warnings.append(f"{name}: line {wrong[0]} is no JSON, and was left out ({len(wrong)} such)")
     return table
+
+
+def _kind(row: dict[str, Any]) -> str:
+    """Which kind of message a row is: by the numbers that it has."""
+    return "\n".join(sorted(key for key, value in row.items() if _is_number(value) and not isinstance(value, bool)))
 
 
 def _within(document: Any, variable: str, name: str) -> Any:

@@ -103,8 +103,9 @@ def _are_units(names: list[str], units: list[str]) -> bool:
     """Whether a row has the units to the names in the row above it: all known or in brackets, under a name each."""
     filled = [unit for unit in units if unit]
     bracketed = all(unit[0] in "[(" and unit[-1] in "])" for unit in filled)
+    known = sum(unit_of(unit.strip("[]()")) is not None for unit in filled)
     return all(name for name, unit in zip(names, units, strict=True) if unit) and (
-        bracketed or all(unit_of(unit.strip("[]()")) is not None for unit in filled)
+        bracketed or known > 0.6 * len(filled)
     )
 
 

@@ -1,0 +1,102 @@
+"""Rows of several kinds under each other, made rows of one: a row a signal, or packets of a telemetry stream in turn.
+
+What the other kinds said last is held beside each row of one kind: of that which has the speed, or else of the most
+frequent. Nothing is interpolated, and nothing known later stands beside what was measured before.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array, Int64Array
+from rw_ekf.errors import LogError
+from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.raw_table import RawTable
+
+_MOST_KINDS = 60  # signals of one file
+_LEAST_ROWS = 10  # of a signal, on average
+_VALUE = frozenset(["value", "val", "values", "wert", "valeur", "valor", "measurement", "reading", "data"])
+
+
+def base_kind(names: Mapping[str, Sequence[str]], rows: Mapping[str, int]) -> str:
+    """Which kind of rows the others are put beside. names: what each kind holds; rows: how many there are of each."""
+    return max(rows, key=lambda kind: (any(role_of(said_by(name)) == "speed" for name in names[kind]), rows[kind]))
+
+
+def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[str, Any]], list[int]]:
+    """Rows of the base kind with what the others said last, and where they stand among the records."""
+    kinds: dict[str, dict[str, None]] = {}
+    rows = Counter(kind for kind, _ in records)
+    for kind, record in records:
+        kinds.setdefault(kind, {}).update(dict.fromkeys(record))
+    base = base_kind({kind: list(names) for kind, names in kinds.items()}, rows)
+    others: dict[str, Any] = {}
+    found, places = [], []
+    for place, (kind, record) in enumerate(records):
+        if kind == base:
+            found.append({**others, **record})
+            places.append(place)
+        else:
+            others |= {name: value for name, value in record.items() if name not in kinds[base]}
+    return found, places
+
+
+def widened(table: RawTable) -> RawTable | None:
+    """A table with a row a signal (time, name, value) as one with a column a signal; None for any other table."""
+    texts = [number for number in range(len(table.names)) if table.is_text(number)]
+    values = [number for number, name in enumerate(table.names) if said_by(name).words & _VALUE and number not in texts]
+    if not texts or len(values) != 1:
+        return None
+    signals = {number: table.columns[number].to_pylist() for number in texts}
+    named = {number: cells for number, cells in signals.items() if _are_signals(cells, table.rows)}
+    if len(named) != 1:
+        return None
+    number, cells = next(iter(named.items()))
+    try:
+        value = table.floats(values[0])
+    except LogError:
+        return None
+    kinds = list(dict.fromkeys(cells))
+    counts = Counter(cells)
+    base = base_kind({kind: [kind] for kind in kinds}, counts)
+    rows = np.flatnonzero([cell == base for cell in cells]).astype(np.int64)
+    rest = [column for column in range(len(table.names)) if column not in (number, values[0])]
+    columns = [_taken(table.columns[column], rows) for column in rest]
+    columns += [value[rows] if kind == base else _last(cells, kind, value, rows) for kind in kinds]
+    names = (*(table.names[column] for column in rest), *map(str, kinds))
+    place = table.place
+    wide = replace(table, names=names, columns=columns, rows=len(rows), place=lambda row: place(int(rows[row])))
+    wide.warnings = [
+        *table.warnings,
+        f"{table.path}: has a row for each of {len(kinds)} signals ({', '.join(map(str, kinds[:8]))}): put beside each "
+        f"other at the times of '{base}', the last value known at each",
+    ]
+    return wide
+
+
+def _are_signals(cells: list[Any], rows: int) -> bool:
+    counts = Counter(cells)
+    speeds = any(role_of(said_by(str(cell))) in ("speed", "angle") for cell in counts)
+    return None not in counts and 1 < len(counts) <= _MOST_KINDS and rows >= _LEAST_ROWS * len(counts) and speeds
+
+
+def _taken(column: Any, rows: Int64Array) -> Any:
+    return column[rows] if isinstance(column, np.ndarray) else column.take(rows)
+
+
+def _last(cells: list[Any], kind: Any, value: Float64Array, rows: Int64Array) -> Float64Array:
+    """The last value (m,) of a kind at each of the rows (m,); NaN before the first.
+
+    At the time of a row itself its own come later by an order of writing that means nothing, so the next few count too.
+    """
+    own = np.flatnonzero([cell == kind for cell in cells])
+    ends = np.append(rows[1:], len(cells)) - 1  # what stands before the next row of the base is of this one's moment
+    at = np.searchsorted(own, np.minimum(ends, rows + len(set(cells)) - 1), side="right") - 1
+    found = value[own[np.maximum(at, 0)]]
+    found[at < 0] = np.nan
+    return np.asarray(found, dtype=np.float64)
