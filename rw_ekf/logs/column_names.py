@@ -50,7 +50,8 @@ _WORDS: dict[str, frozenset[str]] = {
         "count": "index idx sample samples nr no row record id seq counter number count line tick packet step",
         "direct": "id d vd ud daxis reactive",
         "neither": "error err fehler power leistung puissance potencia efficiency wirkungsgrad energy energie",
-        "derived": "filtered filt smooth smoothed est estimated estimate mean avg average lp hat observer kalman "
+        "derived": "averaged moyenne gefiltert filtered "
+            "filt smooth smoothed est estimated estimate mean avg average lp hat observer kalman "
             "error err std sigma max min limit peak acc "
         "accel acceleration abs diff derivative",
         "raw": "raw meas measured act actual ist fb feedback istwert mesure real",
@@ -66,11 +67,20 @@ _SIGNS = {
     **dict.fromkeys(("轉速", "转速", "速度"), " speed "), **dict.fromkeys(("電流", "电流"), " current "),
     **dict.fromkeys(("時間", "时间"), " time "), **dict.fromkeys(("電壓", "电压"), " voltage "),
     **dict.fromkeys(("轉矩", "转矩", "扭矩"), " torque "), **dict.fromkeys(("温度", "溫度"), " temperature "),
-    "角度": " angle ", "モータ": " motor ", "電源": " supply ", "回転": " speed ", "ホイール": " wheel ",
+    "角度": " angle ", "指令": " command ", "目标": " target ", "设定": " set ", "母线": " bus ", "电机": " motor ",
+    "電機": " motor ", "实际": " actual ", "飞轮": " wheel ", "轴承": " bearing ",
+    "время": " time ", "частота вращ": " speed ", "скорост": " speed ", "оборот": " speed ", "ток ": " current ",
+    "двигател": " motor ", "потреб": " supply ", "питан": " supply ", "источник": " supply ", "задан": " set ",
+    "момент": " torque ", "напряж": " voltage ", "темп": " temperature ", "угол": " angle ", "мах": " wheel ",
+    "モータ": " motor ", "電源": " supply ", "回転": " speed ", "ホイール": " wheel ",
     "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ", "τ": " tau ",
     "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
 }  # fmt: skip
 _ENDS = ("strom", "drehzahl", "temperatur", "spannung", "moment", "winkel", "geschwindigkeit", "istwert", "sollwert")
+_OF_PROSE = frozenset(
+    {"in", "input", "line", "source", "total", "main", "charge", "m", "max", "min", "limit"}
+)  # mean nothing
+_WHICH_WAY = frozenset({"direction", "richtung", "drehrichtung", "sens", "sentido", "senso", "dir"})
 _FEW = 2  # words of a name beside which a letter may be a symbol
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 
@@ -98,7 +108,9 @@ class Said(NamedTuple):
         if said.unit is None and (spoken := said_by(remark)).unit is not None:
             said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
         more = said_by(remark).words
-        return said._replace(words=said.words | more if role_of(self._replace(unit=None)) == "other" else said.words)
+        if role_of(self._replace(unit=None)) != "other":  # then only what tells it from others of its role
+            more &= (_WORDS["supply"] | _WORDS["machine"] | _WORDS["set"] | _WORDS["derived"]) - _OF_PROSE
+        return said._replace(words=said.words | more)
 
     def has(self, *groups: str) -> bool:
         """Whether one of the words belongs to one of the groups."""
@@ -129,6 +141,9 @@ def said_by(name: str) -> Said:
 
 def _unit_in_prose(text: str) -> str:
     """The unit with which a remark ends, or which it has before its words: `A (measured)`; empty for none."""
+    bracketed = re.search(r"[\[(]([^\])]*)[\])]\s*$", text)
+    if bracketed is not None and (spelt := bracketed[1].replace(",", ".")) and unit_of(spelt) is not None:
+        return spelt
     last = re.split(r"[,;:(\[]|\bin\b", text)[-1].strip(" .)]")
     first = re.split(r"[\s(\[]", text.strip())[0]
     return next((word for word in (last, first) if word and unit_of(word) is not None and word not in {"a", "d"}), "")
@@ -165,6 +180,7 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
 
 def _words(text: str) -> list[str]:
     """The words of a name, in small letters without accents; camel case and digits are cut."""
+    text = re.sub(r"[А-Яа-яЁё]+", lambda match: match[0].lower(), text)
     for signs, word in _SIGNS.items():
         text = text.replace(signs, word)
     text = unicodedata.normalize("NFKD", text)
@@ -215,7 +231,7 @@ def _by_words(said: Said) -> Role:
             return role
     if said.has("direct") and not said.any_of("q"):
         return "other"
-    if said.has("direction") and not said.has("speed", "current"):
+    if said.words & _WHICH_WAY or (said.has("direction") and not said.has("speed", "current")):
         return "direction"
     for role in _IN_ORDER:
         if said.has(role):

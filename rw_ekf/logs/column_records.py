@@ -15,7 +15,11 @@ from rw_ekf.logs.column_names import Role, Said, role_of, said_by
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
+_HIGHER_IS_BACKWARD = re.compile(
+    r"\b1\s*[=:]\s*[^;,]*?,?[^;]*?(n[eé]g|ccw|backw|antihor|links|left|reverse)", re.IGNORECASE
+)
 _REVERSED = re.compile(r"(?<!not )\b(reversed|inverted|negated|opposite|flipped|invertiert|umgekehrt)\b", re.IGNORECASE)
+_DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t)(?P<text>[^\W\d].{2,})")
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
 
 
@@ -113,6 +117,11 @@ class Column:
         )  # fmt: skip
 
     @property
+    def says_backward(self) -> bool:
+        """Whether a column of directions says that the higher of its numbers is the negative one."""
+        return _HIGHER_IS_BACKWARD.search(self.remark) is not None
+
+    @property
     def top(self) -> float:
         """Largest size of its numbers."""
         return float(np.nanmax(np.abs(self.values)))
@@ -125,6 +134,8 @@ class Column:
 
     def entry(self, unit: str = "", **more: object) -> dict[str, object]:
         """Its entry in a map."""
+        if more.get("sign_of") is not None and more.pop("backward", False):
+            more = {"scale": -1.0, **more}
         if _REVERSED.search(self.remark) and self.role in ("speed", "current"):
             more = {"scale": -1.0, **more}
         return {
@@ -137,18 +148,27 @@ class Column:
 def columns_of(table: RawTable) -> list[Column]:
     """The columns that hold numbers, each with its role; a stamp's numbers are seconds."""
     found = []
+    remarks = {**_dictionary(table), **table.remarks}
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
-        said = (
-            said_by(name).in_unit(table.units.get(name) or habitual_unit(name)).with_remark(table.remarks.get(name, ""))
-        )
+        said = said_by(name).in_unit(table.units.get(name) or habitual_unit(name)).with_remark(remarks.get(name, ""))
         try:
             values = table.floats(number, stamps=True)
         except LogError:
             values = np.full(table.rows, np.nan)
         key: str | int = name if name and name not in repeated else number
-        remark = table.remarks.get(name, "")
+        remark = remarks.get(name, "")
         found.append(Column(number, name, said, role_of(said) if name else "other", values, key, remark))
+    return found
+
+
+def _dictionary(table: RawTable) -> dict[str, str]:
+    """What lines above the names say of columns: `# i   motor current, signed [mA]`; `omega: wheel rate (rad/s)`."""
+    found: dict[str, str] = {}
+    for line in table.preamble:
+        match = _DEFINED.fullmatch(line)
+        if match is not None and match["name"] in table.names and match["name"] not in found:
+            found[match["name"]] = match["text"]
     return found
 
 

@@ -70,7 +70,7 @@ def find_speed(
 def _speed_line(column: Column, unit: str, why: str, sign: Column | None, told: Answers, **more: object) -> Line:
     """The line of a speed: under the name that says rpm where that is its unit, unless the unit was answered."""
     if sign is not None:
-        more["sign_of"] = sign.key
+        more |= {"sign_of": sign.key, "backward": sign.says_backward}
         why = f"{why}; without a sign, which {sign.shown} has"
     if unit_of(unit) == unit_of("rpm") and "unit" not in told.more.get("speed_rad_s", {}):
         entry = told.with_more("speed_rad_s", told.with_more("speed_rpm", column.entry("", **more)))

@@ -25,6 +25,7 @@ _HERTZ = r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([kM]?)Hz"
 _COUNTER_WORDS = r"(?:tick|clock|timer|counter|counts|interrupt|cycle|takt|zaehler|zähler)"
 _TICK_RATE = re.compile(rf"{_COUNTER_WORDS}[^\d]{{0,25}}{_HERTZ}", re.IGNORECASE)
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
+_PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _OTHER_RATE = re.compile(
     r"pwm|switch|cut.?off|filter|baud|carrier|mains|clock|netz|tick|timer|counter|interrupt", re.IGNORECASE
 )
@@ -62,7 +63,8 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     clock.restarts = bool(run[-1])
     inside = np.diff(run) == 0
     back = float(np.mean(step[inside] < 0.0))
-    clock.is_clock = back < _BACKWARD and (bool(asks) or _usual(step[inside]))
+    part = int(run[-1]) > 2 and float(np.ptp(time_s)) < 1.0 and float(step.min()) < -_PART_OF_A_SECOND
+    clock.is_clock = back < _BACKWARD and (bool(asks) or _usual(step[inside])) and not part
     same = float(np.mean(step[inside] == 0.0))
     if same > _REPEATED and clock.is_clock:
         clock.repeats = "spread"

@@ -35,17 +35,18 @@ def _all(unit: Unit, spellings: str) -> dict[str, Unit]:
 
 
 _SPELLINGS: dict[str, Unit] = {
-    **_all(Unit("time"), "s sec secs second seconds sekunde sekunden sek seconde secondes segundos secondi"),
-    **_all(Unit("time", 1e-3), "ms msec msecs millis millisec millisecs millisecond milliseconds millisekunden"),
+    **_all(Unit("time"), "s с сек sec secs second seconds sekunde sekunden sek seconde secondes segundos secondi"),
+    **_all(Unit("time", 1e-3), "ms мс msec msecs millis millisec millisecs millisecond milliseconds millisekunden"),
     **_all(Unit("time", 1e-6), "us usec usecs micros microsec microsecond microseconds mus"),
     **_all(Unit("time", 1e-9), "ns nsec nanos nanosec nanosecond nanoseconds"),
     **_all(Unit("time", 60.0), "min mins minute minutes minuten"),
     **_all(Unit("time", 3600.0), "h hr hrs hour hours std stunden"),
     **_all(Unit("time", 86400.0), "d day days tage"),
-    **_all(Unit("speed"), "rad/s rads rad/sec radps rads-1 rads/s rad/second radian/s radians/s radians/sec "
+    **_all(Unit("speed"), "rad/s рад/с rads rad/sec radps rads-1 rads/s rad/second radian/s radians/s radians/sec "
         "radianspersecond"),
     **_all(Unit("speed", 1e-3), "mrad/s"),
-    **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 1/min /min min-1 u/min upm umin umdr/min tr/min r/min rev/min "
+    **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 1/min об/мин мин-1 /min min-1 u/min upm umin "
+        "umdr/min tr/min r/min rev/min "
         "revs/min "
            "turn/min turns/min giri/min ot/min rot/min revolutionsperminute"),
     **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
@@ -63,8 +64,8 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("angle", _TURN), "turn turns rev revs revolution revolutions umdrehung umdrehungen umdr tour tours"),
     **_all(Unit("angle", _TURN, per="counts_per_turn"), "counts count cnt cnts ticks tick inc increments inkremente "
         "pulses lsb steps"),
-    **_all(Unit("current"), "a amp amps ampere amperes"),
-    **_all(Unit("current", 1e-3), "ma milliamp milliamps milliampere milliamperes"),
+    **_all(Unit("current"), "a а amp amps ampere amperes"),
+    **_all(Unit("current", 1e-3), "ma ма milliamp milliamps milliampere milliamperes"),
     **_all(Unit("current", 1e-6), "ua µa"),
     **_all(Unit("torque"), "nm n.m newtonmeter newtonmeters nmeter"),
     **_all(Unit("torque", 1e-3), "mnm"),
@@ -75,9 +76,9 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("torque", 7.0615518e-3), "ozin oz-in"),
     **_all(Unit("force"), "n newton newtons"),
     **_all(Unit("force", 1e3), "kn"),
-    **_all(Unit("voltage"), "v volt volts"),
+    **_all(Unit("voltage"), "v в volt volts"),
     **_all(Unit("voltage", 1e-3), "mv millivolt millivolts"),
-    **_all(Unit("temperature"), "degc °c celsius c degreescelsius degreec"),
+    **_all(Unit("temperature"), "degc °c °с celsius c degreescelsius degreec"),
     **_all(Unit("temperature", 5.0 / 9.0, -160.0 / 9.0), "degf °f fahrenheit f"),
     **_all(Unit("temperature", 1.0, -273.15), "k kelvin degk"),
     **_all(Unit("temperature", 1e-3), "mdegc"),
@@ -113,9 +114,16 @@ OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
 }
 
 
+_SCALED = re.compile(r"x?(\d*\.?\d+)[x.]?([^\d.].*)")
+
+
 def unit_of(spelling: str) -> Unit | None:
-    """What a unit means; None where it is none that is known."""
-    return _SPELLINGS.get(plain_spelling(spelling))
+    """What a unit means; None where it is none that is known. `0.1 rpm` is a tenth of one."""
+    plain = plain_spelling(spelling)
+    scaled = None if plain in _SPELLINGS else _SCALED.fullmatch(plain)
+    if scaled is None or not float(scaled[1]) or (unit := _SPELLINGS.get(scaled[2])) is None or unit.offset:
+        return _SPELLINGS.get(plain)
+    return unit._replace(factor=unit.factor * float(scaled[1]))
 
 
 def plain_spelling(spelling: str) -> str:

@@ -14,6 +14,7 @@ from rw_ekf.logs import csv_slow
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.text_forms import stamped_form
 from rw_ekf.logs.text_layout import BLANKS, TextLayout, encoding_of, is_stamp, layout_of, lines_of
 
 if TYPE_CHECKING:
@@ -133,6 +134,8 @@ def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, st
     except csv.Error:
         return True
     if encoding_of(head) != "utf-8-sig":
+        return False
+    if stamped_form(lines).stamped:
         return False
     names = [name.strip() for name in rows[0]]
     numeric = [must_be_numeric(index, name) for index, name in enumerate(names)]

@@ -108,12 +108,12 @@ def _scaled(table: RawTable, source: Source, values: Float64Array) -> Float64Arr
 
 
 def _signed(table: RawTable, source: Source, values: Float64Array, used: set[int]) -> Float64Array:
-    """A magnitude with the sign of the column that the map names for it."""
+    """A magnitude with the sign of the column that the map names for it; against it where its scale is negative."""
     if source.sign_of is None:
         return values
     index = _find(table, replace(source, column=source.sign_of))
     used.add(index)
-    return np.asarray(np.abs(values) * signs_of(table, index))
+    return np.asarray(np.copysign(1.0, source.scale) * np.abs(values) * signs_of(table, index))
 
 
 def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:

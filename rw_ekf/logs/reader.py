@@ -34,6 +34,7 @@ from rw_ekf.logs.row_rules import (
     segment_ids,
     spread_stamps,
 )
+from rw_ekf.logs.side_by_side import beside_each_other, with_whole_time
 from rw_ekf.logs.sums import all_sums, part_key, sums_of
 from rw_ekf.logs.wheel_log import CHANNELS, Drive, WheelLog
 from rw_ekf.units import rad_s_from_rpm
@@ -204,7 +205,9 @@ def _read_part(file: Path, columns: ColumnMap) -> RawTable:
 def _read_file(path: Path, columns: ColumnMap) -> RawTable:
     name = str(path)
     table = format_of(path, name).read(path, name, columns)
-    return (widened(table) or table) if needs_guess(table) else table
+    if not needs_guess(table):
+        return table
+    return with_whole_time(widened(table) or beside_each_other(table) or table)
 
 
 def _assemble(table: RawTable, mapped: MappedColumns, columns: ColumnMap) -> WheelLog:

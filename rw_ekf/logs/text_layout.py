@@ -19,7 +19,8 @@ from rw_ekf.logs.text_forms import MARK, NO_FORM, LineForm, labelled_form, stamp
 
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _DELIMITERS = ("\t", ";", ",", "|", BLANKS)
-_OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "big5", "euc-kr", "cp1250")
+_OTHER_ENCODINGS = ("gb18030", "cp932", "cp1251", "koi8-r", "cp866", "big5", "euc-kr", "cp1250")
+_HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _LOOKED_AT = 400  # lines
 _MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
 _NEARLY_ALL = 0.9  # of the rows begin with a value where each does
@@ -282,6 +283,10 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
         taken -= 1
     if units and not names:
         names, units = units, ()
+    columned = _by_position(before[skip_rows:], rows, layout)
+    if columned is not None:
+        names, units = columned
+        taken = max(0, len(above) - 1)
     if described and not units:
         units = described.get("units", ())
     remarks = described.get("remarks", ())
@@ -300,6 +305,30 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     return replace(layout, names=names, preamble=preamble, remarks=remarks)
 
 
+def _by_position(
+    before: list[str], rows: list[str], layout: TextLayout
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Names and units over columns of a fixed width, each above its own, over several lines; None where none are."""
+    if layout.delimiter != BLANKS:
+        return None
+    ends = {tuple(match.end() for match in re.finditer(r"\S+", line)) for line in rows[:20] if line.strip()}
+    if len(ends) != 1 or len(at := next(iter(ends))) != layout.width:
+        return None
+    lines: list[list[str]] = []
+    for line in reversed(before[-_HEADER_LINES:]):
+        bare = line.expandtabs()
+        if not re.search(r"\w", bare):
+            if lines:
+                break
+            continue
+        if any(bare[end - 1 : end + 1].strip() and " " not in bare[end - 1 : end + 1] for end in at if end < len(bare)):
+            break
+        lines.insert(0, [bare[begin:end].strip() for begin, end in zip((0, *at[:-1]), at, strict=True)])
+    units = lines.pop() if lines and _are_units(lines[-1]) else []
+    names = tuple(" ".join(filter(None, parts)) for parts in zip(*lines, strict=True)) if lines else ()
+    return (names, tuple(units)) if len(names) > 1 and all(names) else None
+
+
 def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ...]]:
     """Rows above the data that begin with what they have of each column: its unit, its name, a remark."""
     found: dict[str, tuple[str, ...]] = {}
@@ -310,13 +339,15 @@ def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ..
         key = next((kind for kind, words in _ROW_KEYS.items() if words.fullmatch(cells[0].strip(" #%:"))), "")
         if key and not (key == "names" and key in found):
             found[key] = ("", *cells[1:])
-        paired = len(cells) > 3 and set(cells[::2]) == {cells[0]}  # a time beside each channel: Name, a, Name, b
-        if paired and key:
-            found[key] = tuple("" if number % 2 == 0 else cell for number, cell in enumerate(cells))
-        elif paired and (sampled := _SAMPLED.fullmatch(cells[0])):
-            found["times"] = tuple(f"time [{sampled[1]}]" if number % 2 == 0 else "" for number in range(layout.width))
+        elsewhere = len(cells) > 2  # the key stands above each time, of which there may be several: Name, a, b, Name, c
+        if elsewhere and key and len(cells) >= len(found.get(key, ())):
+            found[key] = tuple("" if cell == cells[0] else cell for cell in cells)
+        elif elsewhere and (sampled := _SAMPLED.fullmatch(cells[0])):
+            found["times"] = tuple(f"time [{sampled[1]}]" if cell == cells[0] else "" for cell in cells)
     if "times" in found and "names" in found:
-        found["names"] = tuple(map(_either, found.pop("times"), _fitted(found["names"], layout.width)))
+        found["names"] = tuple(
+            map(_either, _fitted(found.pop("times"), layout.width), _fitted(found["names"], layout.width))
+        )
     return found
 
 
