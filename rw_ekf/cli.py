@@ -28,6 +28,8 @@ VERBS = {
     "compile": "compile",
     "stop": "stop",
     "status": "status",
+    "view": "view",
+    "watch": "watch",
     "install-service": "install_service",
     "bench": "bench",
     "flyby": "flyby",

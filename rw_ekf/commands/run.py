@@ -37,6 +37,9 @@ class Planned(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_run_options(parser)
+    from rw_ekf.commands.view import add_listen_option
+
+    add_listen_option(parser, "--view")
     parser.add_argument(
         "--supervise",
         action="store_true",
@@ -91,9 +94,16 @@ def execute(args: argparse.Namespace) -> int:
             else:
                 sys.stdout.write(resumed.text + "\n")
             return 0 if resumed.left_safe else 1
-    if args.supervise:
-        return _supervised(configuration, args)
-    return run_and_report(configuration, args, keep_safe=args.keep_safe)
+    from rw_ekf.page.beside_run import page_beside
+
+    if args.view is not None:
+        from rw_ekf.commands.view import host_and_port
+
+        host_and_port(args.view)  # a mistake in it is told before the run
+    with page_beside(configuration.output.directory, args.config, args.view):
+        if args.supervise:
+            return _supervised(configuration, args)
+        return run_and_report(configuration, args, keep_safe=args.keep_safe)
 
 
 def _supervised(configuration: Configuration, args: argparse.Namespace) -> int:

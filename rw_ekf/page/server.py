@@ -1,0 +1,268 @@
+"""The page's server: files of the page, a run's history, and what comes new as server-sent events.
+
+It reads files and nothing else; the run knows nothing of it. A client that does not keep up loses what it missed, and
+is told to ask for the history again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import json
+import secrets
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from rw_ekf.errors import BadInputError
+from rw_ekf.page.run_feed import POINTS, RunFeed, runs_in
+
+STATIC = Path(__file__).parent / "static"
+_FILES = {"page.js": "text/javascript", "panes.js": "text/javascript", "page.css": "text/css",
+          "uPlot.iife.min.js": "text/javascript", "uPlot.min.css": "text/css"}  # fmt: skip
+_LOOK_S, _STATE_S, _CURVE_S = 0.2, 1.0, 5.0
+_QUEUE = 64  # messages a client may be behind: 13 s
+_MOST_CLIENTS = 200
+_MOST_POINTS = 20_000
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+}
+
+
+@dataclass(frozen=True)
+class Access:
+    """Who may ask: by the name that a request was sent to, and by a token."""
+
+    host: str  # that is listened on
+    token: str
+    asked_always: bool  # else only for what changes something
+
+    @classmethod
+    def of(cls, host: str) -> Access:
+        """Without a token where only this machine can ask."""
+        return cls(host, secrets.token_urlsafe(16), not _is_loopback(host))
+
+    def allows_host(self, header: str) -> bool:
+        """Whether a request was sent to this machine by a name of its own: else a page elsewhere sent it."""
+        name = header.rsplit(":", 1)[0] if not header.endswith("]") else header
+        bare = name.strip("[]").lower()
+        if bare in {"localhost", self.host.lower()} or _is_loopback(bare):
+            return True
+        return self.asked_always and _is_address(bare)  # a name that is turned to another address is none
+
+    def has_token(self, request: Request) -> bool:
+        """Whether a request bears the token."""
+        return secrets.compare_digest(request.headers.get("x-token", ""), self.token)
+
+
+@dataclass(eq=False)
+class Place:
+    """What is shown: one run, or the runs of a folder; and how the wheel is stopped from here, if at all."""
+
+    path: Path
+    stop: Callable[[], dict[str, Any]] | None = None
+    watchers: dict[str, Watcher] = field(default_factory=dict)
+
+    def runs(self) -> list[Path]:
+        """The runs there are now, the newest first."""
+        return runs_in(self.path) if self.path.is_dir() else [self.path]
+
+    def feed(self, name: str) -> RunFeed:
+        """The run of that name; the newest for none. Raises BadInputError where there is no such run."""
+        for path in self.runs():
+            feed = RunFeed(path)
+            if name in ("", feed.name):
+                return feed
+        raise BadInputError(f"there is no run '{name}' in {self.path}" if name else f"no run yet in {self.path}")
+
+
+class Watcher:
+    """Looks at one run for all who watch it, while anyone does."""
+
+    def __init__(self, feed: RunFeed) -> None:
+        self.clients: set[asyncio.Queue[bytes]] = set()
+        self._feed = feed
+        self._task: asyncio.Task[None] | None = None
+
+    @asynccontextmanager
+    async def client(self) -> AsyncIterator[asyncio.Queue[bytes]]:
+        """A queue of messages, until the client has gone."""
+        queue: asyncio.Queue[bytes] = asyncio.Queue(_QUEUE)
+        self.clients.add(queue)
+        if self._task is None or self._task.done():
+            self._task = asyncio.create_task(self._watch())
+        try:
+            yield queue
+        finally:
+            self.clients.discard(queue)
+
+    async def _watch(self) -> None:
+        tail = await run_in_threadpool(self._feed.tail)
+        models: object = None
+        looks, per_state, per_curve = 0, round(_STATE_S / _LOOK_S), round(_CURVE_S / _LOOK_S)
+        while self.clients:
+            rows = await run_in_threadpool(tail.look)
+            if any(rows[key] for key in ("log", "estimates", "events")):
+                self._tell(rows)
+            if looks % per_state == 0 and (state := await run_in_threadpool(self._feed.state)) is not None:
+                self._tell(state)
+            if looks % per_curve == 0:
+                now = {str(path): path.stat().st_mtime_ns for path in self._feed.models().values()}
+                if now != models:
+                    self._tell({"kind": "models"})
+                    models = now
+            looks += 1
+            await asyncio.sleep(_LOOK_S)
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        data = _event(message)
+        for queue in self.clients:
+            try:
+                queue.put_nowait(data)
+            except asyncio.QueueFull:
+                while not queue.empty():
+                    queue.get_nowait()
+                queue.put_nowait(_event({"kind": "behind"}))
+
+
+def page_app(place: Place, access: Access) -> Starlette:
+    """The application that a server of ASGI runs."""
+
+    async def page(request: Request) -> Response:
+        return FileResponse(STATIC / "page.html", media_type="text/html")
+
+    async def static(request: Request) -> Response:
+        name = request.path_params["name"]
+        return FileResponse(STATIC / name, media_type=_FILES[name]) if name in _FILES else _refusal(404, "no such file")
+
+    async def runs(request: Request) -> Response:
+        names = await run_in_threadpool(lambda: [RunFeed(path).name for path in place.runs()])
+        return JSONResponse({"runs": names, "stop": place.stop is not None})
+
+    async def history(request: Request) -> Response:
+        asked = request.query_params
+        try:
+            span = (float(asked.get("from", "-inf")), float(asked.get("to", "inf")))
+            points = min(int(asked.get("points", POINTS)), _MOST_POINTS)
+        except ValueError:
+            return _refusal(400, "from, to and points are numbers")
+        feed = await run_in_threadpool(place.feed, asked.get("run", ""))
+        document = await run_in_threadpool(feed.history, span, points)
+        state = await run_in_threadpool(feed.state)
+        return _json({**document, "state": state})
+
+    async def curve(request: Request) -> Response:
+        feed = await run_in_threadpool(place.feed, request.query_params.get("run", ""))
+        try:
+            top = min(max(float(request.query_params.get("top", "100")), 1.0), 1.0e5)
+        except ValueError:
+            return _refusal(400, "top is a number")
+        found = await run_in_threadpool(lambda: feed.curve(top) or {"kind": "curve"})
+        return _json(found)
+
+    async def live(request: Request) -> Response:
+        if sum(len(watcher.clients) for watcher in place.watchers.values()) >= _MOST_CLIENTS:
+            return _refusal(503, f"{_MOST_CLIENTS} pages are open already")
+        feed = await run_in_threadpool(place.feed, request.query_params.get("run", ""))
+        watcher = place.watchers.setdefault(feed.name, Watcher(feed))
+        return StreamingResponse(_messages(watcher), media_type="text/event-stream")
+
+    async def stop(request: Request) -> Response:
+        if place.stop is None:
+            return _refusal(404, "this page was opened without a configuration: rw-ekf stop --config F")
+        if not access.has_token(request):
+            return _refusal(403, "the address that was printed has the token that this takes")
+        return _json(await run_in_threadpool(place.stop))
+
+    async def unknown(request: Request, error: Exception) -> Response:
+        return _refusal(404, str(error))
+
+    routes = [
+        Route("/", page),
+        Route("/static/{name}", static),
+        Route("/api/runs", runs),
+        Route("/api/history", history),
+        Route("/api/curve", curve),
+        Route("/api/live", live),
+        Route("/api/stop", stop, methods=["POST"]),
+    ]
+    return Starlette(
+        routes=routes, middleware=[Middleware(_Guard, access=access)], exception_handlers={BadInputError: unknown}
+    )
+
+
+async def _messages(watcher: Watcher) -> AsyncIterator[bytes]:
+    async with watcher.client() as queue:
+        yield b": hello\n\n"
+        while True:
+            try:
+                yield await asyncio.wait_for(queue.get(), 15.0)
+            except TimeoutError:
+                yield b": still here\n\n"
+
+
+class _Guard:
+    """Refuses requests by another name or without the token, and sets the headers of every answer."""
+
+    def __init__(self, app: ASGIApp, access: Access) -> None:
+        self._app, self._access = app, access
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        request = Request(scope)
+        if not self._access.allows_host(request.headers.get("host", "")):
+            await _refusal(421, "this is no name of this machine")(scope, receive, send)
+            return
+        if self._access.asked_always and scope["path"].startswith("/api/") and not self._access.has_token(request):
+            await _refusal(403, "the address that was printed has the token that this takes")(scope, receive, send)
+            return
+
+        async def sending(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] += [(key.encode(), value.encode()) for key, value in _HEADERS.items()]
+            await send(message)
+
+        await self._app(scope, receive, sending)
+
+
+def _event(message: dict[str, Any]) -> bytes:
+    return f"data: {json.dumps(message, allow_nan=False)}\n\n".encode()
+
+
+def _json(document: dict[str, Any]) -> Response:
+    return Response(json.dumps(document, allow_nan=False), media_type="application/json")
+
+
+def _refusal(status: int, text: str) -> Response:
+    return JSONResponse({"error": text}, status_code=status, headers=_HEADERS)
+
+
+def _is_loopback(host: str) -> bool:
+    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,53 @@
+"""Serves the page until a signal ends it."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+
+from rw_ekf.errors import BadInputError
+from rw_ekf.page.server import Access, Place, page_app
+
+_NICE = 10  # the run and its loop come first
+_BACKLOG = 64
+
+
+def serve(
+    path: Path, host: str, port: int, stop: Callable[[], dict[str, Any]] | None, told: Callable[[str], object]
+) -> None:
+    """Serve a run or a folder of runs; told: of the address, once it answers there. Raises BadInputError."""
+    try:
+        listening = _listening(host, port)
+    except OSError as error:
+        raise BadInputError(
+            f"{host}:{port}: the page cannot be served there ({error.strerror or error}): give another HOST:PORT, or "
+            "port 0 for any that is free"
+        ) from None
+    os.nice(_NICE)
+    access = Access.of(host)
+    shown = f"[{host}]" if ":" in host else host
+    token = f"#token={access.token}" if access.asked_always or stop is not None else ""
+    told(f"http://{shown}:{listening.getsockname()[1]}/{token}")
+    configuration = uvicorn.Config(
+        page_app(Place(path, stop), access), log_level="error", access_log=False, lifespan="off",
+        timeout_graceful_shutdown=1, limit_concurrency=1000,
+    )  # fmt: skip
+    uvicorn.Server(configuration).run(sockets=[listening])
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(_BACKLOG)
+    except OSError:
+        listening.close()
+        raise
+    return listening
