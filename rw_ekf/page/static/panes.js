@@ -192,7 +192,7 @@ class Pane {
     time("speed, read and believed", "rpm", [dots("read"), line("believed"), ...edges()], () => {
       const speed = rpm(E("speed_rad_s")), read = this.beside(L("time_s"), rpm(L("speed_rad_s")), E("time_s"));
       return [E("time_s"), read, speed, ...band(speed, rpm(E("std_speed_rad_s")), 2)];
-    }, { band: [3, 4], legend: (d, i) => `${short(d[2][i])} rpm` });
+    }, { band: [3, 4], last: 2, legend: (d, i) => `${short(d[2][i] ?? d[1][i])} rpm` });
     time("current, commanded and measured", "A", [line("commanded", true), line2("measured")], () => [L("time_s"), L("current_command_A"), L("current_A")], { legend: (d, i) => `${short(d[1][i])} / ${short(d[2][i])} A` });
     time("innovation, with the band that it should keep to", "rpm", [line("innovation"), ...edges()], () => {
       const std = rpm(E("innovation_std_rad_s"));
@@ -200,7 +200,7 @@ class Pane {
     }, { band: [2, 3], legend: (d, i) => `${short(d[1][i])} rpm` });
     time("NIS, mean of 30; 1 is what it should be", "", [line("NIS")], () => [E("time_s"), running(E("nis"), 30)], { legend: (d, i) => short(d[1][i]), range: (low, high) => [0, Math.max(2, Math.min(high, 40) * 1.1)], level: 1 });
     this.chart(right, "friction over the speed, as it is being learned", "rad/s²", [line("believed"), ...edges(), faint("at the start")], () => this.frictionData(), { band: [2, 3], x: "rpm", lit: true, legend: (d, i) => `${short(d[1][i])} rad/s² at ${short(d[0][i])} rpm` });
-    this.chart(right, "what the model leaves, over the speed", "sigmas", [{ label: "left", stroke: () => colour("--b"), width: 2, points: { show: true, size: 6 } }, ...edges()], () => this.residualMap(), { band: [2, 3], x: "rpm", level: 0, legend: (d, i) => `${short(d[1][i])} at ${short(d[0][i])} rpm` });
+    this.chart(left, "what the model leaves, over the speed", "sigmas", [{ label: "left", stroke: () => colour("--b"), width: 2, points: { show: true, size: 6 } }, ...edges()], () => this.residualMap(), { band: [2, 3], x: "rpm", level: 0, legend: (d, i) => `${short(d[1][i])} at ${short(d[0][i])} rpm` });
     for (const name of this.parameters()) {
       this.chart(right, NAMES[name] || name.replaceAll("_", " "), UNITS[name] || "", [line(name), ...edges()], () => {
         const values = E(name);
@@ -226,7 +226,7 @@ class Pane {
       cursor: { sync: options.time ? { key: `time-${this.run}` } : undefined, drag: { x: Boolean(options.time), y: false, setScale: false } },
       legend: { show: false },
       scales: { x: { time: false }, y: { range: (u, low, high) => (options.range ? options.range(low, high) : padded(low, high)) } },
-      axes: [{ ...axis, size: 26, values: (u, ticks) => ticks.map((t) => (options.time ? clock(t) : short(t))) }, { ...axis, size: 54, values: (u, ticks) => ticks.map(short) }],
+      axes: [{ ...axis, size: 26, ...(options.time ? { splits: (u, i, low, high, step) => round(low, high, step, pane.zero()) } : {}), values: (u, ticks) => ticks.map((t) => (options.time ? clock(t - pane.zero()) : short(t))) }, { ...axis, size: 54, values: (u, ticks) => ticks.map(short) }],
       series: [{}, ...series],
       bands: options.band ? [{ series: options.band, fill: () => colour("--band") }] : [],
       hooks: {
@@ -272,10 +272,12 @@ class Pane {
     let top = 0;
     for (const v of speed) if (v != null && Math.abs(v) > top) top = Math.abs(v);
     const bins = 25, sums = new Array(bins).fill(0), counts = new Array(bins).fill(0);
+    let at = null, sigma = null;
     for (let i = 0; i < speed.length; i++) {
-      if (speed[i] == null || off[i] == null || !std[i]) continue;
-      const bin = Math.min(bins - 1, Math.floor((speed[i] / (top || 1) + 1) * 0.5 * bins));
-      sums[bin] += off[i] / std[i]; counts[bin]++;
+      at = speed[i] ?? at; sigma = std[i] || sigma;
+      if (at == null || off[i] == null || !sigma) continue;
+      const bin = Math.min(bins - 1, Math.floor((at / (top || 1) + 1) * 0.5 * bins));
+      sums[bin] += off[i] / sigma; counts[bin]++;
     }
     const x = [], mean = [], high = [], low = [];
     for (let bin = 0; bin < bins; bin++) {
@@ -309,7 +311,13 @@ class Pane {
     ctx.restore();
   }
 
-  lastOf(u, options) { const i = u.data[0].length - 1; return i < 0 || !options.time ? "" : options.legend(u.data, i); }
+  lastOf(u, options) { // a run writes its belief whole once a second, and what changes in each row
+    if (!options.time) return "";
+    const told = u.data[options.last || 1];
+    let i = told.length - 1;
+    while (i > 0 && told[i] == null) i--;
+    return i < 0 ? "" : options.legend(u.data, i);
+  }
 
   window() {
     const time = this.cut(this.estimates, "time_s"), log = this.cut(this.log, "time_s");
@@ -338,10 +346,10 @@ class Pane {
     const at = this.until == null ? this.estimates.rows - 1 : this.estimates.upTo(this.until + this.zero()) - 1;
     const valid = (this.until == null && this.state && this.state.valid) || {};
     const rows = this.parameters().map((name) => {
-      const value = this.estimates.column(name)[at], std = this.estimates.column(`std_${name}`)[at];
+      const value = known(this.estimates.column(name), at), std = known(this.estimates.column(`std_${name}`), at);
       const first = this.estimates.column(`std_${name}`)[0];
-      const known = name in valid ? (valid[name] ? "yes" : "not yet") : first && std != null ? (std < 0.5 * first ? "yes" : "not yet") : "–";
-      return [`${NAMES[name] || name}${UNITS[name] ? ` [${UNITS[name]}]` : ""}`, short(value), short(std), known];
+      const told = name in valid ? (valid[name] ? "yes" : "not yet") : first && std != null ? (std < 0.5 * first ? "yes" : "not yet") : "–";
+      return [`${NAMES[name] || name}${UNITS[name] ? ` [${UNITS[name]}]` : ""}`, short(value), short(std), told];
     });
     const body = this.q(".parameters tbody");
     body.replaceChildren(...rows.map((cells) => {
@@ -423,6 +431,11 @@ function splice(table, more, from, to) { // rows of a stretch in place of the th
   }
 }
 
+function known(values, at) { // the last that is, up to a row
+  while (at > 0 && values[at] == null) at--;
+  return values[at];
+}
+
 function running(values, count) {
   const found = new Array(values.length).fill(null);
   let sum = 0, known = 0;
@@ -434,14 +447,20 @@ function running(values, count) {
   return found;
 }
 
+function round(low, high, step, zero) { // ticks at round times since the start
+  const found = [];
+  for (let t = Math.ceil((low - zero) / step) * step; t <= high - zero; t += step) found.push(t + zero);
+  return found;
+}
+
 function padded(low, high) {
   if (low == null || high == null) return [-1, 1];
   const more = 0.08 * (high - low) || 0.1 * Math.abs(high) || 1;
   return [low - more, high + more];
 }
 
-const line = (label, stepped) => ({ label, stroke: () => colour("--a"), width: 1.6, points: { show: false }, paths: stepped ? uPlot.paths.stepped({ align: 1 }) : undefined });
+const line = (label, stepped) => ({ label, stroke: () => colour("--a"), width: 1.6, spanGaps: !stepped, points: { show: false }, paths: stepped ? uPlot.paths.stepped({ align: 1 }) : undefined });
 const line2 = (label) => ({ label, stroke: () => colour("--b"), width: 1.2, points: { show: false } });
 const faint = (label) => ({ label, stroke: () => colour("--faint"), width: 1, dash: [5, 4], points: { show: false } });
 const dots = (label) => ({ label, stroke: () => colour("--b"), paths: () => null, points: { show: true, size: 3, fill: () => colour("--b"), stroke: () => colour("--b") } });
-const edges = () => [0, 1].map(() => ({ stroke: "rgba(0,0,0,0)", width: 0, points: { show: false } }));
+const edges = () => [0, 1].map(() => ({ stroke: "rgba(0,0,0,0)", width: 0, spanGaps: true, points: { show: false } }));

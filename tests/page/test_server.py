@@ -1,0 +1,234 @@
+"""The page's server: what it answers, whom it refuses, and that nobody who is slow costs anybody anything."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import shutil
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import uvicorn
+
+from rw_ekf.page.server import Access, Place, Watcher, page_app
+from rw_ekf.page.serving import _listening
+from tests.page.runs import RunOnDisk
+
+
+class Served:
+    """The page of a folder, served in this process."""
+
+    def __init__(self, place: Place, access: Access) -> None:
+        listening = _listening("127.0.0.1", 0)
+        self.address = f"http://127.0.0.1:{listening.getsockname()[1]}"
+        self.token = access.token
+        self._server = uvicorn.Server(
+            uvicorn.Config(page_app(place, access), log_level="error", lifespan="off", timeout_graceful_shutdown=1)
+        )
+        self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [listening]}, daemon=True)
+        self._thread.start()
+
+    def get(self, path: str, *, token: str = "", host: str = "", method: str = "GET") -> tuple[int, Any, Any]:
+        """Status, headers and body (JSON as what it says)."""
+        headers = {"x-token": token} | ({"host": host} if host else {})
+        request = urllib.request.Request(self.address + path, headers=headers, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=20) as answer:
+                body = answer.read()
+                kind = answer.headers["content-type"]
+                return answer.status, answer.headers, json.loads(body) if "json" in kind else body.decode()
+        except urllib.error.HTTPError as error:
+            return error.code, error.headers, json.loads(error.read())
+
+    def close(self) -> None:
+        """End it."""
+        self._server.should_exit = True
+        self._thread.join(10)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> RunOnDisk:
+    """A run of 200 rows that lives."""
+    run = RunOnDisk(tmp_path / "runs")
+    run.add(200)
+    run.publish()
+    run.tell(event="state", state="TRACKING", time_s=100.0, reason="readings come")
+    return run
+
+
+@pytest.fixture
+def stops() -> list[str]:
+    """What was stopped."""
+    return []
+
+
+@pytest.fixture
+def served(run: RunOnDisk, stops: list[str]) -> Iterator[Served]:
+    """Its folder's page, from which it can be stopped."""
+
+    def stop() -> dict[str, Any]:
+        stops.append("stop")
+        return {"zero_confirmed": True}
+
+    page = Served(Place(run.folder, stop), Access.of("127.0.0.1"))
+    yield page
+    page.close()
+
+
+def test_the_page_and_its_files_fetch_nothing_from_elsewhere(served: Served) -> None:
+    """Every answer has the policy that forbids it, and no file names another place to fetch from."""
+    status, headers, text = served.get("/")
+    assert status == 200
+    assert "default-src 'none'" in headers["content-security-policy"]
+    names = [part.split('"')[0] for part in text.split('"static/')[1:]]
+    assert len(names) >= 5
+    for name in names:
+        status, headers, body = served.get(f"/static/{name}")
+        assert (status, headers["x-content-type-options"]) == (200, "nosniff")
+        assert 'fetch("http' not in body
+        assert "@import" not in body
+    assert served.get("/static/../server.py")[0] == 404
+    assert served.get("/static/uPlot.LICENSE")[0] == 404
+
+
+def test_a_history_and_the_list_of_runs(served: Served, run: RunOnDisk) -> None:
+    """Rows, events and state of the newest run, or of one by name; wrong input is told what is wrong."""
+    assert served.get("/api/runs")[2] == {"runs": [run.name], "stop": True}
+    told = served.get("/api/history")[2]
+    assert len(told["log"]["time_s"]) == 200
+    assert told["state"]["run_state"] == "TRACKING"
+    assert told["events"][0]["state"] == "TRACKING"
+    assert len(served.get("/api/history?points=20&from=110&to=112")[2]["log"]["time_s"]) <= 21
+    assert served.get("/api/history?points=x")[0] == 400
+    status, _, body = served.get("/api/history?run=../../etc/passwd")
+    assert status == 404
+    assert "there is no run" in body["error"]
+
+
+def test_who_was_not_sent_here_is_refused(served: Served, stops: list[str]) -> None:
+    """A name that is not this machine's; a stop without the token; with it, the wheel is stopped once."""
+    assert served.get("/api/runs", host="evil.example")[0] == 421
+    assert served.get("/api/runs", host="localhost:99")[0] == 200
+    assert served.get("/api/stop", method="POST")[0] == 403
+    assert served.get("/api/stop", method="POST", token="wrong")[0] == 403
+    assert served.get("/api/stop", token=served.token)[0] == 405
+    assert stops == []
+    assert served.get("/api/stop", method="POST", token=served.token)[2] == {"zero_confirmed": True}
+    assert stops == ["stop"]
+
+
+def test_beyond_this_machine_nothing_is_told_without_the_token(run: RunOnDisk) -> None:
+    """Where others can ask, each question needs it; the page itself, which says nothing, does not."""
+    page = Served(Place(run.folder), Access("0.0.0.0", "secret", asked_always=True))
+    try:
+        assert page.get("/")[0] == 200
+        assert page.get("/api/runs")[0] == 403
+        assert page.get("/api/runs", token="secret")[0] == 200
+        assert page.get("/api/runs", token="secret", host="192.0.2.7:80")[0] == 200
+        assert page.get("/api/runs", token="secret", host="rebound.example")[0] == 421
+        assert page.get("/api/stop", token="secret", method="POST")[0] == 404  # opened without a configuration
+    finally:
+        page.close()
+
+
+def test_new_rows_come_to_who_is_connected(served: Served, run: RunOnDisk) -> None:
+    """Rows that are written after the connection come as they are, and the state with them."""
+    request = urllib.request.Request(f"{served.address}/api/live")
+    with urllib.request.urlopen(request, timeout=20) as answer:
+        kinds: dict[str, Any] = {}
+        written = False
+        for line in answer:
+            if not line.startswith(b"data: "):
+                continue
+            message = json.loads(line[6:])
+            kinds[message["kind"]] = message
+            if not written:
+                run.add(5)
+                written = True
+            if "rows" in kinds and "state" in kinds:
+                break
+    assert kinds["rows"]["log"]["time_s"] == pytest.approx([120.0, 120.1, 120.2, 120.3, 120.4])
+    assert kinds["state"]["alive"] is True
+
+
+def test_a_client_that_does_not_read_costs_a_bounded_memory(run: RunOnDisk) -> None:
+    """Its queue never grows beyond what it may be behind; it is told so, and others get every message."""
+
+    async def watched() -> tuple[list[bytes], int]:
+        watcher = Watcher(None)  # type: ignore[arg-type]  # nobody looks: messages are told by hand
+        slow: asyncio.Queue[bytes] = asyncio.Queue(64)
+        quick: asyncio.Queue[bytes] = asyncio.Queue(64)
+        watcher.clients = {slow, quick}
+        got = 0
+        for number in range(1000):
+            watcher._tell({"kind": "rows", "number": number})
+            while not quick.empty():
+                quick.get_nowait()
+                got += 1
+        return [slow.get_nowait() for _ in range(slow.qsize())], got
+
+    left, got = asyncio.run(watched())
+    assert got == 1000
+    assert len(left) <= 64
+    assert b"behind" in left[0]
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine draws the page")
+@pytest.mark.parametrize("width", [390, 1440])
+def test_a_browser_draws_it_without_an_error(served: Served, run: RunOnDisk, tmp_path: Path, width: int) -> None:
+    """State, parameters, events and a chart for each are there, nothing is written to the console, nothing is wider."""
+    assert CHROMIUM is not None
+    command = [
+        CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+        "--enable-logging=stderr", f"--window-size={width},1200", "--virtual-time-budget=8000", "--dump-dom",
+        f"{served.address}/#token={served.token}",
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    page = done.stdout
+    assert "CONSOLE" not in done.stderr, done.stderr
+    assert ">TRACKING<" in page
+    assert page.count('class="chart"') == 10  # five over time and speed, the friction, four parameters
+    assert "motor gain [rad/s²/A]" in page
+    assert "TRACKING: readings come" in page
+    assert '<button id="stop" type="button">' in page
+    assert 'aria-label="speed, read and believed' in page
+
+
+def test_the_verb_says_where_the_page_is_and_ends_with_a_signal(run: RunOnDisk) -> None:
+    """`rw-ekf view DIR --listen 127.0.0.1:0` prints one address, answers there, and SIGTERM ends it."""
+    command = [sys.executable, "-m", "rw_ekf", "view", str(run.folder), "--listen", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
+        assert view.stdout is not None
+        address = view.stdout.readline().strip()
+        with urllib.request.urlopen(f"{address}api/runs", timeout=20) as answer:
+            assert json.loads(answer.read()) == {"runs": [run.name], "stop": False}
+        view.terminate()
+        view.wait(20)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nowhere"], "no such file or folder"),
+        ([".", "--listen", "here"], "HOST:PORT"),
+        ([".", "--listen", "127.0.0.1:99999"], "HOST:PORT"),
+        ([".", "--listen", "203.0.113.7:8000"], "cannot be served there"),
+    ],
+)
+def test_wrong_input_is_told_in_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """With status 2, and no trace of Python."""
+    from rw_ekf.cli import main
+
+    assert main(["view", *words]) == 2
+    assert said in capsys.readouterr().err
