@@ -20,6 +20,7 @@ def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
     state, std, link = (document.get(key) or {} for key in ("state", "std", "link"))
     recent = document.get("recent") or {}
     shown = document.get("run_state") if document.get("alive") else "ended" if document.get("ended_utc") else "dead"
+    label = min(28, width // 3)
     since = str(document.get("since_utc") or "")[11:19]
     lines = [
         f"{document.get('wheel')} on {document.get('port')}   {shown}{f' since {since} UTC' if since else ''}",
@@ -27,10 +28,10 @@ def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
         f"line {link.get('state')}: {_short(link.get('reply_ms'))} ms a reply, {link.get('timeouts', 0)} silent, "
         f"{link.get('damaged', 0)} damaged, {link.get('stale', 0)} late, {link.get('reconnects', 0)} reconnections",
         "",
-        f"{'speed':<28}{_number(state.get('speed_rad_s'), std.get('speed_rad_s'), 1.0 / RAD_S_PER_RPM)} rpm",
-        f"{'current, commanded':<28}{_short(document.get('current_command_A')):>12} A",
+        f"{'speed':<{label}}{_number(state.get('speed_rad_s'), std.get('speed_rad_s'), 1.0 / RAD_S_PER_RPM)} rpm",
+        f"{'current, commanded'[:label]:<{label}}{_short(document.get('current_command_A')):>12} A",
         *(
-            f"{name.replace('_', ' '):<28}{_number(value, std.get(name))} {_UNITS.get(name, '')}"
+            f"{name.replace('_', ' ')[:label]:<{label}}{_number(value, std.get(name))} {_UNITS.get(name, '')}"
             for name, value in state.items()
             if name != "speed_rad_s"
         ),

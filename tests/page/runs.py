@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
+import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from rw_ekf.live.process import own_process
 
 NAME = "2026-11-27T10-20-06Z_wheel"
 LOG = "time_s,speed_rad_s,current_command_A,current_A,command_delay_s,segment,temperature_degC"
@@ -35,16 +35,16 @@ class RunOnDisk:
         with self.log.open("a") as log, self.estimates.open("a") as estimates:
             for _ in range(count):
                 t = 100.0 + 0.1 * self.rows
-                speed = 40.0 * np.sin(0.05 * self.rows)
-                log.write(f"{t:.4f},{speed!r},{0.1 * np.cos(0.05 * self.rows)!r},0.0,0.05,0,21.5\n")
+                speed = 40.0 * math.sin(0.05 * self.rows)
+                log.write(f"{t:.4f},{speed!r},{0.1 * math.cos(0.05 * self.rows)!r},0.0,0.05,0,21.5\n")
                 whole = f"{speed!r},15.0,0.003,0.5,0.6,0.1,2.0,0.001,0.1,0.1" if self.rows % 10 == 0 else "," * 9
                 estimates.write(f"{t:.4f},{whole},0.01,0.1,{0.9 if self.rows != 77 else 99.0},true,\n")
                 self.rows += 1
 
     def publish(self, **more: Any) -> None:
         """What the daemon publishes of itself; by default of this process, which lives."""
-        state = {
-            "schema": "rw_ekf.state/1", "wheel": "wheel", "port": "/dev/x", "log": self.log.name, "pid": os.getpid(),
+        state: dict[str, Any] = {
+            "schema": "rw_ekf.state/1", "wheel": "wheel", "port": "/dev/x", "log": self.log.name, **own_process(),
             "run_state": "TRACKING", "since_utc": "2026-11-27T10:20:28.6Z", "reason": "readings come and are used",
             "utc": "2026-11-27T10:20:47.5Z", "alarms": [], "link": {"state": "answered", "requests": 9},
             "state": {"speed_rad_s": 1.0, "motor_gain": 15.0}, "std": {"speed_rad_s": 0.1, "motor_gain": 2.0},

@@ -106,7 +106,7 @@ def test_the_curve_is_the_models_friction(tmp_path: Path) -> None:
     assert curve is not None
     now = curve["now"]
     assert now["speed_rad_s"][-1] == pytest.approx(30.0)
-    viscous, coulomb = (fit.parameters[name] for name in ("viscous", "coulomb"))
+    viscous, coulomb = (fit.model.numbers[name][0] for name in ("viscous", "coulomb"))
     assert now["friction_rad_s2"][-1] == pytest.approx(30.0 * viscous + coulomb, rel=1e-3)
     assert now["friction_rad_s2"][0] == pytest.approx(-now["friction_rad_s2"][-1], rel=1e-6)
     assert 0.0 < now["std_rad_s2"][-1] < 0.2 * now["friction_rad_s2"][-1]

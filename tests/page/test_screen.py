@@ -35,7 +35,7 @@ def test_the_screen_fits_its_width(width: int) -> None:
 
 
 def test_watch_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`rw-ekf watch --once` prints the screen of the run that a configuration's daemon publishes, `--json` what it is."""
+    """`rw-ekf watch --once` prints the screen of the run of a daemon, `--json` what it has published."""
     import json
     import shutil
 

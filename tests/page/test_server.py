@@ -45,7 +45,8 @@ class Served:
                 kind = answer.headers["content-type"]
                 return answer.status, answer.headers, json.loads(body) if "json" in kind else body.decode()
         except urllib.error.HTTPError as error:
-            return error.code, error.headers, json.loads(error.read())
+            body = error.read()
+            return error.code, error.headers, json.loads(body) if body.startswith(b"{") else body.decode()
 
     def close(self) -> None:
         """End it."""
