@@ -24,6 +24,7 @@ _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
 )  # fmt: skip
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
+_OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 _NOTHING: tuple[str, dict[str, object]] = ("current_command_A", {"constant": 0.0})
 _CURRENTS: tuple[tuple[Role, str, str], ...] = (
@@ -92,6 +93,13 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     return None
 
 
+def _is_even(clock: Clock) -> bool:
+    """Whether a counter goes on by much the same from row to row, as a clock does and a wheel that turns does not."""
+    step = np.diff(clock.time_s)
+    usual = float(np.median(step))
+    return usual > 0.0 and float(np.mean(np.abs(step - usual) < 0.5 * usual)) > 0.9
+
+
 def _holds_dates(table: RawTable, column: Column) -> bool:
     """Whether all its cells are dates or times of day, as text or as seconds since 1970, that do not fall."""
     values = column.values
@@ -104,8 +112,9 @@ def _holds_dates(table: RawTable, column: Column) -> bool:
 def _counter(table: RawTable, columns: list[Column]) -> tuple[Clock, float, str] | None:
     """The only counter that rises, where the file says how fast it runs: clock, its step [s], and what says so."""
     counters = [c for c in columns if c.role in ("count", "angle", "time") and c.said.any_of(*_COUNTERS_CALLED)]
+    counters = [c for c in counters if not c.said.any_of(*_OF_AN_ANGLE)]
     found = [(c, clock_of(c.number, c.name, c.said, c.values, "s", stamps=False)) for c in counters]
-    rising = [(c, clock) for c, clock in found if clock is not None and not clock.restarts and c.moves]
+    rising = [(c, clock) for c, clock in found if clock is not None and not clock.restarts and _is_even(clock)]
     if len(rising) != 1:
         return None
     column, clock = rising[0]

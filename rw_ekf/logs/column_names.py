@@ -158,7 +158,7 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
     for cut in re.finditer(r"[\s_.\-]", name):  # the longest tail that is a unit: speed_rad_s, t ms
         tail = name[cut.end() :]
         for spelt in (tail.replace("_", "/"), tail, tail.replace("per", "/").replace("_", "")):
-            unit = unit_of(spelt)
+            unit = unit_of(spelt) if not spelt[:1].isdigit() or spelt == tail else None
             if unit is not None and (len(plain_spelling(spelt)) > 1 or spelt in {"s", "A", "V", "N"}):
                 return name[: cut.start()], spelt, unit
     if (unit := unit_of(name)) is not None and len(plain_spelling(name)) > 1:
@@ -229,10 +229,10 @@ def _by_words(said: Said) -> Role:
     for role in ("temperature", "pressure"):
         if said.has(role):
             return role
-    if said.has("direct") and not said.any_of("q"):
-        return "other"
     if said.words & _WHICH_WAY or (said.has("direction") and not said.has("speed", "current")):
         return "direction"
+    if said.has("direct") and not said.any_of("q"):
+        return "other"
     for role in _IN_ORDER:
         if said.has(role):
             return role

@@ -19,7 +19,7 @@ _HIGHER_IS_BACKWARD = re.compile(
     r"\b1\s*[=:]\s*[^;,]*?,?[^;]*?(n[eé]g|ccw|backw|antihor|links|left|reverse)", re.IGNORECASE
 )
 _REVERSED = re.compile(r"(?<!not )\b(reversed|inverted|negated|opposite|flipped|invertiert|umgekehrt)\b", re.IGNORECASE)
-_DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t)(?P<text>[^\W\d].{2,})")
+_DEFINED = re.compile(r"[\W_]*(?P<name>\w[\w.]*)[\"'`]?(?:\s*[:=–—-]\s*|\s{2,}|\t|\s(?=in\s))(?P<text>[^\W\d].*)")
 LEAST_SHARE = 0.5  # of the rows of a column are numbers where it is one of the log's
 
 

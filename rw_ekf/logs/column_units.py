@@ -114,14 +114,14 @@ OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
 }
 
 
-_SCALED = re.compile(r"x?(\d*\.?\d+)[x.]?([^\d.].*)")
+_SCALED = re.compile(r"x?(0?\.0*1|10+)[x.]?([^\d.].*)")  # a power of ten: 2 is the number of something
 
 
 def unit_of(spelling: str) -> Unit | None:
     """What a unit means; None where it is none that is known. `0.1 rpm` is a tenth of one."""
     plain = plain_spelling(spelling)
-    scaled = None if plain in _SPELLINGS else _SCALED.fullmatch(plain)
-    if scaled is None or not float(scaled[1]) or (unit := _SPELLINGS.get(scaled[2])) is None or unit.offset:
+    scaled = None if plain in _SPELLINGS or "_" in spelling else _SCALED.fullmatch(plain)  # current_10_A: the tenth
+    if scaled is None or (unit := _SPELLINGS.get(scaled[2])) is None or unit.offset:
         return _SPELLINGS.get(plain)
     return unit._replace(factor=unit.factor * float(scaled[1]))
 

@@ -35,10 +35,18 @@ def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[st
     for kind, record in records:
         kinds.setdefault(kind, {}).update(dict.fromkeys(record))
     base = base_kind({kind: list(names) for kind, names in kinds.items()}, rows)
+    speed = any(role_of(said_by(name)) == "speed" for name in kinds[base])
+    alike = {  # a row that lacks a value is one of the base all the same
+        kind
+        for kind, names in kinds.items()
+        if names.keys() <= kinds[base].keys()
+        and any(role_of(said_by(name)) == "speed" for name in names) == speed
+        and 2 * len(names) > len(kinds[base])
+    }
     others: dict[str, Any] = {}
     found, places = [], []
     for place, (kind, record) in enumerate(records):
-        if kind == base:
+        if kind in alike:
             found.append({**others, **record})
             places.append(place)
         else:

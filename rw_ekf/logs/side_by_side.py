@@ -71,12 +71,17 @@ def beside_each_other(table: RawTable) -> RawTable | None:
     if any(len(block) < 2 for block in blocks):
         return None
     times = [_numbers(table, block[0]) for block in blocks]
-    if any(time is None for time in times):
+    if any(time is None or not _rises(time) for time in times):
         return None
     named = [[re.sub(r"[ _.]?\d+$", "", table.names[column]) for column in block] for block in blocks]
     if all(names == named[0] for names in named):
         return _stacked(table, blocks)
     return _on_one_clock(table, blocks, [time for time in times if time is not None])
+
+
+def _rises(time: Float64Array) -> bool:
+    known = time[np.isfinite(time)]
+    return known.size > 2 and float(np.mean(np.diff(known) > 0.0)) > 0.98
 
 
 def _stacked(table: RawTable, blocks: list[list[int]]) -> RawTable:

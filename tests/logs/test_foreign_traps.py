@@ -1,0 +1,126 @@
+"""Logs that tempt a reader to a wrong meaning: each is read in the right one, or asked about."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rw_ekf
+from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_units import unit_of
+from rw_ekf.units import RAD_S_PER_RPM
+
+RPM = 1.0 / RAD_S_PER_RPM
+Rows = list[tuple[float, float, float]]
+
+
+@pytest.fixture(scope="module")
+def run() -> rw_ekf.Log:
+    """60 s of a simulated wheel at 10 Hz, in both directions."""
+    return rw_ekf.simulate("steps", duration_s=60.0, seed=6)
+
+
+def _csv(log: rw_ekf.Log, header: str, line: Callable[[int, float, float, float], str]) -> str:
+    rows = zip(log.time_s.tolist(), log.speed_rad_s.tolist(), log.current_A.tolist(), strict=True)
+    return header + "\n" + "".join(line(i, t, w, c) + "\n" for i, (t, w, c) in enumerate(rows))
+
+
+def _guess(path: Path, text: str) -> rw_ekf.GuessedColumns:
+    path.write_text(text)
+    return rw_ekf.guess_columns(path)
+
+
+def test_a_number_in_a_name_scales_nothing() -> None:
+    """`current_2_A` is the second current, `speed [0.1 rpm]` a tenth of one."""
+    for name in ("current_2_A", "current_10_A", "i_1_A"):
+        unit = said_by(name).unit
+        assert unit is not None
+        assert unit.factor == 1.0
+    tenth = unit_of("0.1 rpm")
+    assert tenth is not None
+    assert tenth.factor == pytest.approx(0.1 * RAD_S_PER_RPM)
+    assert unit_of("2 A") is None
+
+
+def test_a_pwm_frequency_is_no_rate_of_rows(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Without a time, only a rate of the rows is one; a switching frequency, or a timer's, is asked past."""
+    for text in ("# PWM frequency 20 kHz", "# timer interrupt 10 kHz", "# low-pass filter cut-off freq 50 Hz"):
+        found = _guess(tmp_path / "a.csv", _csv(run, f"{text}\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+        assert [question.name for question in found.guess.questions] == ["time_s"], text
+    told = _guess(
+        tmp_path / "b.csv", _csv(run, "# sampling rate 10 Hz\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}")
+    )
+    assert told.column_map.rate_hz == 10.0
+
+
+def test_an_encoder_that_rises_is_no_clock(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A wheel that turns one way counts up, and a timer's rate stands above: it is no time all the same."""
+    count = np.cumsum(np.abs(run.speed_rad_s) + 3.0).astype(int)
+    text = _csv(run, "# timer 1 kHz\nenc_count,rpm,current_A", lambda i, t, w, c: f"{count[i]},{w * RPM!r},{c!r}")
+    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_the_part_of_a_second_is_no_clock(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Nanoseconds within a second begin anew each second; with the seconds beside them they are the time."""
+    alone = _csv(run, "nsec,rpm,current_A", lambda i, t, w, c: f"{round(1e9 * (t % 1.0))},{w * RPM!r},{c!r}")
+    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", alone).guess.questions]
+    both = _csv(
+        run, "sec,nsec,rpm,current_A", lambda i, t, w, c: f"{int(t)},{round(1e9 * (t - int(t)))},{w * RPM!r},{c!r}"
+    )
+    (tmp_path / "b.csv").write_text(both)
+    log = rw_ekf.read(tmp_path / "b.csv")
+    assert log.time_s == pytest.approx(run.time_s, abs=1e-6)
+
+
+def test_a_reversed_sensor_is_turned_and_its_direction_column_heard(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """1 means backward where a dictionary says so; a remark that a sensor is reversed turns its sign."""
+    header = (
+        "# n   wheel speed, absolute [rpm]\n# d   direction (0 = forward ; 1 = backward)\n"
+        "# i   motor current, sensor reversed [A]\nt_s,n,d,i"
+    )
+    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{abs(w) * RPM!r},{int(w < 0)},{-c!r}")
+    (tmp_path / "a.csv").write_text(text)
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-6)
+    assert log.current_A == pytest.approx(run.current_A, abs=1e-9)
+    assert role_of(said_by("direction of rotation")) == "direction"
+
+
+def test_a_message_that_lacks_a_value_is_a_row_all_the_same(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """JSON lines of which some have no current: none is dropped, and no other row's current stands there."""
+    rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    lines = [
+        json.dumps({"t_s": t, "speed_rad_s": w, "temp_degC": 20.0} | ({"current_A": c} if i % 7 else {}))
+        for i, (t, w, c) in enumerate(rows)
+    ]
+    (tmp_path / "a.jsonl").write_text("\n".join(lines))
+    log = rw_ekf.read(tmp_path / "a.jsonl")
+    assert len(log) == len(run)
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+
+
+def test_a_decimal_comma_between_labels_is_no_separator(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`n= -1957,5 rpm` is a half more than 1957."""
+
+    def comma(value: float) -> str:
+        return f"{value:.6f}".replace(".", ",")
+
+    text = _csv(run, "start", lambda i, t, w, c: f"t={comma(t)} s; n= {comma(w * RPM)} rpm; i={comma(c)} A")
+    (tmp_path / "a.txt").write_text(text)
+    log = rw_ekf.read(tmp_path / "a.txt")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-5)
+    assert log.current_A == pytest.approx(run.current_A, abs=1e-5)
+
+
+def test_two_wheels_in_one_log_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Which speed and which current belong together, no name says."""
+    text = _csv(
+        run, "t_s,rw1_rpm,rw2_rpm,rw1_A,rw2_A",
+        lambda i, t, w, c: f"{t!r},{w * RPM!r},{1.3 * w * RPM + 5!r},{c!r},{0.8 * c!r}",
+    )  # fmt: skip
+    asked = [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    assert asked == ["speed_rad_s", "current_A"]
