@@ -56,12 +56,14 @@ class RunWatches:
         limits = SafetyLimits.of(configuration.limits)
         exact = (resolution, noise, limits.silence_s, *constants.stribeck)
 
+        first = ParameterBelief(start.origin.prior.parameters, start.origin.prior.parameter_covariance)
+
         def belief() -> ParameterBelief:
             return ParameterBelief(estimator.parameters, estimator.parameter_covariance)
 
         self.check = TelemetryCheck(
             logger.warning,
-            (StuckWatch(*exact), StuckWatch(*exact, within_rad_s=_HUMS * self.step_rad_s)),
+            tuple(StuckWatch(*exact, within_rad_s=width, first=first) for width in (0.0, _HUMS * self.step_rad_s)),
             belief,
             CurrentWatch(limits.current_A) if writes else None,
             lambda: self.sign.confirmed or not configuration.command.confirm_sign,

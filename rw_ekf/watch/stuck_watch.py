@@ -8,9 +8,9 @@ still turns at that speed v, or it is stuck. If it is alive, the torque at v is 
 
 with phi = da/d(k, b, c, s), P their covariance and R the friction (model: [CK13 (1), (4)]). The last two terms are
 what a wheel may have beyond the model; at rest, where friction is known worst, a half of R stands in place of a
-tenth. No wheel has a gain or a friction that is negative by more than its sigma: there the value that the estimator
-started from is taken. What the effects of an augmented model add is taken from the estimator's own
-predictions, and half of it doubted. The least that the wheel must have moved, upward and, likewise, downward, is a
+tenth. No wheel has a gain or a friction that is negative by more than its sigma: there what the configuration
+believes is taken, not what runs before have learned. What the effects of an augmented model add is taken from the
+estimator's own predictions, and half of it doubted. The least that the wheel must have moved, upward and, likewise, downward, is a
 cumulative sum ([Page 1954], CUSUM) of the lower bound of (1),
 
     m_i = max(0, m_(i-1) + (a_i - 2 sd(a_i)) dt_i).                                                             (2)
@@ -90,10 +90,13 @@ class StuckWatch:
         stribeck_speed_rad_s: float,
         law: int,
         within_rad_s: float = 0.0,
+        first: ParameterBelief | None = None,
     ) -> None:
         """step_rad_s: resolution of a reading; noise_rad_s: its noise; silence_s: the age at which a reading is old.
 
-        within_rad_s: how far readings may lie apart and still count as one that repeats.
+        within_rad_s: how far readings may lie apart and still count as one that repeats. first: what the configuration
+        believes of the wheel, for where the estimator's belief can be no wheel's; else its belief at the first reading,
+        which may have been led astray by an earlier run.
         """
         self._step = max(step_rad_s, noise_rad_s)
         self._within = within_rad_s
@@ -106,7 +109,7 @@ class StuckWatch:
         self._last_s = self._since_s = 0.0
         self._repeats = 0
         self._belief: ParameterBelief | None = None
-        self._first: ParameterBelief | None = None  # before any reading: what the estimator started from
+        self._first = first  # that of before any reading
         self._counts: ParameterBelief | None = None  # the belief that counts, once a reading repeats,
         self._P: list[list[float]] = []  # and its covariance
         self._up = self._down = 0.0

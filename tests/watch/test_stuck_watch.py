@@ -274,3 +274,25 @@ def test_a_belief_that_no_wheel_can_have_accuses_none() -> None:
         for i in range(1, 100):
             judge.add(PERIOD_S * i, -1.3, current, lambda: absurd)
         assert judge.stuck is accused
+
+
+def test_a_belief_that_earlier_runs_led_astray_proves_nothing() -> None:
+    """A wheel that holds 15 rpm against a torque that the model lacks, believed with a negative friction: no alarm.
+
+    The estimator goes on from what such runs have learned: a viscous friction below zero by 4.6 of its sigmas, and the
+    others as narrow. Against that belief alone the wheel must have moved; the configuration's, which is a wheel's, says
+    that it need not.
+    """
+    stds = np.array([0.128, 0.0023, 0.013, 0.05])
+    astray = ParameterBelief(FrictionParameters(14.46, -0.0106, 0.173, 1.437), np.diag(stds * stds))
+    readings = 15.0 + np.random.default_rng(3).normal(0.0, 1.0, 40)
+    said = {}
+    for name, first in (("of earlier runs", None), ("of the configuration", PRIOR)):
+        noise = 1.0 * RAD_S_PER_RPM
+        judge = StuckWatch(0.5 * noise, noise, SILENCE_S, STRIBECK, GAUSS, within_rad_s=4.0 * noise, first=first)
+        judged = [
+            judge.add(PERIOD_S * i, float(reading) * RAD_S_PER_RPM, 0.071, lambda: astray)
+            for i, reading in enumerate(readings)
+        ]
+        said[name] = [one.news for one in judged if one.news]
+    assert said == {"of earlier runs": ["stuck"], "of the configuration": []}
