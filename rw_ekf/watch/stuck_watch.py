@@ -10,8 +10,8 @@ with phi = da/d(k, b, c, s), P their covariance and R the friction (model: [CK13
 what a wheel may have beyond the model; at rest, where friction is known worst, a half of R stands in place of a
 tenth. No wheel has a gain or a friction that is negative by more than its sigma: there what the configuration
 believes is taken, not what runs before have learned. What the effects of an augmented model add is taken from the
-estimator's own predictions, and half of it doubted. The least that the wheel must have moved, upward and, likewise, downward, is a
-cumulative sum ([Page 1954], CUSUM) of the lower bound of (1),
+estimator's own predictions, and half of it doubted. The least that the wheel must have moved, upward and, likewise,
+downward, is a cumulative sum ([Page 1954], CUSUM) of the lower bound of (1),
 
     m_i = max(0, m_(i-1) + (a_i - 2 sd(a_i)) dt_i).                                                             (2)
 
