@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.identify.misread import misreadings_and_questions
+from rw_ekf.identify.misread import left_unexplained, misreadings_and_questions
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
@@ -18,6 +18,9 @@ from rw_ekf.logs.map_text import comment, map_text
 from rw_ekf.logs.reader import log_of_table, read_table
 from rw_ekf.shown import Shown
 
+# Of the changes of speed over windows: 77 logs that are read rightly leave at most 0.23 (those whose readings are
+# filtered or late), wrong columns and wrong rows 0.17 to 1. 30 % less or more changes none of the 77.
+_UNEXPLAINED = 0.4
 COLUMNS_SCHEMA = "rw_ekf.columns/1"
 
 
@@ -94,6 +97,12 @@ def guessed_columns(
     try:
         log = log_of_table(table, map_of_guess(guess, str(path), layout))
         doubts, asked = misreadings_and_questions(log)
+        left = left_unexplained(log)
+        if not doubts and left is not None and left > _UNEXPLAINED:
+            doubts = (
+                f"read like this, drive and friction explain {100.0 * (1.0 - min(left, 1.0)):.0f} % of how the speed "
+                "changes: is one of the columns another wheel's, a set-point, or another quantity?",
+            )
     except RwEkfError as error:
         doubts, asked = (str(error),), ()
     if guess.says_units:  # then a machine may be of any size

@@ -67,6 +67,12 @@ def misreadings_and_questions(log: WheelLog, *, described: bool = False) -> tupl
     return found, tuple(asked)
 
 
+def left_unexplained(log: WheelLog) -> float | None:
+    """Share of the motion over windows that no gain and friction explain; None of a log too short, or not driven."""
+    held = None if log.faults else _held_against(log)
+    return None if held is None or not _is_driven(log, held[1]) else held[2].left
+
+
 def warnings_of(misread: tuple[str, ...], asked: tuple[str, ...] = ()) -> list[str]:
     """What a user is told of a log that is filtered or fitted all the same."""
     return [f"the log is misread, and no number here is a machine's: {text}" for text in misread] or list(asked)

@@ -75,6 +75,14 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     clocks = [clock for clock in found if clock is not None and (clock.is_clock or given is not None)]
     if clocks:
         clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank))
+        other = next((other for other in clocks if _contradict(clock, other)), None)
+        if other is not None and given is None:
+            both = [(one, columns[one.number]) for one in (clock, other)]
+            text = (
+                f"{both[0][1].shown} and {both[1][1].shown} say that the log lasts differently long: which is the time?"
+            )
+            guess.ask("time_s", text, *(Line("time_s", c.entry(one.unit), one.why) for one, c in both))
+            return clock
         _take_clock(clock, columns[clock.number], told, guess)
         return clock
     counter = _counter(table, columns)
@@ -91,6 +99,22 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     text = "no column is known to be the time: --set time=COLUMN, or `rate_hz` in the map."
     guess.ask("time_s", text, *(Line("time_s", c.entry("s"), "it rises") for c in rising[:3]))
     return None
+
+
+def _contradict(one: Clock, other: Clock) -> bool:
+    """Whether two clocks that run through say spans of time that differ, by more than either's steps."""
+    if (
+        one is other
+        or not (one.is_clock and other.is_clock)
+        or one.restarts
+        or other.restarts
+        or one.asks
+        or other.asks
+    ):
+        return False
+    spans = [float(np.ptp(clock.time_s)) for clock in (one, other)]
+    steps = max(float(np.max(np.diff(clock.time_s))) for clock in (one, other))
+    return abs(spans[0] - spans[1]) > 0.2 * max(spans) + 3.0 * steps
 
 
 def _is_even(clock: Clock) -> bool:

@@ -161,7 +161,7 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
             unit = unit_of(spelt) if not spelt[:1].isdigit() or spelt == tail else None
             if unit is not None and (len(plain_spelling(spelt)) > 1 or spelt in {"s", "A", "V", "N"}):
                 return name[: cut.start()], spelt, unit
-    if (unit := unit_of(name)) is not None and len(plain_spelling(name)) > 1:
+    if (unit := unit_of(name)) is not None and (len(plain_spelling(name)) > 1 or name == "A"):
         return name, name, unit
     symbol, _, tail = name.partition("/")  # as a table of physics has it: t/ms, I/mA
     if tail and unit_of(name) is None and (unit := unit_of(tail)) is not None:
