@@ -25,6 +25,7 @@ _COUNTERS_CALLED = (
 )  # fmt: skip
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
+_FED = ("supply", "battery", "batt", "bus", "netzteil", "versorgung", "alimentation", "alim", "fuente")
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 _NOTHING: tuple[str, dict[str, object]] = ("current_command_A", {"constant": 0.0})
 _CURRENTS: tuple[tuple[Role, str, str], ...] = (
@@ -199,7 +200,8 @@ def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
         column = chosen([c for c in columns if c.role == role and c.moves], what, name, guess)
         if column is None:
             continue
-        if role == "current" and column.said.has("supply") and not column.said.has("machine"):
+        fed = column.said.any_of(*_FED) or not column.said.has("machine")  # "motor supply current" is the supply's
+        if role == "current" and column.said.has("supply") and fed:
             text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
             guess.ask(name, text, Line(name, column.entry(column.unit), ""))
         else:

@@ -33,8 +33,8 @@ _WORDS: dict[str, frozenset[str]] = {
             "posizione q angular mechangle rotorangle count_enc",
         "current": "current currents curr cur amp amps ampere amperes amperage strom motorstrom iststrom courant "
             "corrente corriente stroem i iq im ia imot imotor isense "
-        "motorcurrent phasecurrent i_q iadc adci current_raw",
-        "supply": "netzteil versorgung fuente alim alimentation alimentazione netz "
+        "motorcurrent phasecurrent i_q idc iin iadc adci current_raw",
+        "supply": "idc iin netzteil versorgung fuente alim alimentation alimentazione netz "
             "bat batt battery supply input in bus dc psu line source mains charge quiescent total",
         "torque": "torque tau moment drehmoment couple par trq tq kraftmoment effort koppel",
         "force": "force kraft thrust",
