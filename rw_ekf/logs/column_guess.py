@@ -104,14 +104,7 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
 
 def _contradict(one: Clock, other: Clock) -> bool:
     """Whether two clocks that run through say spans of time that differ, by more than either's steps."""
-    if (
-        one is other
-        or not (one.is_clock and other.is_clock)
-        or one.restarts
-        or other.restarts
-        or one.asks
-        or other.asks
-    ):
+    if one is other or not all(clock.is_clock and not clock.restarts and not clock.asks for clock in (one, other)):
         return False
     spans = [float(np.ptp(clock.time_s)) for clock in (one, other)]
     steps = max(float(np.max(np.diff(clock.time_s))) for clock in (one, other))

@@ -26,9 +26,7 @@ _TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"
 _IN_FRONT = re.compile(rf"\s*\[?(?P<stamp>(?:{_DAY})?{_TIME}Z?)(?:\]|\]?\s*(?:->|=>|>{{1,3}}|\||:))\s*(?P<rest>\S.*)")
 _ANY_STAMP = re.compile(rf"\s*[\[(]?(?P<stamp>(?:{_DAY})?{_TIME}Z?)[\])]?\s*(?:->|>|\||:|,|-)?\s+(?P<rest>\S.*)")
 _NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|NaN|None|null"
-_DECIMAL_COMMA = re.compile(
-    r"(?<=[=:]\d),(?=\d)|(?<=[=:][\d+-]\d),(?=\d)|(?<=[=:][\d+-]\d\d),(?=\d)|(?<=[=:][\d+-]\d\d\d),(?=\d)|(?<=[=:][\d+-]\d{4}),(?=\d)"
-)
+_DECIMAL_COMMA = re.compile(r"([=:][+-]?\d+),(?=\d)")
 _COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")
 _PIECES = re.compile(r"[,;|\t{}]|\s{2,}")
 _UNIT = r"[A-Za-zµ°%][\w/%°^.\-]*"
@@ -95,7 +93,7 @@ def _labelled(line: str) -> list[tuple[str, str, str]]:
     if counted is not None:
         found.append(("time", counted["value"], counted["unit"] or ""))
         line = counted["rest"]
-    line = _DECIMAL_COMMA.sub(".", re.sub(r"([=:])\s+", r"\1", line))
+    line = _DECIMAL_COMMA.sub(r"\1.", re.sub(r"([=:])\s+", r"\1", line))
     for piece in filter(None, map(str.strip, _PIECES.split(line))):
         whole = _SPOKEN.fullmatch(piece)
         for match in [whole] if whole else _TERSE.finditer(piece):
