@@ -22,8 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         help="answer: a column by name or number from 0 (`current=3`, `speed=n:rpm`, `current=none`), or what else a"
-        " map "
-        "says of one (`current.unit=mA`, `speed.pole_pairs=7`, `current.scale=-1`)",
+        " map says of one (`current.unit=mA`, `speed.pole_pairs=7`, `current.scale=-1`); `only=wheel_id:2`: the rows of"
+        " one wheel",
     )
     parser.add_argument(
         "--columns", metavar="MAP", help="a map that says only how the file is laid out, or its `variable`"

@@ -23,9 +23,14 @@ class Answers:
         self._table = table
         self.columns: dict[str, int | None] = {}
         self.more: dict[str, dict[str, object]] = {}
+        self.only: tuple[str | int, str] | None = None  # a column, and which of its values
         for key, value in given.items():
             name, _, part = key.partition(".")
             name = _SHORT.get(name, name)
+            if key == "only":
+                column, _, wanted = value.rpartition(":")
+                self.only = table.names[self._number(column, key)] or self._number(column, key), wanted
+                continue
             if name not in READABLE_COLUMNS:
                 raise LogError(f"--set {key}={value}: {name} is none of a log's columns: {', '.join(READABLE_COLUMNS)}")
             if part:
@@ -50,6 +55,10 @@ class Answers:
         """Which column was given for one of these."""
         return next(((name, self.columns[name]) for name in names if name in self.columns), None)
 
+    def has(self, name: str) -> bool:
+        """Whether a column was given for what a line is called, in whichever unit."""
+        return self.of(*(("speed_rad_s", "speed_rpm") if name.startswith("speed_") else (name,))) is not None
+
     def unit(self, *names: str) -> str:
         """Which unit was given for one of these."""
         return next((str(self.more[name]["unit"]) for name in names if "unit" in self.more.get(name, {})), "")
@@ -62,7 +71,8 @@ class Answers:
         """Give what was set for columns that nothing asked for."""
         known = {line.name for line in guess.lines}
         for name, column in self.columns.items():
-            if name not in known and column is not None and name != "speed_rpm":
+            taken = any(other == name or (name.startswith("speed_") and other.startswith("speed_")) for other in known)
+            if not taken and column is not None and name != "speed_rpm":
                 key = self._table.names[column] or column
                 guess.take(name, self.with_more(name, {"column": key}), "as it was set")
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_doubts import ask_what_is_open
 from rw_ekf.logs.column_names import Role
 from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, chosen, columns_of
 from rw_ekf.logs.column_speed import find_speed
@@ -19,6 +20,7 @@ from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
+_UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
 _AMPERES = (0.02, 20.0)  # largest current that, with decimals and no unit, is in amperes: less moves no motor
 _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
@@ -51,7 +53,11 @@ def needs_guess(table: RawTable) -> bool:
 def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Guess:
     """Guess what the columns of a table are. answers: of `--set`: a column, or of NAME.unit a value."""
     told = Answers(answers or {}, table)
-    columns, guess = columns_of(table), Guess()
+    guess = Guess()
+    if told.only is not None:
+        guess.options["only"] = {"column": told.only[0], "value": told.only[1]}
+        table = table.of_only(*told.only)
+    columns = columns_of(table)
     clock = _find_time(table, columns, told, guess)
     time_s = None if clock is None else clock.time_s
     left = [column for column in columns if clock is None or column.number != clock.number]
@@ -60,6 +66,7 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Gue
     _find_drive(left, speed, told, guess)
     _find_further(left, speed, told, guess)
     told.add_unasked(guess)
+    ask_what_is_open(table, columns, told, guess)
     return guess
 
 
@@ -76,12 +83,12 @@ def _find_time(table: RawTable, columns: list[Column], told: Answers, guess: Gue
     clocks = [clock for clock in found if clock is not None and (clock.is_clock or given is not None)]
     if clocks:
         clock = max(clocks, key=lambda clock: (clock.is_clock, clock.rank))
-        other = next((other for other in clocks if _contradict(clock, other)), None)
+        other = next(
+            (other for other in clocks if _contradict(clock, other) or _of_two_signals(clock, other, columns)), None
+        )
         if other is not None and given is None:
             both = [(one, columns[one.number]) for one in (clock, other)]
-            text = (
-                f"{both[0][1].shown} and {both[1][1].shown} say that the log lasts differently long: which is the time?"
-            )
+            text = f"{both[0][1].shown} and {both[1][1].shown} do not tell the same time: which is the speed's?"
             guess.ask("time_s", text, *(Line("time_s", c.entry(one.unit), one.why) for one, c in both))
             return clock
         _take_clock(clock, columns[clock.number], told, guess)
@@ -109,6 +116,14 @@ def _contradict(one: Clock, other: Clock) -> bool:
     spans = [float(np.ptp(clock.time_s)) for clock in (one, other)]
     steps = max(float(np.max(np.diff(clock.time_s))) for clock in (one, other))
     return abs(spans[0] - spans[1]) > 0.2 * max(spans) + 3.0 * steps
+
+
+def _of_two_signals(one: Clock, other: Clock, columns: list[Column]) -> bool:
+    """Whether two clocks are of different signals by their names, and differ."""
+    said = [columns[clock.number].said for clock in (one, other)]
+    groups = [{name for name in ("speed", "current", "torque", "voltage") if each.has(name)} for each in said]
+    apart = bool(groups[0] and groups[1]) and not groups[0] & groups[1]
+    return apart and not np.allclose(one.time_s, other.time_s, rtol=0.0, atol=1.0e-3)
 
 
 def _is_even(clock: Clock) -> bool:
@@ -171,9 +186,10 @@ def _find_drive(columns: list[Column], speed: Column | None, told: Answers, gues
         return
     for role, note in _DRIVES:
         column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess)
-        if column is not None and role == "torque" and not (column.unit or told.unit("current_A")):
-            text = f"{column.shown} has no unit: a torque, in N m or mN m, or the current?"
-            guess.ask("current_A", text, *(Line("current_A", column.entry(unit), "") for unit in ("N m", "mN m", "A")))
+        if column is not None and role in _UNITS_OF_DRIVE and not (column.unit or told.unit("current_A")):
+            text = f"{column.shown} has no unit: a {role}, or the current?"
+            lines = (Line("current_A", column.entry(unit), "") for unit in (*_UNITS_OF_DRIVE[role], "A"))
+            guess.ask("current_A", text, *lines)
         elif column is not None:
             guess.take("current_A", told.with_more("current_A", column.entry(column.unit)), note)
             guess.notes.append(f"{column.shown}: {note}")

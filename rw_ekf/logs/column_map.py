@@ -9,6 +9,7 @@
     restarts: true                                        a segment begins wherever time falls back to its beginning
     repeats: drop                                         rows that repeat the one before; `spread`: coarse stamps
     variable: data    layout: cells                       what to take from a MATLAB file; a sheet, a group, a topic
+    only: {column: wheel, value: 2}                       rows of one wheel, where a column tells several apart
     dbc: wheel.dbc                                        what the frames of a CAN log mean; relative to the map
 
 `column: v` may be shortened to its name alone. The value is scale * column + offset. `unit: mA` takes the numbers
@@ -70,6 +71,7 @@ class ColumnMap:
     variable: str | None = None
     layout: MatlabLayout = "columns"
     dbc: str | None = None  # path
+    only: tuple[str | int, str] | None = None  # a column, and which of its values
 
     def uses(self, number: int, name: str) -> bool:
         """Whether a source takes the numbers of the column with this number or name; a direction may be in words."""
@@ -89,6 +91,8 @@ def as_written(value: object) -> str:
     """A value as a map has it: `1000`, not `1000.0`; a name in quotes where YAML asks for them."""
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {as_written(part)}' for key, part in value.items())}}}"
     if isinstance(value, str):
         plain = re.fullmatch(r"[A-Za-z_][\w.]*", value) and value.lower() not in _WORDS_OF_YAML
         return value if plain else json.dumps(value, ensure_ascii=False)

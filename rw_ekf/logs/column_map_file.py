@@ -139,6 +139,13 @@ def _unit_fits(entry: _Entry, name: str) -> None:
         refuse([(("unit",), f"is {shown(entry.unit)}, which is none of {name}: {known}")])
 
 
+class _Only(Section):
+    """Rows of one wheel, where a column tells several apart."""
+
+    column: Annotated[str | int, PlainValidator(_a_column)]
+    value: str | int | float = Key(description="what it has in the rows that are taken")
+
+
 class _Options(Section):
     """How a file is laid out, and which of its rows are taken."""
 
@@ -154,6 +161,7 @@ class _Options(Section):
     repeats: Repeats = Key("refuse", description="rows of a time that was there: refuse, drop, or spread")
     variable: str | None = Key(None, min_length=1, description="variable of a MATLAB file")
     layout: MatlabLayout = "columns"
+    only: _Only | None = Key(None, description="rows of one wheel: a column, and which of its values")
     dbc: str | None = Key(None, min_length=1, description="database of a CAN log, relative to the map")
 
     @model_validator(mode="after")
@@ -187,5 +195,6 @@ def column_map_from(document: YamlDocument) -> ColumnMap:
         repeats=found.repeats,
         variable=found.variable,
         layout=found.layout,
+        only=None if found.only is None else (found.only.column, f"{found.only.value}"),
         dbc=None if found.dbc is None else str(Path(document.path).parent / found.dbc),
     )

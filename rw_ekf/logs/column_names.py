@@ -20,6 +20,7 @@ _WORDS: dict[str, frozenset[str]] = {
         "set": "mandada mandado comandada ordenada consigna ref reference "
             "set setpoint sp cmd command commanded target desired des demand soll sollwert vorgabe "
             "consigne goal request "
+        "dem demanded order ordered sv profile profil traj trajectory nset iset planned program programme "
         "requested req wanted setspeed setcurrent sollstrom solldrehzahl",
         "time": "time timestamp timestamps zeit temps tiempo tempo tijd tid aika czas elapsed clock stamp ts uhrzeit"
             " zeitstempel datetime date datum "

@@ -158,8 +158,15 @@ def columns_of(table: RawTable) -> list[Column]:
             values = np.full(table.rows, np.nan)
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
-        found.append(Column(number, name, said, role_of(said) if name else "other", values, key, remark))
+        role = role_of(said) if name else "other"
+        if role == "speed" and said.unit is None and _counts_rows(values):
+            role = "count"
+        found.append(Column(number, name, said, role, values, key, remark))
     return found
+
+
+def _counts_rows(values: Float64Array) -> bool:
+    return values.size > 2 and bool(np.all(np.diff(values) == 1.0))
 
 
 def _dictionary(table: RawTable) -> dict[str, str]:

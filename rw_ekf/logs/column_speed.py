@@ -192,9 +192,15 @@ _PER_TURN = tuple(
 )
 
 
+_QUADRATURE = re.compile(r"quadratur|\b(x4|4x)\b|\blines?\b|\bppr\b|\d+ppr\b|\bslots?\b|strich", re.IGNORECASE)
+
+
 def _per_turn(table: RawTable, column: Column) -> float | None:
     """How many counts a turn has, where a name or a line above the names says so."""
-    for text in (column.name, *table.preamble, *table.names):
+    texts = (column.name, column.remark, *table.preamble, *table.names)
+    if any(_QUADRATURE.search(text) for text in texts):
+        return None  # lines of a disc, or their four edges?
+    for text in texts:
         match = next((found for pattern in _PER_TURN if (found := pattern.search(text))), None)
         if match is not None:
             return float(match[1])

@@ -27,7 +27,9 @@ _TICK_RATE = re.compile(rf"{_COUNTER_WORDS}[^\d]{{0,25}}{_HERTZ}", re.IGNORECASE
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _OTHER_RATE = re.compile(
-    r"pwm|switch|cut.?off|filter|baud|carrier|mains|clock|netz|tick|timer|counter|interrupt", re.IGNORECASE
+    r"excit|chirp|\badc\b|\bdac\b|oversampl|decimat|averag|anregung|"
+    r"pwm|switch|cut.?off|filter|baud|carrier|mains|clock|netz|tick|timer|counter|interrupt",
+    re.IGNORECASE,
 )
 
 
@@ -146,7 +148,8 @@ def ticks_a_second(texts: Iterable[str]) -> tuple[float, str] | None:
 
 
 def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
-    """Rows a second, and the words that say so, where a line above the names has them."""
+    """Rows a second, and the words that say so, where lines above the names have them and agree."""
+    found: list[tuple[float, str]] = []
     for text in texts:
         if _OTHER_RATE.search(text):
             continue
@@ -162,5 +165,5 @@ def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
             continue
         rate = {"hz": value, "khz": 1e3 * value, "ms": 1e3 / value, "us": 1e6 / value}.get(unit, 1.0 / value)
         if 0.1 <= rate <= 1e5:
-            return rate, match[0]
-    return None
+            found.append((rate, match[0]))
+    return found[0] if found and all(abs(rate - found[0][0]) < 1e-3 * rate for rate, _ in found) else None

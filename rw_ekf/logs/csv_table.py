@@ -73,7 +73,7 @@ def read_csv_table(
     above = bool(found.names) and found.first_line > 1  # names have a line of their own, as a rule
     plain = CsvLayout(",", found.first_line - 1 - above, above)
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
-    read.preamble, read.names = found.preamble, found.names or read.names
+    read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]

@@ -31,6 +31,7 @@ class RawTable:
     preamble: tuple[str, ...] = ()  # lines of a text above the names, or what stands beside the numbers as `key: value`
     units: dict[str, str] = field(default_factory=dict)  # by name of column, where the file has them beside the names
     remarks: dict[str, str] = field(default_factory=dict)  # by name of column: what the file says of it in prose
+    doubts: tuple[str, ...] = ()  # sentences on what its layout leaves open: which cell is whose, what a comma means
 
     def index_of(self, name: str) -> int | None:
         """Position of the column called `name`; None if there is none. Raises LogError if the name is repeated."""
@@ -98,6 +99,29 @@ class RawTable:
         column = self.columns[index]
         return isinstance(column, np.ndarray) or _is_number(column.type)
 
+    def distinct(self, index: int, most: int) -> list[str]:
+        """The different values of the column at `index`, as text in order; none where there are more than `most`."""
+        column = self.columns[index]
+        values = np.unique(column[np.isfinite(column)]) if isinstance(column, np.ndarray) else column.unique()
+        if len(values) > most + 1:
+            return []
+        held = [value for value in _listed(values) if value is not None and str(value) != "nan"]
+        return sorted(_spelt(value) for value in held) if len(held) <= most else []
+
+    def of_only(self, key: str | int, value: str) -> RawTable:
+        """The rows in which a column, by name or number, has a value. Raises LogError where none has."""
+        index = key if isinstance(key, int) else self.index_of(key)
+        if index is None or index >= len(self.names):
+            raise LogError(f"{self.path}: has no column {key!r} to choose rows by; it has {self.described_columns()}")
+        column = self.columns[index]
+        rows = np.flatnonzero([cell is not None and _spelt(cell) == value for cell in _listed(column)])
+        if not rows.size:
+            known = ", ".join(self.distinct(index, MAX_NAMES_SHOWN)) or "others"
+            raise LogError(f"{self.path}: no row has {value!r} in column {key!r}, which holds {known}")
+        columns = [column[rows] if isinstance(column, np.ndarray) else column.take(rows) for column in self.columns]
+        place = self.place
+        return replace(self, columns=columns, rows=len(rows), place=lambda row: place(int(rows[row])))
+
     def begin_segment(self, number: int) -> None:
         """Set the segments apart from those of other tables, where there are any: rows are missing before the first."""
         index = self.index_of("segment")
@@ -141,6 +165,16 @@ def stacked(tables: list[RawTable], name: str) -> RawTable:
     columns = [_stacked_column([table.columns[index] for table in tables]) for index in range(len(first.names))]
     warnings = [text for table in tables for text in table.warnings]
     return RawTable(name, first.names, columns, int(begins[-1]), place, warnings)
+
+
+def _listed(column: Any) -> list[Any]:
+    held: list[Any] = column.tolist() if isinstance(column, np.ndarray) else column.to_pylist()
+    return held
+
+
+def _spelt(value: Any) -> str:
+    """A cell as a text by which it is found: `1`, be it read as 1.0."""
+    return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
 def _is_number(kind: Any) -> bool:

@@ -91,6 +91,8 @@ def _log_of_any(table: RawTable, column_map: ColumnMap) -> WheelLog:
 
 def log_of_table(table: RawTable, columns: ColumnMap) -> WheelLog:
     """A log of a table that has been read. Raises LogError as `read_log`."""
+    if columns.only is not None:
+        table = table.of_only(*columns.only)
     if columns.reverse:
         table = table.reversed()
     return _assemble(table, map_columns(table, columns), columns)

@@ -32,6 +32,7 @@ _NUMBER = re.compile(
 )
 _COMMA_NUMBER = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d+|)(,\d+)?([eE][+-]?\d+)?")
 _GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
+_THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
 _STAMP = re.compile(
     r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|\d{1,2}[- ]?[A-Za-z]{3}[- ]?\d{2,4})?[T ]?"
     r"(\d{1,3}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}:?\d{2}| ?UTC)?"
@@ -65,6 +66,7 @@ class TextLayout:
     remarks: tuple[str, ...] = ()  # of each column, where a row above has them
     form: LineForm = NO_FORM  # what makes its lines rows of cells
     begins_with_value: bool = False  # whether each row does
+    doubts: tuple[str, ...] = ()  # what of it could be otherwise
 
     @property
     def grouping(self) -> tuple[str, re.Pattern[str]]:
@@ -222,8 +224,11 @@ def layout_of(
     best = max(score for score, *_ in found)
     _, layout, begins, _ = next(item for item in found if item[0] == best)
     lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped else lines
-    layout = replace(layout, thousands=_has_thousands(lines[begins:_LOOKED_AT], layout))
-    return _with_names(lines[:begins], lines[begins:_LOOKED_AT], layout, skip_rows)
+    data = lines[begins:_LOOKED_AT]
+    layout = replace(
+        layout, thousands=_has_thousands(data, layout), doubts=_points_of_thousands(lines[begins:], layout)
+    )
+    return _with_names(lines[:begins], data, layout, skip_rows)
 
 
 def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, TextLayout, float, int]:
@@ -268,6 +273,38 @@ def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
     return any(mark in cell and grouped.fullmatch(cell) for line in rows for cell in layout.cells(line))
 
 
+def _points_of_thousands(rows: list[str], layout: TextLayout) -> tuple[str, ...]:
+    """A sentence where a point may stand between thousands: behind it are three digits, or there is none at all."""
+    if layout.decimal == "," or layout.thousands:
+        return ()
+    cells = [row for line in rows if layout.is_data(row := layout.filled(line))]
+    for number, column in enumerate(itertools.zip_longest(*cells, fillvalue="")):
+        filled = [cell for cell in column if cell]
+        pointed = [cell for cell in filled if _THOUSAND.fullmatch(cell)]
+        whole = [cell for cell in filled if cell.lstrip("+-").isdigit()]
+        if len(pointed) >= _AGREE and len(whole) >= _AGREE and len(pointed) + len(whole) == len(filled):
+            return (
+                f"In column {number}, numbers have three digits behind a point ({pointed[0]}) or none ({whole[0]}): "
+                "is the point between thousands? `decimal: ','` in a map says so.",
+            )
+    return ()
+
+
+def _odd_header(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> tuple[str, ...]:
+    """A sentence where the names are more or fewer than a row's cells; a date behind the names is none of them."""
+    count = len(names)
+    while count and (not names[count - 1] or layout.is_value(names[count - 1]) or _STAMP.fullmatch(names[count - 1])):
+        count -= 1
+    widths = Counter(
+        (len(cells), len(without_trailing(list(cells)))) for line in rows if layout.is_data(cells := layout.cells(line))
+    )
+    if not count or any(filled <= count <= whole for whole, filled in widths):
+        return ()
+    (_, usual), _ = widths.most_common(1)[0]
+    lacks = "cell" if count > usual else "name"
+    return (f"The names are {count} and a row has {usual} cells: which of them has no {lacks}?",)
+
+
 def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
     described = _described(before[skip_rows:], layout)
@@ -297,12 +334,13 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
     ragged = _shift(names, rows, layout)
+    doubts = layout.doubts if ragged or not names else (*layout.doubts, *_odd_header(names, rows, layout))
     if ragged:
         names, units = ("", *names), ("", *units) if units else ()
     names, units = _fitted(names, layout.width), _fitted(units, layout.width)
     if units:
         names = tuple(map(with_unit, names, units))
-    return replace(layout, names=names, preamble=preamble, remarks=remarks)
+    return replace(layout, names=names, preamble=preamble, remarks=remarks, doubts=doubts)
 
 
 def _by_position(

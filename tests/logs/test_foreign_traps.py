@@ -124,3 +124,90 @@ def test_two_wheels_in_one_log_are_asked_about(tmp_path: Path, run: rw_ekf.Log) 
     )  # fmt: skip
     asked = [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
     assert asked == ["speed_rad_s", "current_A"]
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t_s,n_el [rpm],current_A", "t_s,omega_e [rad/s],current_A", "t_s,we [rad/s],current_A",
+        "t_s,speed_dem_rpm,current_A", "t_s,w_d [rad/s],current_A", "t_s,Profile_rpm,current_A",
+        "t_s,fan_rpm,current_A", "t_s,gyro_z_rpm,current_A", "t_s,hall_freq_Hz,current_A", "t_s,omega [1/s],current_A",
+        "t_s,rpm x10,current_A", "t_s,rpm/10,current_A", "t_s,rpm,I [1/10 A]", "t_s,rpm [rad/s],current_A",
+        "# speed scale factor 0.1\nt_s,rpm,current_A", "t_s,rw1_rpm,rw2_current_A",
+        "t_s,temp_degC,rpm,current_A", "t_s,rpm",
+    ],
+)  # fmt: skip
+def test_what_no_motion_speaks_against_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
+    """Electrical, wanted, scaled or another machine's numbers move as a wheel's do: what names hint at is asked."""
+    found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}"))
+    assert found.guess.questions, found.guess.mapping()
+
+
+def test_a_set_point_beside_the_reading_is_passed_over(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`SV` is what was wanted and `PV` what came of it; a column `n` that counts the rows is no speed."""
+    text = _csv(run, "n,t_s,SV [rpm],PV [rpm],current_A", lambda i, t, w, c: f"{i},{t!r},100,{w * RPM!r},{c!r}")
+    found = _guess(tmp_path / "a.csv", text)
+    assert found.guess.mapping()["speed_rpm"] == {"column": "PV [rpm]"}
+    rows = _csv(run, "n;t;current_A", lambda i, t, w, c: f"{i};{t!r};{c!r}")
+    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "b.csv", rows).guess.questions]
+
+
+def test_what_was_set_is_not_asked_again(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Who names the column has looked at it."""
+    text = _csv(run, "t_s,spindle_rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    assert _guess(tmp_path / "a.csv", text).guess.questions
+    assert rw_ekf.guess_columns(tmp_path / "a.csv", speed="spindle_rpm").is_certain
+
+
+def test_the_rows_of_one_wheel_are_taken_where_an_id_tells_them_apart(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Two wheels in turn are asked about; `--set only=` takes one of them, and the map that is written does too."""
+    text = _csv(
+        run, "t_s,wheel_id,rpm,current_A",
+        lambda i, t, w, c: f"{t!r},1,{0.7 * w * RPM!r},{0.3 * c!r}\n{t!r},2,{w * RPM!r},{c!r}",
+    )  # fmt: skip
+    asked = _guess(tmp_path / "a.csv", text).guess.questions
+    assert [question.name for question in asked] == ["only"]
+    chosen = rw_ekf.guess_columns(tmp_path / "a.csv", only="wheel_id:2")
+    assert chosen.is_certain
+    chosen.save(tmp_path / "map.yaml")
+    log = rw_ekf.read(tmp_path / "a.csv", columns=tmp_path / "map.yaml")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-9)
+    with pytest.raises(rw_ekf.errors.LogError, match="no row has '3' in column 'wheel_id', which holds 1, 2"):
+        rw_ekf.guess_columns(tmp_path / "a.csv", only="wheel_id:3")
+
+
+def test_clocks_of_two_signals_that_differ_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """A current with a clock of its own was not measured when the speed beside it was."""
+    text = _csv(
+        run, "t_speed_s,rpm,t_current_s,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{t - 1.7!r},{c!r}"
+    )  # fmt: skip
+    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_rates_that_are_of_something_else_or_differ_are_none(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """An excitation's, one before decimation, and two that contradict each other."""
+    for text in (
+        "# excitation rate 50 Hz",
+        "# ADC sampling rate 1 kHz, decimated by 100",
+        "# rate 10 Hz\n# rate 20 Hz",
+    ):
+        found = _guess(tmp_path / "a.csv", _csv(run, f"{text}\nrpm,current_A", lambda i, t, w, c: f"{w * RPM!r},{c!r}"))
+        assert "time_s" in [question.name for question in found.guess.questions], text
+
+
+def test_lines_of_a_disc_are_no_counts_of_a_turn(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """1024 lines have 4096 edges: whether they are counted is asked."""
+    count = np.cumsum(run.speed_rad_s).astype(int)
+    text = _csv(
+        run, "# encoder: 1024 lines per turn\nt_s,enc_counts,current_A", lambda i, t, w, c: f"{t},{count[i]},{c!r}"
+    )
+    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_a_point_that_may_be_between_thousands_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`1.234` beside `987`, and never another number of digits behind the point."""
+    text = _csv(
+        run, "t_s;rpm;current_A",
+        lambda i, t, w, c: f"{t:.1f};{f'{int(90 * w * RPM):,d}'.replace(',', '.')};{c:.3f}",
+    )  # fmt: skip
+    assert "layout" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]

@@ -1,0 +1,163 @@
+"""What stays open though a guess fits: a word, a factor or a second wheel that no number of the log can speak against.
+
+A motor of another size moves as this one does, so a speed that is electrical, ten times too large or another machine's
+passes every test of motion. What hints at that in a name or beside it is a question, each answered with `--set`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_names import Said, role_of, said_by
+from rw_ekf.logs.column_records import Column, Guess, Line
+from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.raw_table import RawTable
+
+_MOST_WHEELS = 16  # in one file
+_ELECTRICAL = ("electrical", "elec", "elek", "elect", "elektrisch", "el", "we", "ne", "omegae", "thetae", "phie")
+_SYMBOLS = frozenset(["omega", "w", "n", "theta", "phi", "q", "speed", "vel", "rpm"])
+_LETTERS = {"e": "electrical", "d": "desired, or of the d axis", "s": "of the stator's field", "c": "commanded"}
+_OTHER_MACHINES = (
+    "fan", "pump", "spindle", "turntable", "platform", "body", "satellite", "spacecraft", "gimbal", "gyro", "imu",
+    "load", "dyno",
+)  # fmt: skip
+_OF_PULSES = ("freq", "frequency", "frequenz", "hall", "inverter", "umrichter", "pulse", "pulses", "tacho", "fg")
+_PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
+_TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
+_FACTOR = re.compile(r"[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*[a-z]?Hz|[a-z])", re.IGNORECASE)
+_SCALED = re.compile(
+    r"\b(scale[ds]?|scaling|factor|faktor|multipl\w*|divided|gain|lsb|skalier\w*)\b[^\d\n]{0,25}"
+    r"(?P<number>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?|[.,]\d+)",
+    re.IGNORECASE,
+)
+_NO_SCALE = re.compile(
+    r"appl(y|ied)|already|in SI|vertical|horizontal|full.?scale|time.?scale|axis|plot", re.IGNORECASE
+)
+_IDS = frozenset((
+    "id", "wheel", "rw", "unit", "motor", "axis", "node", "device", "dev", "serial", "sn", "name", "address", "addr",
+    "wheelid", "motorid", "rwid",
+))  # fmt: skip
+_BESIDE_IDS = frozenset(["no", "nr", "num", "number", "index", "idx", "of", "the"])
+_INSTANCE = re.compile(r"(?:wheel|rw|motor|axis|unit|rad|roue|rueda)[\W_]?(?P<which>\d{1,2}|[A-D])(?![A-Za-z0-9])")
+
+
+class _Taken(NamedTuple):
+    """A line of the map, and the column that it takes."""
+
+    line: Line
+    column: Column
+
+
+def ask_what_is_open(table: RawTable, columns: Sequence[Column], told: Answers, guess: Guess) -> None:
+    """Add the questions to a guess that has none yet; what was answered with `--set` is asked no more."""
+    for text in table.doubts:
+        guess.ask("layout", f"{text} Mend the file, or write a map by hand.")
+    _ask_which_wheel(table, columns, guess)
+    by_key = {column.key: column for column in columns}
+    lines = [(line, by_key.get(_key(line))) for line in guess.lines]
+    taken = [_Taken(line, column) for line, column in lines if column is not None and not told.has(line.name)]
+    for one in taken:
+        doubt = next(_doubts(one, table, told), None)
+        if doubt is not None:
+            guess.lines.remove(one.line)
+            guess.ask(one.line.name, doubt[0], *doubt[1])
+    _ask_whose_current(taken, guess)
+
+
+def _key(line: Line) -> str | int:
+    key = line.entry.get("column", line.entry.get("derivative_of", -1))
+    return key if isinstance(key, str | int) else -1
+
+
+def _doubts(one: _Taken, table: RawTable, told: Answers) -> Iterator[tuple[str, tuple[Line, ...]]]:
+    """Texts and answers of what is open of one column."""
+    line, column = one
+    if line.name not in ("speed_rad_s", "speed_rpm", "current_A", "current_command_A"):
+        return
+    if factor := _factor(column, table):
+        yield f"{column.shown}: by {factor!r} its numbers are scaled; are they still?", (line,)
+    contradicting = _contradicting_unit(column, table)
+    if contradicting and not told.unit(line.name):
+        yield f"{column.shown} says one unit, and {contradicting!r} beside it another: which?", (line,)
+    if line.name.startswith("speed"):
+        yield from _doubts_of_speed(one, bool(told.unit("speed_rad_s", "speed_rpm")))
+
+
+def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
+    line, column = one
+    said, unit = column.said, column.said.unit
+    letters = [letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS]
+    per = unit is not None and bool(unit.per)
+    if not per and (said.any_of(*_ELECTRICAL) or "e" in letters):
+        yield f"{column.shown} may be electrical: is it the wheel's own, or how many pole pairs divide it?", (line,)
+    elif letters:
+        yield (
+            f"{column.shown}: '{letters[0]}' may be {_LETTERS[letters[0]]}: is it the wheel's measured speed?",
+            (line,),
+        )
+    if said.any_of(*_OTHER_MACHINES) and not said.any_of("wheel", "rw", "flywheel", "schwungrad"):
+        yield f"{column.shown} may be another machine's: is it the wheel's speed?", (line,)
+    if unit is None or unit_was_set or unit.quantity != "speed":
+        return
+    if unit == unit_of("Hz") and said.any_of(*_OF_PULSES):
+        yield f"{column.shown} may count pulses or electrical periods: how many are a turn?", (line,)
+    bare = said.unit_text.replace("^", "").replace(" ", "").strip("[]()").lower()
+    if bare in _PER_SECOND and not said.any_of(*_TURNS_BY_NAME):
+        answers = (replace(line, entry=line.entry | {"unit": spelt}) for spelt in ("rad/s", "rev/s"))
+        yield f"{column.shown}: radians or turns a second?", tuple(answers)
+
+
+def _factor(column: Column, table: RawTable) -> str:
+    """What says, in a name, in a remark or above the names, that the numbers of a column are scaled."""
+    if (match := _FACTOR.search(column.name)) is not None:
+        return match[0].strip()
+    words = {word for word in said_by(column.name).words if len(word) > 1}
+    lines = [line for line in table.preamble if _speaks_of(said_by(line), column, words)]
+    for text in (column.remark, *lines):
+        match = None if _NO_SCALE.search(text) else _SCALED.search(text)
+        if match is not None and float(match["number"].replace(",", ".")) != 1.0:
+            return match[0].strip()
+    return ""
+
+
+def _speaks_of(said: Said, column: Column, words: set[str]) -> bool:
+    return bool(words & said.words) or role_of(said._replace(unit=None)) == column.role
+
+
+def _contradicting_unit(column: Column, table: RawTable) -> str:
+    """A unit beside a column that is not the one in its name."""
+    beside = table.units.get(column.name, "")
+    known, spelt = unit_of(beside) if beside else None, said_by(column.name)
+    if known is not None and spelt.unit is not None and known != spelt.unit:
+        return beside
+    for word, unit in (("rpm", unit_of("rpm")), ("erpm", unit_of("erpm")), ("krpm", unit_of("krpm"))):
+        if spelt.any_of(word) and spelt.unit is not None and spelt.unit != unit and spelt.unit.quantity == "speed":
+            return word
+    return ""
+
+
+def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -> None:
+    """Ask where a column tells several wheels apart."""
+    for column in columns:
+        words = {word for word in column.said.words if "_" not in word} - _BESIDE_IDS
+        if column.said.unit is not None or not words or not words <= _IDS:
+            continue
+        found = table.distinct(column.number, _MOST_WHEELS)
+        if len(found) > 1:
+            shown = ", ".join(found[:8])
+            text = f"{column.shown} tells {len(found)} of them apart ({shown}), and a log is of one"
+            guess.ask("only", f"{text}: --set only={column.name}:{found[0]}.")
+
+
+def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:
+    """Ask where speed and current are of wheels of different numbers."""
+    named = {one.line.name.split("_")[0]: one for one in taken if _INSTANCE.search(one.column.name)}
+    if {"speed", "current"} <= named.keys():
+        speed, current = named["speed"].column, named["current"].column
+        which = [{match["which"] for match in _INSTANCE.finditer(one.name)} for one in (speed, current)]
+        if not which[0] & which[1]:
+            guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")
