@@ -192,19 +192,19 @@ _PER_TURN = tuple(
 )
 
 
+_COUNTS = re.compile(r"(\d{2,8})\s*(?:counts?|cnts?|inc\w*)\s*(?:/|per\s|pro\s)\s*(?:turn|rev|u\b|umdr)", re.IGNORECASE)
 _QUADRATURE = re.compile(r"quadratur|\b(x4|4x)\b|\blines?\b|\bppr\b|\d+ppr\b|\bslots?\b|strich", re.IGNORECASE)
 
 
 def _per_turn(table: RawTable, column: Column) -> float | None:
     """How many counts a turn has, where a name or a line above the names says so."""
     texts = (column.name, column.remark, *table.preamble, *table.names)
-    if any(_QUADRATURE.search(text) for text in texts):
+    told = next((found for text in texts if (found := _COUNTS.search(text))), None)
+    if told is None and any(_QUADRATURE.search(text) for text in texts):
         return None  # lines of a disc, or their four edges?
-    for text in texts:
-        match = next((found for pattern in _PER_TURN if (found := pattern.search(text))), None)
-        if match is not None:
-            return float(match[1])
-    return None
+    every = (found for text in texts for pattern in _PER_TURN if (found := pattern.search(text)))
+    match = told or next(every, None)
+    return None if match is None else float(match[1])
 
 
 def _direction(columns: list[Column], speed: Column) -> Column | None:

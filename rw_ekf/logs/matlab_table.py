@@ -41,7 +41,7 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
         if layout != "columns":
             raise LogError(f"{name}: layout '{layout}' needs `variable`, one of: {', '.join(content) or 'none'}")
         structs = [value for value in content.values() if np.asarray(value).dtype.names]
-        if structs and not (_vectors(content) or labelled_matrix(content)):
+        if structs and not (len(_vectors(content)) > 1 or labelled_matrix(content)):  # one is a time beside them
             several = len(structs) > 1 and sum(bool(_vectors(_fields(np.asarray(s)))) for s in structs) > 1
             for value in list(content.values()):  # the only struct with vectors, and what others say beside it
                 if np.asarray(value).dtype.names and not several:
@@ -114,20 +114,28 @@ def _columns_of(value: Any, name: str, variable: str, layout: str) -> list[tuple
 def _fields(array: Any, path: str = "") -> dict[str, Any]:
     """What a struct or an array of structs holds, and those within it, by path: `X.Data`, `Y[2].Data`, from 0.
 
-    The `Data` of one that has a `Name` goes by that name unless another has it already (a dSPACE recording).
+    What one holds goes by its name where it has one that no other has: `Name` and `Data` of a dSPACE recording, `label`
+    and `values` of Simulink's structure with time.
     """
     records = array.reshape(-1)
     found: dict[str, Any] = {}
     for number, record in enumerate(records):
         place = path if len(records) == 1 else f"{path}[{number}]"
-        own = _text(record["Name"]) if "Name" in array.dtype.names else ""
+        named = (pair for pair in _NAMED if {*pair} <= {*array.dtype.names} and _text(record[pair[0]]))
+        key, data = next(named, ("", ""))
+        own = _text(record[key]) if key else ""
+        if own and own not in found:
+            place = own
         for field in array.dtype.names:
             value, name = np.asarray(record[field]), f"{place}.{field}".lstrip(".")
             if value.dtype.names:
                 found |= _fields(value, name)
             else:
-                found[own if field == "Data" and own and own not in found else name] = value
+                found[own if field == data and place == own else name] = value
     return found
+
+
+_NAMED = (("Name", "Data"), ("label", "values"), ("title", "values"), ("blockName", "values"))
 
 
 def _text(value: Any) -> str:

@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 from rw_ekf.logs.text_layout import TextLayout, lines_of
 
+_NEARLY_ALL = 0.9  # of the rows are whole where a shorter one is a damaged one, and no row whose last cells are empty
+_UNREADABLE = "\N{REPLACEMENT CHARACTER}"
+
 
 class PlainText(NamedTuple):
     """UTF-8 text with commas, points and a row of names; what is no row of the table has become a blank line."""
@@ -23,23 +26,28 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
     if layout.names and out:
         out[-1] = _row(list(layout.names))
     left_out = []
-    for number in range(layout.first_line - 1, len(lines)):
-        line = lines[number]
-        if not line.strip():
+    rows = [_cells(line, layout) for line in lines[layout.first_line - 1 :]]
+    whole = sum(len(cells) >= layout.width for cells in rows)
+    least = layout.width if whole > _NEARLY_ALL * sum(map(bool, rows)) else 1
+    for number, cells in enumerate(rows, layout.first_line):
+        last = number == len(lines)  # it may be torn, which its reader sees by its width
+        if len(cells) < least and not (last and cells):
+            if lines[number - 1].strip():
+                left_out.append(number)
             out.append("")
             continue
-        cells = layout.cells(line)
-        while len(cells) > layout.width and not cells[-1]:
-            cells.pop()
-        if not layout.is_data(cells):
-            left_out.append(number + 1)
-            out.append("")
-            continue
-        if number < len(lines) - 1:  # the last one may be torn, which its reader sees by its width
-            cells += [""] * (layout.width - len(cells))
-        out.append(_row([layout.number(cell) for cell in cells]))
+        filled = cells if last else [*cells, *[""] * (layout.width - len(cells))]
+        out.append(_row(["" if _UNREADABLE in cell else layout.number(cell) for cell in filled]))
     ended = "\n" if text[-4:].translate(None, b"\0").endswith((b"\n", b"\r")) else ""
     return PlainText(("\n".join(out) + ended).encode(), tuple(left_out))
+
+
+def _cells(line: str, layout: TextLayout) -> list[str]:
+    """The cells of a row of data; none of any other line."""
+    cells = layout.cells(line) if line.strip() else []
+    while len(cells) > layout.width and not cells[-1]:
+        cells.pop()
+    return cells if layout.is_data(cells) else []
 
 
 def _row(cells: list[str]) -> str:

@@ -318,6 +318,8 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     if taken and (cells := _header_cells(above[taken - 1][1], layout)) and _are_names(cells, layout):
         names = tuple(cells)
         taken -= 1
+    if described.get("names") and not names:
+        names, units = described["names"], described.get("units", units)
     if units and not names:
         names, units = units, ()
     columned = _by_position(before[skip_rows:], rows, layout)
@@ -327,9 +329,7 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     if described and not units:
         units = described.get("units", ())
     remarks = described.get("remarks", ())
-    if described and not names:
-        names = described.get("names", ())
-    elif described:
+    if described and names != described.get("names"):
         remarks = remarks or described.get("names", ())
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+import rw_ekf
 from rw_ekf.errors import ConfigError, LogError
 from rw_ekf.logs.column_map import load_column_map
 from rw_ekf.logs.reader import read_log
@@ -186,6 +187,22 @@ def test_structs_within_a_struct(tmp_path: Path) -> None:
             log = read_log(path, columns)
             assert log.speed_rad_s.tolist() == [1, 2, 3]
             assert log.current_A.tolist() == [sign * 5, sign * 6, sign * 7]
+
+
+def test_recordings_that_name_their_channels(tmp_path: Path) -> None:
+    """A unit within a named channel (dSPACE), labels of a structure with time (Simulink) beside a stray vector."""
+    t = 0.1 * np.arange(600.0)
+    w, u = 30.0 * np.sin(0.2 * t), np.cos(0.2 * t)
+    channels = np.zeros(2, dtype=[("Name", object), ("Data", object), ("Unit", object)])
+    channels[0], channels[1] = ("omega", w, "rad/s"), ("i_q", u, "A")
+    savemat(tmp_path / "d.mat", {"rec": {"X": {"Name": "Time", "Data": t, "Unit": "s"}, "Y": channels}})
+    signals = np.zeros(2, dtype=[("values", object), ("label", object)])
+    signals[0], signals[1] = (w, "omega_m (rad/s)"), (u, "Im (A)")
+    savemat(tmp_path / "s.mat", {"ScopeData": {"time": t, "signals": signals}, "tout": t})
+    for name in ("d.mat", "s.mat"):
+        log = rw_ekf.read(tmp_path / name)
+        assert log.speed_rad_s == pytest.approx(w)
+        assert log.current_A == pytest.approx(u)
 
 
 @pytest.mark.parametrize(

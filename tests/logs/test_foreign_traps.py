@@ -202,6 +202,9 @@ def test_lines_of_a_disc_are_no_counts_of_a_turn(tmp_path: Path, run: rw_ekf.Log
         run, "# encoder: 1024 lines per turn\nt_s,enc_counts,current_A", lambda i, t, w, c: f"{t},{count[i]},{c!r}"
     )
     assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    told = text.replace("1024 lines per turn", "1024 lines, x4 decoding = 4096 counts/rev")
+    line = next(line for line in _guess(tmp_path / "b.csv", told).guess.lines if line.name == "speed_rad_s")
+    assert line.entry["counts_per_turn"] == 4096.0
 
 
 def test_a_point_that_may_be_between_thousands_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
