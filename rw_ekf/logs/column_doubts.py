@@ -11,8 +11,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from rw_ekf.logs.column_answers import Answers
-from rw_ekf.logs.column_names import Said, role_of, said_by
+from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
@@ -23,26 +26,32 @@ _SYMBOLS = frozenset(["omega", "w", "n", "theta", "phi", "q", "speed", "vel", "r
 _LETTERS = {"e": "electrical", "d": "desired, or of the d axis", "s": "of the stator's field", "c": "commanded"}
 _OTHER_MACHINES = (
     "fan", "pump", "spindle", "turntable", "platform", "body", "satellite", "spacecraft", "gimbal", "gyro", "imu",
-    "load", "dyno",
+    "load", "dyno", "yaw", "pitch", "roll", "pend", "pendulum", "base", "plate", "arm", "abtrieb", "abtriebsdrehzahl",
+    "predicted", "simulated", "sim", "model",
 )  # fmt: skip
-_OF_PULSES = ("freq", "frequency", "frequenz", "hall", "inverter", "umrichter", "pulse", "pulses", "tacho", "fg")
+_TURNING = (
+    "rev", "revs", "turns", "rotations", "rotation", "mechanical", "mech", "n", "drehzahl", "umdrehungen", "tours", "giri",
+)  # fmt: skip
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
-_FACTOR = re.compile(r"[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*[a-z]?Hz|[a-z])", re.IGNORECASE)
-_SCALED = re.compile(
-    r"\b(scale[ds]?|scaling|factor|faktor|multipl\w*|divided|gain|lsb|skalier\w*)\b[^\d\n]{0,25}"
-    r"(?P<number>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?|[.,]\d+)",
-    re.IGNORECASE,
+_FACTOR = re.compile(
+    r"_(?:x|div|by)_?\d+(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*[a-z]?Hz|[a-z])", re.IGNORECASE
 )
-_NO_SCALE = re.compile(
-    r"appl(y|ied)|already|in SI|vertical|horizontal|full.?scale|time.?scale|axis|plot", re.IGNORECASE
-)
+_ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
+_FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
+_A_WORD = 3  # letters: shorter is a unit, or an axis
+_AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
+_BRACKETED = re.compile(r"[\[(<{]([^\])>}]+)[\])>}]")
 _IDS = frozenset((
     "id", "wheel", "rw", "unit", "motor", "axis", "node", "device", "dev", "serial", "sn", "name", "address", "addr",
     "wheelid", "motorid", "rwid",
 ))  # fmt: skip
 _BESIDE_IDS = frozenset(["no", "nr", "num", "number", "index", "idx", "of", "the"])
-_INSTANCE = re.compile(r"(?:wheel|rw|motor|axis|unit|rad|roue|rueda)[\W_]?(?P<which>\d{1,2}|[A-D])(?![A-Za-z0-9])")
+_INSTANCE = re.compile(
+    r"(?:wheel|rw|motor|axis|unit|rad|roue|rueda|rpm|speed|omega|torque|current|cur)[\W_]?"
+    r"(?P<which>\d{1,2}|[A-D]|[xyz])(?![A-Za-z0-9])|(?P<side>left|right|links|rechts)",
+    re.IGNORECASE,
+)
 
 
 class _Taken(NamedTuple):
@@ -59,6 +68,10 @@ def ask_what_is_open(table: RawTable, columns: Sequence[Column], told: Answers, 
     _ask_which_wheel(table, columns, guess)
     by_key = {column.key: column for column in columns}
     lines = [(line, by_key.get(_key(line))) for line in guess.lines]
+    for line, column in lines:
+        if column is None and (text := hint_about(line, None, table)) and not told.has(line.name):
+            guess.lines.remove(line)
+            guess.ask(line.name, f"no column is a drive, and {text}", line)
     taken = [_Taken(line, column) for line, column in lines if column is not None and not told.has(line.name)]
     for one in taken:
         doubt = next(_doubts(one, table, told), None)
@@ -76,10 +89,16 @@ def _key(line: Line) -> str | int:
 def _doubts(one: _Taken, table: RawTable, told: Answers) -> Iterator[tuple[str, tuple[Line, ...]]]:
     """Texts and answers of what is open of one column."""
     line, column = one
+    if text := hint_about(line, column, table):
+        yield f"{column.shown}: {text}", (line,)
+    if line.name == "time_s" and column.said.unit is None and (text := _odd_stamp(column, table)):
+        yield f"{column.shown}: {text}", (line,)
     if line.name not in ("speed_rad_s", "speed_rpm", "current_A", "current_command_A"):
         return
-    if factor := _factor(column, table):
-        yield f"{column.shown}: by {factor!r} its numbers are scaled; are they still?", (line,)
+    if (factor := _FACTOR.search(column.name)) is not None:
+        yield f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?", (line,)
+    if (text := _unread(column.name)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
+        yield f"{column.shown}: what does {text!r} mean?", (line,)
     contradicting = _contradicting_unit(column, table)
     if contradicting and not told.unit(line.name):
         yield f"{column.shown} says one unit, and {contradicting!r} beside it another: which?", (line,)
@@ -99,11 +118,15 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
             f"{column.shown}: '{letters[0]}' may be {_LETTERS[letters[0]]}: is it the wheel's measured speed?",
             (line,),
         )
-    if said.any_of(*_OTHER_MACHINES) and not said.any_of("wheel", "rw", "flywheel", "schwungrad"):
+    if (said.any_of(*_OTHER_MACHINES) or said_by(column.remark).any_of(*_OTHER_MACHINES)) and not said.any_of(
+        "wheel", "rw", "flywheel", "schwungrad"
+    ):
         yield f"{column.shown} may be another machine's: is it the wheel's speed?", (line,)
     if unit is None or unit_was_set or unit.quantity != "speed":
         return
-    if unit == unit_of("Hz") and said.any_of(*_OF_PULSES):
+    if not unit.per and (fastest := unit.factor * column.top) > _FASTEST_RAD_S:
+        yield f"{column.shown} would go to {fastest:.3g} rad/s in {said.unit_text}: in which unit is it?", (line,)
+    if said.unit_text.lower() == "hz" and not said.any_of(*_TURNING):
         yield f"{column.shown} may count pulses or electrical periods: how many are a turn?", (line,)
     bare = said.unit_text.replace("^", "").replace(" ", "").strip("[]()").lower()
     if bare in _PER_SECOND and not said.any_of(*_TURNS_BY_NAME):
@@ -111,21 +134,20 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
         yield f"{column.shown}: radians or turns a second?", tuple(answers)
 
 
-def _factor(column: Column, table: RawTable) -> str:
-    """What says, in a name, in a remark or above the names, that the numbers of a column are scaled."""
-    if (match := _FACTOR.search(column.name)) is not None:
-        return match[0].strip()
-    words = {word for word in said_by(column.name).words if len(word) > 1}
-    lines = [line for line in table.preamble if _speaks_of(said_by(line), column, words)]
-    for text in (column.remark, *lines):
-        match = None if _NO_SCALE.search(text) else _SCALED.search(text)
-        if match is not None and float(match["number"].replace(",", ".")) != 1.0:
-            return match[0].strip()
+def _odd_stamp(column: Column, table: RawTable) -> str:
+    """What a clock's name or cells leave open: brackets that are no unit, two numbers at a colon."""
+    if not table.is_plain_number(column.number):
+        return "hours and minutes, or minutes and seconds?" if not np.any(column.values % 60.0) else ""
+    return f"what does {text!r} mean?" if (text := _unread(column.name)) else ""
+
+
+def _unread(name: str) -> str:
+    """What stands in brackets in a name and is no unit and no word: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`."""
+    for text in _BRACKETED.findall(name):
+        odd = _ODD.search(text) or (text.lower() not in _AXES and len(text) < _A_WORD)
+        if unit_of(text) is None and odd:
+            return str(text)
     return ""
-
-
-def _speaks_of(said: Said, column: Column, words: set[str]) -> bool:
-    return bool(words & said.words) or role_of(said._replace(unit=None)) == column.role
 
 
 def _contradicting_unit(column: Column, table: RawTable) -> str:
@@ -158,6 +180,9 @@ def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:
     named = {one.line.name.split("_")[0]: one for one in taken if _INSTANCE.search(one.column.name)}
     if {"speed", "current"} <= named.keys():
         speed, current = named["speed"].column, named["current"].column
-        which = [{match["which"] for match in _INSTANCE.finditer(one.name)} for one in (speed, current)]
+        which = [
+            {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(one.name)}
+            for one in (speed, current)
+        ]
         if not which[0] & which[1]:
             guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")

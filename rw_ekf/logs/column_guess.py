@@ -7,39 +7,26 @@ that fit as well, or a unit that may be either of two, are a question: no number
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_doubts import ask_what_is_open
-from rw_ekf.logs.column_names import Role
-from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, chosen, columns_of
+from rw_ekf.logs.column_drive import find_drive
+from rw_ekf.logs.column_records import LEAST_SHARE, Column, Guess, Line, best_of, columns_of
 from rw_ekf.logs.column_speed import find_speed
 from rw_ekf.logs.column_time import Clock, clock_of, rate_in, ticks_a_second
-from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.column_units import Unit
 from rw_ekf.logs.raw_table import RawTable
-from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
-_UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
-_AMPERES = (0.02, 20.0)  # largest current that, with decimals and no unit, is in amperes: less moves no motor
 _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
 )  # fmt: skip
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
-_FED = ("supply", "battery", "batt", "bus", "netzteil", "versorgung", "alimentation", "alim", "fuente")
+_NOT_OF_THE_WHEEL = ("cpu", "ambient", "barometric", "set", "setpoint", "yaw", "pitch", "roll", "pendulum", "pend")
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
-_NOTHING: tuple[str, dict[str, object]] = ("current_command_A", {"constant": 0.0})
-_CURRENTS: tuple[tuple[Role, str, str], ...] = (
-    ("current", "current_A", "current of the motor"),
-    ("current_set", "current_command_A", "current that was commanded"),
-)
-_DRIVES: tuple[tuple[Role, str], ...] = (
-    ("torque", "a torque stands where a current would: motor_gain is then per newton metre"),
-    ("force", "a force stands where a current would: motor_gain is then per newton"),
-    ("voltage", "a voltage stands where a current would: motor_gain is then per volt, and viscous has the back-EMF"),
-    ("share", "a share of the full drive stands where a current would: motor_gain is then at full drive"),
-)  # fmt: skip
 
 
 def needs_guess(table: RawTable) -> bool:
@@ -63,7 +50,7 @@ def guess_columns(table: RawTable, answers: dict[str, str] | None = None) -> Gue
     left = [column for column in columns if clock is None or column.number != clock.number]
     speed = find_speed(table, left, time_s, told, guess)
     left = [column for column in left if column is not speed]
-    _find_drive(left, speed, told, guess)
+    find_drive(left, speed, told, guess)
     _find_further(left, speed, told, guess)
     told.add_unasked(guess)
     ask_what_is_open(table, columns, told, guess)
@@ -163,7 +150,8 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
         text = f"{column.shown} has no unit, and its steps may be of {' or '.join(clock.asks)}: which?"
         guess.ask("time_s", text, *(Line("time_s", column.entry(unit), unit) for unit in clock.asks))
     else:
-        guess.take("time_s", told.with_more("time_s", column.entry(clock.unit, wrap=clock.wrap)), clock.why)
+        entry = told.with_more("time_s", column.entry(clock.unit, wrap=clock.wrap))
+        guess.take("time_s", entry, clock.why, assumed=clock.concluded)
     if clock.restarts:
         guess.options["restarts"] = True
     if clock.repeats:
@@ -171,89 +159,20 @@ def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> No
     guess.notes += clock.notes
 
 
-def _find_drive(columns: list[Column], speed: Column | None, told: Answers, guess: Guess) -> None:
-    """Choose what drives the wheel: what was answered, else currents, else what stands for one, else nothing did."""
-    given = told.of("current_A", "current_command_A")
-    if given is not None:
-        name, number = given
-        if number is None:
-            guess.take(name, {"constant": 0.0}, "as it was set: no current")
-        else:
-            _take_current(next(c for c in columns if c.number == number), name, told, guess)
-        return
-    asked = len(guess.questions)
-    if _find_currents(columns, told, guess) or len(guess.questions) > asked:
-        return
-    for role, note in _DRIVES:
-        column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess)
-        if column is not None and role in _UNITS_OF_DRIVE and not (column.unit or told.unit("current_A")):
-            text = f"{column.shown} has no unit: a {role}, or the current?"
-            lines = (Line("current_A", column.entry(unit), "") for unit in (*_UNITS_OF_DRIVE[role], "A"))
-            guess.ask("current_A", text, *lines)
-        elif column is not None:
-            guess.take("current_A", told.with_more("current_A", column.entry(column.unit)), note)
-            guess.notes.append(f"{column.shown}: {note}")
-        if column is not None or len(guess.questions) > asked:
-            return
-    if speed is not None and _coasts(speed.values):
-        guess.take(*_NOTHING, "no column is a drive, and the speed only falls: a coast-down")
-        return
-    text = "no column is known to be the current: --set current=COLUMN, or --set current=none."
-    guess.ask("current_A", text, Line(*_NOTHING, "if it coasted all the time"))
-
-
-def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
-    """Add the measured current and the commanded one; whether there is one."""
-    found = False
-    for role, name, what in _CURRENTS:
-        column = chosen([c for c in columns if c.role == role and c.moves], what, name, guess)
-        if column is None:
-            continue
-        fed = column.said.any_of(*_FED) or not column.said.has("machine")  # "motor supply current" is the supply's
-        if role == "current" and column.said.has("supply") and fed:
-            text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
-            guess.ask(name, text, Line(name, column.entry(column.unit), ""))
-        else:
-            found = True
-            _take_current(column, name, told, guess)
-    return found
-
-
-def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> None:
-    """Add a current, with its unit; a question where that is not known."""
-    unit = told.unit(name, "current_A", "current_command_A")
-    why, assumed = "as it was set" if unit else "its name says so", False
-    if not unit and column.name not in READABLE_COLUMNS:
-        if column.unit:
-            unit, why = column.unit, f"its name says {column.unit}"
-        elif not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]:
-            unit, assumed = "A", True
-            why = f"it goes to {column.top:.3g}, with decimals: in mA that would move nothing"
-        else:
-            text = f"{column.shown} has no unit, and goes to {column.top:.4g}: mA or A?"
-            guess.ask(name, text, *(Line(name, column.entry(unit), "") for unit in ("mA", "A")))
-            return
-    unit = "" if unit_of(unit) == unit_of("A") else unit
-    guess.take(name, told.with_more(name, column.entry(unit)), why, assumed=assumed)
-
-
-def _coasts(speed: Float64Array) -> bool:
-    """Whether the size of a speed (n,) falls all the way, but for its noise."""
-    size = np.abs(speed[np.isfinite(speed)])
-    if size.size < 20:
-        return False
-    parts = np.array([float(np.median(part)) for part in np.array_split(size, 12)])
-    return bool(np.all(np.diff(parts) <= 1.0e-3 * parts[0])) and parts[-1] < 0.9 * parts[0]
-
-
 def _find_further(columns: list[Column], speed: Column | None, told: Answers, guess: Guess) -> None:
     """Add what a log may have beside, where one column fits and says its unit."""
     for role, name in _EXTRA.items():
         best = best_of([c for c in columns if c.role == role and np.isfinite(c.values).mean() > LEAST_SHARE])
-        if len(best) == 1 and (best[0].unit or best[0].name == name):
+        if len(best) == 1 and (best[0].unit or best[0].name == name) and not best[0].said.any_of(*_NOT_OF_THE_WHEEL):
             entry = told.with_more(name, best[0].entry(best[0].unit))
             guess.take(name, entry, f"its name says {best[0].unit or 'so'}")
     angles = [c for c in columns if c.role == "angle" and c.moves]
     unit = angles[0].said.unit if len(angles) == 1 else None
-    if speed is not None and unit is not None and not unit.per:
+    turning = speed is not None and unit is not None and not unit.per and not angles[0].said.has("temperature")
+    if turning and not angles[0].said.any_of(*_NOT_OF_THE_WHEEL) and _turns(angles[0], unit):
         guess.take("angle_rad", angles[0].entry(angles[0].unit), f"its name says {angles[0].unit}")
+
+
+def _turns(angle: Column, unit: Unit | None) -> bool:
+    """Whether an angle goes through a turn, or half of one: a pendulum's beside a wheel does not."""
+    return unit is not None and float(np.nanmax(angle.values) - np.nanmin(angle.values)) * unit.factor > math.pi

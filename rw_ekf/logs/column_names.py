@@ -8,81 +8,27 @@ import unicodedata
 from typing import Literal, NamedTuple
 
 from rw_ekf.logs.column_units import Unit, plain_spelling, unit_of
+from rw_ekf.logs.column_words import SIGNS, WORDS
 
 Role = Literal[
     "time", "speed", "speed_set", "angle", "current", "current_set", "torque", "force", "voltage", "share",
     "temperature", "pressure", "bus_voltage", "direction", "segment", "count", "other",
 ]  # fmt: skip
 
-_WORDS: dict[str, frozenset[str]] = {
-    name: frozenset(words.split())
-    for name, words in {
-        "set": "mandada mandado comandada ordenada consigna ref reference "
-            "set setpoint sp cmd command commanded target desired des demand soll sollwert vorgabe "
-            "consigne goal request "
-        "dem demanded order ordered sv profile profil traj trajectory nset iset planned program programme "
-        "requested req wanted setspeed setcurrent sollstrom solldrehzahl",
-        "time": "time timestamp timestamps zeit temps tiempo tempo tijd tid aika czas elapsed clock stamp ts uhrzeit"
-            " zeitstempel datetime date datum "
-        "x_axis xaxis abszisse x_value xvalue t millis micros heure fecha hora sec seconds zeitpunkt",
-        "speed": "speed speeds velocity velocities vel velo omega omegas rpm erpm drehzahl motordrehzahl raddrehzahl"
-            " geschwindigkeit "
-        "winkelgeschwindigkeit vitesse regime velocidad velocita giri hastighet spd w wm n nm1 omg thetadot "
-            "dtheta qd dq qdot phidot tacho tachometer "
-        "angvel rotationspeed wheelspeed motorspeed istdrehzahl gyro rotrate tours rotation",
-        "angle": "angle theta phi position pos winkel drehwinkel encoder enc counts ticks angolo angulo posicion "
-            "posizione q angular mechangle rotorangle count_enc",
-        "current": "current currents curr cur amp amps ampere amperes amperage strom motorstrom iststrom courant "
-            "corrente corriente stroem i iq im ia imot imotor isense "
-        "motorcurrent phasecurrent i_q idc iin iadc adci current_raw",
-        "supply": "idc iin netzteil versorgung fuente alim alimentation alimentazione netz "
-            "bat batt battery supply input in bus dc psu line source mains charge quiescent total",
-        "torque": "torque tau moment drehmoment couple par trq tq kraftmoment effort koppel",
-        "force": "force kraft thrust",
-        "voltage": "voltage volt volts spannung tension voltaje tensione u v vm vmot armature motorvoltage uq vq",
-        "bus": "bus bat batt battery supply vbat vbus vin vdd psu dc ubat input netzteil versorgung",
-        "share": "pwm duty dutycycle throttle",
-        "temperature": "tmp temp temperature temperatur temperatura temps_c t_motor tmot tmotor lagertemperatur "
-            "motortemp bearingtemp",
-        "pressure": "pressure druck pression presion press vacuum",
-        "direction": "dir direction richtung drehrichtung sense sens sign sentido senso forward reverse cw ccw "
-            "vorwaerts",
-        "segment": "segment run trial experiment versuch test_no run_id lauf essai cycle",
-        "count": "index idx sample samples nr no row record id seq counter number count line tick packet step",
-        "direct": "id d vd ud daxis reactive",
-        "neither": "error err fehler power leistung puissance potencia efficiency wirkungsgrad energy energie",
-        "derived": "averaged moyenne gefiltert filtered "
-            "filt smooth smoothed est estimated estimate mean avg average lp hat observer kalman "
-            "error err std sigma max min limit peak acc "
-        "accel acceleration abs diff derivative",
-        "raw": "raw meas measured act actual ist fb feedback istwert mesure real",
-        "machine": "wheel rw motor rotor shaft mot rad welle flywheel schwungrad moteur roue m",
-        "linear": "vehicle car gps ground linear wind air",
-    }.items()
-}  # fmt: skip
-_UNIT_TAIL = re.compile(r"^(?P<name>.*?)[\s_.,:-]*[\[(<{](?P<unit>[^\])>}]*)[\])>}]\s*(?P<rest>.*)$")
+_IN_BRACKETS = re.compile(r"[\s_.,:-]*[\[(<{](?P<unit>[^\[\](){}<>]*)[\])>}]\s*")
 _SPOKEN = re.compile(r"^(?P<name>.+?)(?:\s+in\s+|\s*/\s+|\s+/\s*|,\s*)(?P<unit>[^\s,]+)$")
 
 
-_SIGNS = {
-    **dict.fromkeys(("轉速", "转速", "速度"), " speed "), **dict.fromkeys(("電流", "电流"), " current "),
-    **dict.fromkeys(("時間", "时间"), " time "), **dict.fromkeys(("電壓", "电压"), " voltage "),
-    **dict.fromkeys(("轉矩", "转矩", "扭矩"), " torque "), **dict.fromkeys(("温度", "溫度"), " temperature "),
-    "角度": " angle ", "指令": " command ", "目标": " target ", "设定": " set ", "母线": " bus ", "电机": " motor ",
-    "電機": " motor ", "实际": " actual ", "飞轮": " wheel ", "轴承": " bearing ",
-    "время": " time ", "частота вращ": " speed ", "скорост": " speed ", "оборот": " speed ", "ток ": " current ",
-    "двигател": " motor ", "потреб": " supply ", "питан": " supply ", "источник": " supply ", "задан": " set ",
-    "момент": " torque ", "напряж": " voltage ", "темп": " temperature ", "угол": " angle ", "мах": " wheel ",
-    "モータ": " motor ", "電源": " supply ", "回転": " speed ", "ホイール": " wheel ",
-    "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ", "τ": " tau ",
-    "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
-}  # fmt: skip
 _ENDS = ("strom", "drehzahl", "temperatur", "spannung", "moment", "winkel", "geschwindigkeit", "istwert", "sollwert")
 _OF_PROSE = frozenset(
     {"in", "input", "line", "source", "total", "main", "charge", "m", "max", "min", "limit"}
 )  # mean nothing
 _WHICH_WAY = frozenset({"direction", "richtung", "drehrichtung", "sens", "sentido", "senso", "dir"})
 _FEW = 2  # words of a name beside which a letter may be a symbol
+_QUALIFIED = re.compile(
+    r"(?P<name>.*[_ ].*)[_ ](?P<last>filt|filtered|raw|mean|avg|lp|meas|measured|act|est|med)", re.I
+)
+_STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 
 
@@ -110,18 +56,18 @@ class Said(NamedTuple):
             said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
         more = said_by(remark).words
         if role_of(self._replace(unit=None)) != "other":  # then only what tells it from others of its role
-            more &= (_WORDS["supply"] | _WORDS["machine"] | _WORDS["set"] | _WORDS["derived"]) - _OF_PROSE
+            more &= (WORDS["supply"] | WORDS["machine"] | WORDS["set"] | WORDS["derived"]) - _OF_PROSE
         return said._replace(words=said.words | more)
 
     def has(self, *groups: str) -> bool:
         """Whether one of the words belongs to one of the groups."""
-        return any(self.words & _WORDS[group] for group in groups)
+        return any(self.words & WORDS[group] for group in groups)
 
     @property
     def says_time(self) -> bool:
         """Whether one of the words is a time's, in one piece or at its end: Laufzeit, runtime."""
         letter = "t" in self.words and not self.has("machine", "derived", "supply", "bus")  # else a temperature's
-        spelt = self.words & (_WORDS["time"] - {"t"})
+        spelt = self.words & (WORDS["time"] - {"t"})
         return letter or bool(spelt) or any(word.endswith(("zeit", "time")) for word in self.words)
 
     def any_of(self, *words: str) -> bool:
@@ -132,6 +78,10 @@ class Said(NamedTuple):
 def said_by(name: str) -> Said:
     """Take a name apart."""
     bare, text, unit = _split(name.strip())
+    if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt
+        bare, text, unit = _split(match["name"])
+        bare = f"{bare} {match['last']}" if unit is not None else name.strip()
+    bare = _STARRED.sub(r"\1 set", bare)
     if unit is None:  # in brackets, what is no word and no unit that is known says that it is something else
         bare = re.sub(r"[\[(<{][^\])>}]*[/%][^\])>}]*[\])>}]|[\[(<{].{0,2}[\])>}]", " ", bare)
     words = _words(bare)
@@ -152,10 +102,11 @@ def _unit_in_prose(text: str) -> str:
 
 def _split(name: str) -> tuple[str, str, Unit | None]:
     """Name, unit as written, unit."""
-    for pattern in (_UNIT_TAIL, _SPOKEN):
-        match = pattern.match(name)
+    for match in (*_IN_BRACKETS.finditer(name), _SPOKEN.match(name)):
         if match and match["unit"] and (unit := unit_of(match["unit"])) is not None:
-            return f"{match['name']} {match.groupdict().get('rest') or ''}".strip() or name, match["unit"], unit
+            rest = "" if match.re is _SPOKEN else name[match.end() :]
+            before = match["name"] if match.re is _SPOKEN else name[: match.start()]
+            return f"{before} {rest}".strip() or name, match["unit"], unit
     for cut in re.finditer(r"[\s_.\-]", name):  # the longest tail that is a unit: speed_rad_s, t ms
         tail = name[cut.end() :]
         for spelt in (tail.replace("_", "/"), tail, tail.replace("per", "/").replace("_", "")):
@@ -182,7 +133,7 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
 def _words(text: str) -> list[str]:
     """The words of a name, in small letters without accents; camel case and digits are cut."""
     text = re.sub(r"[А-Яа-яЁё]+", lambda match: match[0].lower(), text)
-    for signs, word in _SIGNS.items():
+    for signs, word in SIGNS.items():
         text = text.replace(signs, word)
     text = unicodedata.normalize("NFKD", text)
     text = "".join(sign for sign in text if not unicodedata.combining(sign))

@@ -85,6 +85,7 @@ class Column:
     values: Float64Array  # (n,) NaN where there is no number
     key: str | int = ""  # how a map names it
     remark: str = ""  # what the file says of it in prose
+    by_habit: bool = False  # whether its unit is what the program that wrote it publishes for such a name
 
     @property
     def shown(self) -> str:
@@ -161,7 +162,8 @@ def columns_of(table: RawTable) -> list[Column]:
         role = role_of(said) if name else "other"
         if role == "speed" and said.unit is None and _counts_rows(values):
             role = "count"
-        found.append(Column(number, name, said, role, values, key, remark))
+        by_habit = said_by(name).unit is None and not table.units.get(name) and bool(habitual_unit(name))
+        found.append(Column(number, name, said, role, values, key, remark, by_habit))
     return found
 
 

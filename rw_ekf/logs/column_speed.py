@@ -16,6 +16,7 @@ from rw_ekf.logs.raw_table import RawTable
 
 _TURNING = 20.0  # largest speed called n that is in 1/min; no wheel turns at less than that and no more
 _TURNS = (2.0 * math.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 25)), 4000.0, 3600.0)
+_TURN_UNITS: dict[float | None, str] = {360.0: "deg", 2.0 * math.pi: "rad"}
 _FULL = 0.97  # of a turn, which an angle that begins anew covers
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
 
@@ -45,7 +46,7 @@ def find_speed(
         return column
     told_unit = told_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
     unit, why = _speed_unit(column, angles, time_s, told_unit)
-    assumed = unit is not None and not (told_unit or column.unit or _unit_in_words(column))
+    assumed = unit is not None and not (told_unit or (column.unit and not column.by_habit) or _unit_in_words(column))
     sign = _direction(columns, column)
     if unit is None:
         text = f"{column.shown} has no unit, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
@@ -55,7 +56,7 @@ def find_speed(
         return column
     known, more = unit_of(unit), {}
     if known is not None and known.per and known.per not in told.more.get("speed_rad_s", {}):
-        per = _per_turn(table, column) if known.per == "counts_per_turn" else None
+        per = (_per_turn if known.per == "counts_per_turn" else _pole_pairs)(table, column)
         if per is None:
             text = f"{column.shown} is in {unit}: how many {known.per.replace('_', ' ')}? --set speed.{known.per}=N."
             guess.ask("speed_rad_s", text, _speed_line(column, unit, "", sign, told))
@@ -115,6 +116,8 @@ def _unit_in_words(column: Column) -> str:
 def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str | None:
     """The unit in which a speed is the rate of an angle of a known unit."""
     of_angle = angle.said.unit
+    if of_angle is None and (turn := _turn_of(angle)) in _TURN_UNITS:
+        of_angle = unit_of(_TURN_UNITS[turn])
     if time_s is None or of_angle is None or of_angle.per:
         return None
     turn = 2.0 * math.pi / of_angle.factor
@@ -192,8 +195,11 @@ _PER_TURN = tuple(
 )
 
 
+_PAIRS = re.compile(r"pole[_ ]?pairs?\W{0,4}(\d{1,3})(?![\d.])|(?<![\d.])(\d{1,3}) ?pole[_ ]?pairs?", re.IGNORECASE)
 _COUNTS = re.compile(r"(\d{2,8})\s*(?:counts?|cnts?|inc\w*)\s*(?:/|per\s|pro\s)\s*(?:turn|rev|u\b|umdr)", re.IGNORECASE)
-_QUADRATURE = re.compile(r"quadratur|\b(x4|4x)\b|\blines?\b|\bppr\b|\d+ppr\b|\bslots?\b|strich", re.IGNORECASE)
+_QUADRATURE = re.compile(
+    r"quadratur|\b(x4|4x)\b|\blines?\b|\bppr\b|\d+ppr\b|\bslots?\b|strich|cycles per", re.IGNORECASE
+)
 
 
 def _per_turn(table: RawTable, column: Column) -> float | None:
@@ -202,9 +208,16 @@ def _per_turn(table: RawTable, column: Column) -> float | None:
     told = next((found for text in texts if (found := _COUNTS.search(text))), None)
     if told is None and any(_QUADRATURE.search(text) for text in texts):
         return None  # lines of a disc, or their four edges?
-    every = (found for text in texts for pattern in _PER_TURN if (found := pattern.search(text)))
-    match = told or next(every, None)
-    return None if match is None else float(match[1])
+    patterns = (_COUNTS,) if told is not None else _PER_TURN
+    found_numbers = {float(found[1]) for text in texts for pattern in patterns for found in pattern.finditer(text)}
+    return found_numbers.pop() if len(found_numbers) == 1 else None  # several are of several encoders
+
+
+def _pole_pairs(table: RawTable, column: Column) -> float | None:
+    """How many pole pairs the motor has, where the file says one number."""
+    texts = (column.name, column.remark, *table.preamble)
+    found = {float(match[1] or match[2]) for text in texts for match in _PAIRS.finditer(text)}
+    return found.pop() if len(found) == 1 else None
 
 
 def _direction(columns: list[Column], speed: Column) -> Column | None:

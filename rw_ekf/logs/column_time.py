@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -19,6 +20,10 @@ _COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31)
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
 _BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
 _SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
+_BY_STEPS = "its rows are"
+_SHORTEST_S = 3.0  # that a log lasts whose unit is concluded from its steps
+_SLOW_US = 3.0e5  # between rows, in whole numbers: us would be fewer than 3 rows a second, 100 ns or ns more
+_ROUND = 5.0e-3  # relative
 _A_SECOND = 0.9  # between rows, with decimals: less is in seconds
 _THOUSAND = (900.0, 1100.0)  # between rows, in whole numbers: ms at 1 Hz or us at 1 kHz; less is ms, more is us
 _HERTZ = r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([kM]?)Hz"
@@ -27,7 +32,7 @@ _TICK_RATE = re.compile(rf"{_COUNTER_WORDS}[^\d]{{0,25}}{_HERTZ}", re.IGNORECASE
 _RATE_OF_TICKS = re.compile(rf"{_HERTZ}\b[^\d]{{0,25}}{_COUNTER_WORDS}", re.IGNORECASE)
 _PART_OF_A_SECOND = 0.5  # [s] by which what falls again and again is the part of a second, not a clock
 _OTHER_RATE = re.compile(
-    r"excit|chirp|\badc\b|\bdac\b|oversampl|decimat|averag|anregung|"
+    r"every|loop|accelero|vibrat|imu\b|camera|excit|chirp|\badc\b|\bdac\b|oversampl|decimat|averag|anregung|"
     r"pwm|switch|cut.?off|filter|baud|carrier|mains|clock|netz|tick|timer|counter|interrupt",
     re.IGNORECASE,
 )
@@ -47,6 +52,7 @@ class Clock:
     repeats: str = ""
     rank: int = 0
     is_clock: bool = True
+    concluded: bool = False  # the unit is, from the steps
     notes: list[str] = field(default_factory=list)
 
 
@@ -60,6 +66,7 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     known = unit_of(unit) if unit else None
     time_s = raw * (known.factor if known is not None else 1.0)
     clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap)
+    clock.concluded = why.startswith(_BY_STEPS)
     step = np.diff(time_s)
     run = restarted(time_s)
     clock.restarts = bool(run[-1])
@@ -122,18 +129,26 @@ def _unit(name: str, said: Said, values: Float64Array, told: str, stamps: bool) 
 
 
 def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...], str]:
-    """The unit that the steps between rows leave: logs have 0.2 to 5,000 rows a second."""
+    """The unit that the steps between rows leave: logs have 0.2 to 5,000 rows a second, and last some seconds."""
     whole = bool(np.all(values == np.round(values)))
-    told = f"its rows are {usual:.4g} apart"
+    told = f"{_BY_STEPS} {usual:.4g} apart"
+    span = float(np.ptp(values))
     if not whole:
         if usual < _A_SECOND:
-            return "s", (), told
+            longer = next((unit for unit, size in (("min", 60.0), ("h", 3600.0)) if _is_round(usual * size)), "")
+            return ("", ("s", longer), told) if longer and not _is_round(usual) else ("s", (), told)
         return ("ms", (), told) if usual > _SLOWEST_S else ("", ("s", "ms"), told)
-    if usual < _SLOWEST_S:
+    if usual < _SLOWEST_S or (usual < _THOUSAND[0] and 1e-3 * span < _SHORTEST_S):
         return "", ("s", "ms"), told
     if usual < _THOUSAND[0]:
         return "ms", (), told
-    return ("", ("ms", "us"), told) if usual < _THOUSAND[1] else ("us", (), told)
+    return ("", ("ms", "us"), told) if usual < _THOUSAND[1] or usual > _SLOW_US else ("us", (), told)
+
+
+def _is_round(step: float) -> bool:
+    """Whether a step is 1, 2, 2.5, 4, 5 or 8 of a power of ten, as those are that somebody sets."""
+    first = step / 10.0 ** math.floor(math.log10(step)) if step > 0.0 else 0.0
+    return any(abs(first / digit - 1.0) < _ROUND for digit in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0))
 
 
 def ticks_a_second(texts: Iterable[str]) -> tuple[float, str] | None:
@@ -154,7 +169,7 @@ def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
         if _OTHER_RATE.search(text):
             continue
         match = re.search(
-            r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(k?hz|ms|us|s(?:ec\w*)?)\b",
+            r"(?:sampl\w*|abtast\w*|fs|rate|freq\w*|f_s|increments?)\D{0,25}?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(k?hz|k?S/s|k?sps|samples/s|ms|us|s(?:ec\w*)?)\b",
             text,
             re.I,
         )
@@ -163,7 +178,10 @@ def rate_in(texts: Iterable[str]) -> tuple[float, str] | None:
         value, unit = float(match[1].replace(",", ".")), match[2].lower()
         if value <= 0.0:
             continue
-        rate = {"hz": value, "khz": 1e3 * value, "ms": 1e3 / value, "us": 1e6 / value}.get(unit, 1.0 / value)
+        if unit.endswith(("hz", "s/s", "sps")):
+            rate = value * (1e3 if unit.startswith("k") else 1.0)
+        else:
+            rate = {"ms": 1e3, "us": 1e6}.get(unit, 1.0) / value
         if 0.1 <= rate <= 1e5:
             found.append((rate, match[0]))
     return found[0] if found and all(abs(rate - found[0][0]) < 1e-3 * rate for rate, _ in found) else None

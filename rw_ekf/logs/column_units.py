@@ -48,7 +48,8 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("speed", RAD_S_PER_RPM), "rpm rpms 1/min об/мин мин-1 /min min-1 u/min upm umin "
         "umdr/min tr/min r/min rev/min "
         "revs/min "
-           "turn/min turns/min giri/min ot/min rot/min revolutionsperminute"),
+        "obr/min dev/dk devir/dk d/dk omw/min toeren/min varv/min ot/min turn/min turns/min giri/min rot/min "
+        "revolutionsperminute"),
     **_all(Unit("speed", 1e3 * RAD_S_PER_RPM), "krpm"),
     **_all(Unit("speed", RAD_S_PER_RPM, per="pole_pairs"), "erpm"),
     **_all(Unit("speed", 1e-1 * RAD_S_PER_RPM), "drpm"),

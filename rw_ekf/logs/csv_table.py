@@ -24,6 +24,7 @@ _BLOCK_BYTES = 1 << 22  # read and parsed at a time: a fifth less work than by p
 _GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settled by the slow pass
 _LOOKED_AT_BYTES = 1 << 18  # to see how a text is laid out
 _LOOKED_AT_ROWS = 40
+_SHOWN = 60  # characters of a line that is quoted
 _A_NAME = 8  # characters: a shorter line may come again by chance
 
 
@@ -75,10 +76,16 @@ def read_csv_table(
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
     read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
+    if found.seconds:
+        read.units[found.seconds] = "s"
     if written.left_out:
         count, first = len(written.left_out), written.left_out[0]
         lines = f"line {first}" if count == 1 else f"{count} lines, first line {first},"
         read.warnings.append(f"{name_shown}: {lines} below the first row hold no row of numbers and were left out")
+        if written.another is not None:
+            read.doubts += (
+                f"{written.another[:_SHOWN]!r} stands between the rows: are those behind it of the same wheel?",
+            )
     return read
 
 

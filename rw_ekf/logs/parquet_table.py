@@ -28,7 +28,9 @@ def read_parquet_table(path: Path, name: str) -> RawTable:
         raise LogError(f"{name}: has columns but no rows: nothing was logged")
     names = tuple(str(column).strip() for column in table.column_names)
     held = list(table.columns)
-    return RawTable(name, names, held, table.num_rows, lambda row: f"row {row + 1}", units=units_in(table.schema))
+    read = RawTable(name, names, held, table.num_rows, lambda row: f"row {row + 1}")
+    read.units, read.remarks = units_in(table.schema), remarks_in(table.schema)
+    return read
 
 
 def units_in(schema: Any) -> dict[str, str]:
@@ -40,6 +42,22 @@ def units_in(schema: Any) -> dict[str, str]:
         for key, said in metadata.items()
         if key.lower() in (b"unit", b"units")
     }
+
+
+def remarks_in(schema: Any) -> dict[str, str]:
+    """What else the fields of a schema say as metadata, by name of column: `scale: 0.1`."""
+    found = {}
+    for field in schema:
+        said = {
+            key.decode("utf-8", "replace"): text.decode("utf-8", "replace")
+            for key, text in (field.metadata or {}).items()
+        }
+        rest = [
+            f"{key}: {text}" for key, text in said.items() if key.lower() not in ("unit", "units", "parquet:field_id")
+        ]
+        if rest:
+            found[field.name.strip()] = "; ".join(rest)
+    return found
 
 
 FORMAT = LogFormat(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from rw_ekf.logs.text_layout import TextLayout, lines_of
 
 _NEARLY_ALL = 0.9  # of the rows are whole where a shorter one is a damaged one, and no row whose last cells are empty
+_WHEEL = re.compile(r"\b(wheel|motor|rw|unit|serial|s/?n|rad|rueda|roue)\b.*\d", re.IGNORECASE)
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"
 
 
@@ -15,6 +17,7 @@ class PlainText(NamedTuple):
 
     text: bytes
     left_out: tuple[int, ...]  # physical lines behind the first row that hold no row
+    another: str | None = None  # the first of them that names a wheel
 
 
 def rewritten(text: bytes, layout: TextLayout) -> PlainText:
@@ -39,7 +42,8 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
         filled = cells if last else [*cells, *[""] * (layout.width - len(cells))]
         out.append(_row(["" if _UNREADABLE in cell else layout.number(cell) for cell in filled]))
     ended = "\n" if text[-4:].translate(None, b"\0").endswith((b"\n", b"\r")) else ""
-    return PlainText(("\n".join(out) + ended).encode(), tuple(left_out))
+    another = next((line for number in left_out if _WHEEL.search(line := lines[number - 1])), None)
+    return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another)
 
 
 def _cells(line: str, layout: TextLayout) -> list[str]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import unit_of, with_unit
-from rw_ekf.logs.text_forms import MARK, NO_FORM, LineForm, labelled_form, stamped_form
+from rw_ekf.logs.text_forms import MARK, NO_FORM, LineForm, labelled_form, lasting_form, stamped_form
 
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _DELIMITERS = ("\t", ";", ",", "|", BLANKS)
@@ -31,7 +31,7 @@ _NUMBER = re.compile(
     re.IGNORECASE,
 )
 _COMMA_NUMBER = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d+|)(,\d+)?([eE][+-]?\d+)?")
-_GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
 _STAMP = re.compile(
     r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|\d{1,2}[- ]?[A-Za-z]{3}[- ]?\d{2,4})?[T ]?"
@@ -67,6 +67,7 @@ class TextLayout:
     form: LineForm = NO_FORM  # what makes its lines rows of cells
     begins_with_value: bool = False  # whether each row does
     doubts: tuple[str, ...] = ()  # what of it could be otherwise
+    seconds: str = ""  # which column has durations in s, by its cells
 
     @property
     def grouping(self) -> tuple[str, re.Pattern[str]]:
@@ -203,7 +204,8 @@ def layout_of(
     lines = lines_of(head.decode(known, "replace"))
     if len(lines) > 3:
         lines = lines[:-1]  # perhaps cut
-    form = stamped_form(lines[:_LOOKED_AT])
+    form, timed = lasting_form(lines[:_LOOKED_AT])
+    form = form if form.lasting else stamped_form(lines[:_LOOKED_AT])
     if lines and lines[0].lower().startswith("sep=") and delimiter is None:
         delimiter = lines[0][4:5] or None
     found: list[tuple[float, TextLayout, int, int]] = []
@@ -223,12 +225,13 @@ def layout_of(
         return None
     best = max(score for score, *_ in found)
     _, layout, begins, _ = next(item for item in found if item[0] == best)
-    lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped else lines
+    lines = [form.row(line, layout.delimiter) for line in lines] if form.stamped or form.lasting else lines
     data = lines[begins:_LOOKED_AT]
     layout = replace(
         layout, thousands=_has_thousands(data, layout), doubts=_points_of_thousands(lines[begins:], layout)
     )
-    return _with_names(lines[:begins], data, layout, skip_rows)
+    layout = _with_names(lines[:begins], data, layout, skip_rows)
+    return replace(layout, seconds=layout.names[timed]) if form.lasting and timed < len(layout.names) else layout
 
 
 def _rows(lines: list[str], layout: TextLayout, skip_rows: int) -> tuple[int, TextLayout, float, int]:
@@ -305,6 +308,13 @@ def _odd_header(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> 
     return (f"The names are {count} and a row has {usual} cells: which of them has no {lacks}?",)
 
 
+def _of_groups(cells: list[str], names: tuple[str, ...], layout: TextLayout) -> tuple[str, ...]:
+    """What a row above the names says of several columns each: `;set-point;;measured`."""
+    if len(cells) != len(names) or any(map(layout.is_value, cells)) or sum(map(bool, cells)) < 2:
+        return ()
+    return tuple(itertools.accumulate(cells, lambda before, cell: cell or before))
+
+
 def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
     """Add the names and units that stand above the rows."""
     described = _described(before[skip_rows:], layout)
@@ -318,7 +328,7 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     if taken and (cells := _header_cells(above[taken - 1][1], layout)) and _are_names(cells, layout):
         names = tuple(cells)
         taken -= 1
-    if described.get("names") and not names:
+    if described.get("names") and (not names or any(key.fullmatch(names[0]) for key in _ROW_KEYS.values())):
         names, units = described["names"], described.get("units", units)
     if units and not names:
         names, units = units, ()
@@ -331,6 +341,8 @@ def _with_names(before: list[str], rows: list[str], layout: TextLayout, skip_row
     remarks = described.get("remarks", ())
     if described and names != described.get("names"):
         remarks = remarks or described.get("names", ())
+    if not remarks and names and taken:
+        remarks = _of_groups(layout.cells(above[taken - 1][1]), names, layout)
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
     ragged = _shift(names, rows, layout)

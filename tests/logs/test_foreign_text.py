@@ -115,7 +115,7 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         lambda i, t, w, c: f"   {t!r}   {w!r}   {c!r}",
     ).encode(),
     "symbols over units, hexadecimal status": lambda r: _table(
-        r, "   t/ms   f/Hz   I/mA   St",
+        r, "   t/ms   n/Hz   I/mA   St",
         lambda i, t, w, c: f"  {1e3 * t!r} {w / (2.0 * math.pi)!r} {c * MA!r} 0x4{i % 8}",
     ).encode(),
     "remarks in few rows": lambda r: _table(
@@ -366,7 +366,7 @@ def test_a_coast_down_without_a_current_is_one(tmp_path: Path) -> None:
 
 def test_a_name_over_several_lines_is_one_line_of_a_map(tmp_path: Path, run: rw_ekf.Log) -> None:
     """What a sheet's header breaks, and a file's name, become no further lines of the YAML that is read back."""
-    rate = np.tile([0.0, 1.0, 2.0], len(run))[: len(run)]
+    rate = np.tile([0.0, 0.5, 1.0], len(run))[: len(run)]
     table = {"t\n[s]": run.time_s, "speed\n[mm/s]": run.speed_rad_s * MA, "duty\ncycle": rate}
     path, out = tmp_path / "lab\n: [.parquet", tmp_path / "map.yaml"
     parquet.write_table(pa.table({name: pa.array(values) for name, values in table.items()}), path)

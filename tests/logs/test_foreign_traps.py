@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -213,4 +214,96 @@ def test_a_point_that_may_be_between_thousands_is_asked_about(tmp_path: Path, ru
         run, "t_s;rpm;current_A",
         lambda i, t, w, c: f"{t:.1f};{f'{int(90 * w * RPM):,d}'.replace(',', '.')};{c:.3f}",
     )  # fmt: skip
+    assert "layout" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+@pytest.mark.parametrize(
+    "header",
+    """
+    # rpm as the ESC sends it, 14 poles|t_s,rpm,current_A   # encoder on the motor, wheel behind 4:1|t_s,rpm,current_A
+    # rpm = 0.25 * rpm_raw - 8000|t_s,rpm_raw,current_A         # current: ten turns through the clamp|t_s,rpm,current_A
+    # current of the bench supply|t_s,rpm,current_A             # rates in deg/s|t_s,omega,current_A
+    t_s,Speed [0.25 rpm],current_A      t_s,Speed (thousands of rpm),current_A      t_s,rpm,I [dA]      t_s,rpm,I [%FS]
+    t [cs],rpm,current_A        t_s,rpm,current_limit_A     t_s,rpm,I_mon [V]       t_s,rpm,ACS712 [V]
+    t_s,rpm,humidity [%]        t_s,rpm,axial load [N]      t_s,rpm,reaction torque [mNm]
+    t_s,motor speed (Hz),current_A      t_s,n* [rpm],current_A      t_s,yaw_rate_rad_s,rw_current_A
+    t_s,rpm1,current2_A     t_s,left_rpm,right_current_A        ,Load machine,Wheel motor|t_s,n [rpm],I [A]
+    ;Sollwert;Istwert|t_s;n [rpm];i [A]
+    """.strip()
+    .replace("\n", "   ")
+    .split("   "),
+)
+def test_words_beside_a_column_are_heard(tmp_path: Path, run: rw_ekf.Log, header: str) -> None:
+    """Prose above the names, rows of groups, brackets that are no unit, quantities that drive no wheel: all asked."""
+    header = header.strip().replace("|", "\n")
+    mark = ";" if ";" in header else ","
+    text = _csv(run, header, lambda i, t, w, c: mark.join((f"{t!r}", f"{w * RPM!r}", f"{c!r}")))
+    found = _guess(tmp_path / "a.csv", text)
+    assert found.guess.questions, found.guess.mapping()
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("t_s,omega_deg_s_filt,current_A", "speed_rad_s", "deg/s"),
+        ("t_s,rpm,motor_current_mA_mean", "current_A", "mA"),
+        ("czas [s],pr\u0119dko\u015b\u0107 obrotowa [obr/min],pr\u0105d silnika [mA]", "current_A", "mA"),
+        ("zaman_s,motor_hizi_dev_dk,motor_akimi_mA", "current_A", "mA"),
+        ("\uc2dc\uac04 [s],\ud68c\uc804\uc18d\ub3c4 [rpm],\ubaa8\ud130 \uc804\ub958 [mA]", "current_A", "mA"),
+        ("# 7 pole pairs\nt_s,erpm,current_mA", "current_A", "mA"),
+        ("t_s,102 <tacho> (rpm),103 <shunt motor> (mA)", "current_A", "mA"),
+    ],
+)
+def test_a_unit_is_found_wherever_it_stands(tmp_path: Path, run: rw_ekf.Log, header: str, name: str, unit: str) -> None:
+    """In the middle of a name, behind another bracket, in other languages; pole pairs that a line says divide."""
+    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    found = _guess(tmp_path / "a.csv", text)
+    assert not found.guess.questions, found.guess.questions
+    assert next(line for line in found.guess.lines if line.name == name).entry["unit"] == unit
+
+
+def test_steps_that_several_units_would_fit_are_asked_about(tmp_path: Path) -> None:
+    """Readings by hand every 10 s, decimal minutes, hours, 100 ns, and minutes with seconds: no unit says which."""
+    rows = np.arange(400.0)
+    speed = 300.0 * np.exp(-0.002 * rows) + 1.0
+    for name, steps in {
+        "time": 10.0 * rows[:41], "Elapsed": rows / 600.0, "Time": rows / 3600.0, "Timestamp": 1e6 * rows,
+    }.items():  # fmt: skip
+        text = f"{name},rpm\n" + "".join(f"{t:.8g},{w:.3f}\n" for t, w in zip(steps, speed, strict=False))
+        assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions], name
+    stamps = "".join(
+        f"{int(t // 1200):02d}:{int(t // 20 % 60):02d},{w:.3f}\n" for t, w in zip(rows, speed, strict=True)
+    )
+    assert "time_s" in [question.name for question in _guess(tmp_path / "b.csv", f"t,rpm\n{stamps}").guess.questions]
+
+
+def test_a_drive_that_never_changes_is_no_coast_down(tmp_path: Path) -> None:
+    """A wheel that slows down under a constant current did not coast."""
+    text = "t_s,rpm,current_A\n" + "".join(
+        f"{0.1 * i:.1f},{300 * math.exp(-0.01 * i) + 50:.2f},0.05\n" for i in range(400)
+    )
+    assert "current_A" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_a_decimal_comma_with_three_digits_is_none_of_thousands(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`0,005` begins with no thousand."""
+    text = _csv(run, "Zeit [s]\tomega [rad/s]\tStrom [A]",
+                lambda i, t, w, c: "\t".join(f"{value:.3f}".replace(".", ",") for value in (t, w, c)))  # fmt: skip
+    (tmp_path / "a.txt").write_text(text)
+    assert rw_ekf.read(tmp_path / "a.txt").speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-3)
+
+
+def test_durations_with_their_unit_in_the_cells_are_times(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`0.01 sec`, as MATLAB writes a timetable; the map that is written reads it as well."""
+    text = _csv(run, "Time,omega_rad_s,Im_A", lambda i, t, w, c: f"{t!r} sec,{w!r},{c!r}")
+    found = _guess(tmp_path / "a.csv", text)
+    found.save(tmp_path / "map.yaml")
+    log = rw_ekf.read(tmp_path / "a.csv", columns=tmp_path / "map.yaml")
+    assert log.time_s == pytest.approx(run.time_s)
+
+
+def test_a_line_that_names_another_wheel_between_the_rows_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Two logs put under each other, each with its wheel's number above it."""
+    one = _csv(run, "t_s,rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
+    text = f"# wheel SN 12\n{one}# wheel SN 15\n{one}"
     assert "layout" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]

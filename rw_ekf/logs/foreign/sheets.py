@@ -80,9 +80,10 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     numbers = np.array([number for number, _ in data])
     held = [_column([_cell(row, column) for _, row in data], names[column], column, columns, name, numbers)
             for column in filled]  # fmt: skip
-    return RawTable(
-        name, tuple(names[column] for column in filled), held, len(data), lambda row: f"row {numbers[row]} of the sheet"
-    )
+    kept = tuple(names[column] for column in filled)
+    above = tuple(" ".join(str(cell) for cell in row if cell not in ("", None)) for _, row in rows[:first])
+    preamble = tuple(text for text in above[:-1] if text)
+    return RawTable(name, kept, held, len(data), lambda row: f"row {numbers[row]} of the sheet", preamble=preamble)
 
 
 def _names(above: list[tuple[int, list[Any]]], width: int, columns: ColumnMap) -> list[str]:

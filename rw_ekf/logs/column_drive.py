@@ -1,0 +1,141 @@
+"""Which column drives the wheel: currents, else what stands for one, else nothing did."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_names import Role
+from rw_ekf.logs.column_records import Column, Guess, Line, chosen
+from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.wheel_log import READABLE_COLUMNS
+
+_AMPERES = (0.02, 20.0)  # largest current that, with decimals and no unit, is in amperes: less moves no motor
+_FED = ("supply", "battery", "batt", "bus", "netzteil", "versorgung", "alimentation", "alim", "fuente")
+_NOTHING: tuple[str, dict[str, object]] = ("current_command_A", {"constant": 0.0})
+_FREE = Line(*_NOTHING, "if it coasted all the time")
+_CURRENTS: tuple[tuple[Role, str, str], ...] = (
+    ("current", "current_A", "current of the motor"),
+    ("current_set", "current_command_A", "current that was commanded"),
+)
+_DRIVES: tuple[tuple[Role, str], ...] = (
+    ("torque", "a torque stands where a current would: motor_gain is then per newton metre"),
+    ("force", "a force stands where a current would: motor_gain is then per newton"),
+    ("voltage", "a voltage stands where a current would: motor_gain is then per volt, and viscous has the back-EMF"),
+    ("share", "a share of the full drive stands where a current would: motor_gain is then at full drive"),
+)  # fmt: skip
+_MAY_DRIVE = ("current", "current_set", "torque", "force", "voltage", "share")
+_DRIVEN = ("drive", "ctrl", "control", "cmd", "command", "output", "out", "input", "u", "actuation", "power", "set")
+_MEASURED_WITH = (
+    "shunt", "mon", "monitor", "sensor", "acs", "adc", "accelerometer", "strain", "thermistor", "axial", "preload",
+    "normal", "weight", "soc", "humidity", "load",
+)  # fmt: skip
+_NO_TORQUE_OF_DRIVE = ("reaction", "disturbance", "friction", "drag", "brake", "load", "external", "reibung")
+_FULL_SHARE = 1.05  # of a drive: more is a count of something
+_HALF_PERCENT = 40.0  # never below it: a bridge whose zero is at 50 %
+_UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
+
+
+def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess: Guess) -> None:
+    """Choose what drives the wheel: what was answered, else currents, else what stands for one, else nothing did."""
+    given = told.of("current_A", "current_command_A")
+    if given is not None:
+        name, number = given
+        if number is None:
+            guess.take(name, {"constant": 0.0}, "as it was set: no current")
+        else:
+            _take_current(next(c for c in columns if c.number == number), name, told, guess)
+        return
+    asked = len(guess.questions)
+    if _find_currents(columns, told, guess) or len(guess.questions) > asked:
+        return
+    for role, note in _DRIVES:
+        column = chosen([c for c in columns if c.role == role and c.moves], "drive", "current_A", guess)
+        if column is not None and (text := _no_drive(column, role)):
+            guess.ask("current_A", f"{column.shown} {text}", Line("current_A", column.entry(column.unit), ""), _FREE)
+        elif column is not None and role in _UNITS_OF_DRIVE and not (column.unit or told.unit("current_A")):
+            text = f"{column.shown} has no unit: a {role}, or the current?"
+            lines = (Line("current_A", column.entry(unit), "") for unit in (*_UNITS_OF_DRIVE[role], "A"))
+            guess.ask("current_A", text, *lines)
+        elif column is not None:
+            guess.take("current_A", told.with_more("current_A", column.entry(column.unit)), note)
+            guess.notes.append(f"{column.shown}: {note}")
+        if column is not None or len(guess.questions) > asked:
+            return
+    held = [c for c in columns if c.role in _MAY_DRIVE and np.nanmax(np.abs(c.values), initial=0.0) > 0.0]
+    if held and not held[0].said.has("supply", "bus"):
+        text = f"{held[0].shown} never changes: did it drive the wheel all the time?"
+        guess.ask("current_A", text, Line("current_A", held[0].entry(held[0].unit), ""), _FREE)
+        return
+    if speed is not None and _coasts(speed.values):
+        guess.take(*_NOTHING, "no column is a drive, and the speed only falls: a coast-down")
+        return
+    text = "no column is known to be the current: --set current=COLUMN, or --set current=none."
+    guess.ask("current_A", text, _FREE)
+
+
+def _no_drive(column: Column, role: Role) -> str:
+    """Why a column that could be a drive may be none, or not as it stands; empty where nothing says so."""
+    said = column.said
+    named = said.has(role, "machine") or said.any_of(*_DRIVEN) or column.name == "current_A"
+    if (
+        said.any_of(*_MEASURED_WITH)
+        or (role == "voltage" and said.has("current"))
+        or (said.unit is not None and not named)
+    ):
+        return f"is in {column.unit or 'what nobody says'}: is it what drives the wheel, and not another measurement?"
+    if role == "torque" and said.any_of(*_NO_TORQUE_OF_DRIVE):
+        return "may be no torque of the motor: is it what drives the wheel?"
+    low, high = float(np.nanmin(column.values)), float(np.nanmax(column.values))
+    if role == "share" and said.unit is None and high > _FULL_SHARE:
+        return f"goes to {high:g}: of how much (255, 1023, 2000?), and where is zero? `scale` and `offset` in a map"
+    if role == "share" and said.unit is not None and low >= _HALF_PERCENT:
+        return f"is never below {low:g} %: is zero in the middle? `offset: -0.5` in a map"
+    return ""
+
+
+def _find_currents(columns: list[Column], told: Answers, guess: Guess) -> bool:
+    """Add the measured current and the commanded one; whether there is one."""
+    found = False
+    for role, name, what in _CURRENTS:
+        column = chosen([c for c in columns if c.role == role and c.moves], what, name, guess)
+        if column is None:
+            continue
+        fed = column.said.any_of(*_FED) or not column.said.has("machine")  # "motor supply current" is the supply's
+        if role == "current" and column.said.any_of("limit", "peak", "max", "min"):
+            guess.ask(name, f"{column.shown}: is it the current that flows?", Line(name, column.entry(column.unit), ""))
+        elif role == "current" and column.said.has("supply") and fed:
+            text = f"{column.shown} seems to be what the supply gives: is it the motor's current?"
+            guess.ask(name, text, Line(name, column.entry(column.unit), ""))
+        else:
+            found = True
+            _take_current(column, name, told, guess)
+    return found
+
+
+def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> None:
+    """Add a current, with its unit; a question where that is not known."""
+    unit = told.unit(name, "current_A", "current_command_A")
+    why, assumed = "as it was set" if unit else "its name says so", False
+    if not unit and column.name not in READABLE_COLUMNS:
+        if column.unit:
+            unit, why = column.unit, f"its name says {column.unit}"
+        elif not column.is_whole and _AMPERES[0] < column.top < _AMPERES[1]:
+            unit, assumed = "A", True
+            why = f"it goes to {column.top:.3g}, with decimals: in mA that would move nothing"
+        else:
+            text = f"{column.shown} has no unit, and goes to {column.top:.4g}: mA or A?"
+            guess.ask(name, text, *(Line(name, column.entry(unit), "") for unit in ("mA", "A")))
+            return
+    unit = "" if unit_of(unit) == unit_of("A") else unit
+    guess.take(name, told.with_more(name, column.entry(unit)), why, assumed=assumed)
+
+
+def _coasts(speed: Float64Array) -> bool:
+    """Whether the size of a speed (n,) falls all the way, but for its noise."""
+    size = np.abs(speed[np.isfinite(speed)])
+    if size.size < 20:
+        return False
+    parts = np.array([float(np.median(part)) for part in np.array_split(size, 12)])
+    return bool(np.all(np.diff(parts) <= 1.0e-3 * parts[0])) and parts[-1] < 0.9 * parts[0]

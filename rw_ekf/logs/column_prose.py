@@ -1,0 +1,122 @@
+"""What lines above a table, remarks and attributes say against taking its numbers as they stand.
+
+Prose is not understood, only heard: a line that has one of these words is quoted, and asked about. What it says is done
+already, or is not so ("no gear", "1:1", "applied"), hints at nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from rw_ekf.logs.column_names import role_of, said_by
+from rw_ekf.logs.column_records import Column, Line
+from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.raw_table import RawTable
+
+_LONGEST = 90  # signs of a line that is quoted
+_SETTLED = re.compile(
+    r"appl(y|ied)|already|\bno gear|without gear|\b1:1\b|direct(ly)?\b|not electrical|ohne getriebe|\bdivided by the",
+    re.IGNORECASE,
+)
+
+
+class _Hint(NamedTuple):
+    """Words that hint at something, of which column, and what is asked."""
+
+    of: tuple[str, ...]  # how the log calls it begins so
+    words: re.Pattern[str]
+    asked: str
+    is_named: bool = False  # whether the line has to speak of that column
+
+
+def _words(text: str) -> re.Pattern[str]:
+    return re.compile(text, re.IGNORECASE)
+
+
+_NUMBER = r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?|[.,]\d+)"
+_FACTOR = r"scale[ds]?|scale[_ ]?factor|scaling|factor|faktor|multipl\w*|divided|gain|lsb|skalier\w*|\w+_scale"
+_HINTS = (
+    _Hint(("speed",), _words(r"\b(e-?rpm|electrical|elektrisch\w*|pole ?pairs?|polpaar\w*|\d+ poles?)\b"),
+          "is it the wheel's own speed, or how many pole pairs divide it?"),
+    _Hint(("speed",), _words(r"\b(gear(box|head|ed)?|getriebe\w*|belt|riemen|reduction|reductor)\b|\b[2-9]\d*:1\b"),
+          "is it the wheel's own speed, or the other side's of a gear?"),
+    _Hint(("speed",), _words(r"\b(strips?|marks? per|not halved|halved|doubled)\b"),
+          "how many pulses are a turn, and has that been divided out?", True),
+    _Hint(("current",), _words(r"\b(turns? through|windings? through|clamp)\b"), "is it the current of one turn?",
+          True),
+    _Hint(("current",), _words(r"\b(supply|netzteil|battery|bus line|electronics included)\b"),
+          "is it the motor's current, or the supply's?", True),
+    _Hint(("current", "speed"), _words(rf"\b({_FACTOR})(?![a-z])[^\d\n]{{0,25}}{_NUMBER}"), "is that applied?", True),
+    _Hint(("current", "speed"), _words(rf"\b(1|one) (count|digit|lsb|bit|inc\w*|step)\s*(=|is|:)\s*{_NUMBER}"),
+          "are these counts still?", True),
+    _Hint(("current", "speed"), _words(r"\b(not corrected|uncorrected|uncalibrated|raw)\b"), "is it corrected?", True),
+)  # fmt: skip
+_ONE = re.compile(r"\D*1(?:[.,]0*)?\D*")
+_NO_FACTOR = re.compile(r"vertical|horizontal|full.?scale|time.?scale|axis|plot|control|regler|\bP?ID\b", re.IGNORECASE)
+_STOPPED = re.compile(r"\b(brak(e[ds]?|ing)|short(ed|.?circuit)|gebremst|kurzgeschlossen)\b", re.IGNORECASE)
+_TIME_UNIT = re.compile(
+    r"\b(minutes?|hours?|ticks?|hundredths|100 ?ns|centiseconds?|every \d+(?!\d*(st|nd|rd|th)))\b", re.I
+)
+
+
+def hint_about(line: Line, column: Column | None, table: RawTable) -> str:
+    """What a text beside the numbers hints at of what was taken, as a question; empty where nothing does."""
+    if column is None:
+        return (
+            _quoted(_STOPPED, table.preamble, "did the wheel coast freely?") if line.name.startswith("current") else ""
+        )
+    if line.name == "time_s":
+        of_time = (text for text in table.preamble if said_by(text).says_time or " row" in text)
+        return _quoted(_TIME_UNIT, of_time, "what are the steps of the time?") if line.assumed else ""
+    counted = column.said.unit is not None and bool(column.said.unit.per)  # by what was found or asked already
+    for hint in _HINTS[1:] if counted else _HINTS:
+        if line.name.startswith(hint.of):
+            texts = [column.remark, *(text for text in table.preamble if not hint.is_named or _names(text, column))]
+            kept = (text for text in texts if not (_FACTOR in hint.words.pattern and _is_no_factor(text, hint)))
+            if found := _quoted(hint.words, kept, hint.asked):
+                return found
+    if found := _formula(column, table.preamble):
+        return found
+    return _other_unit(line, column, table.preamble) if line.name.startswith("speed") else ""
+
+
+def _quoted(words: re.Pattern[str], texts: Iterable[str], asked: str) -> str:
+    for text in texts:
+        if text and words.search(text) and not _SETTLED.search(text):
+            return f"beside it stands {' '.join(text.split())[:_LONGEST]!r}: {asked}"
+    return ""
+
+
+def _is_no_factor(text: str, hint: _Hint) -> bool:
+    match = hint.words.search(text)
+    return match is not None and (_NO_FACTOR.search(text) is not None or _ONE.fullmatch(match[2]) is not None)
+
+
+def _names(text: str, column: Column) -> bool:
+    """Whether a line speaks of a column: by a word of its name, or of what it is."""
+    said = said_by(text)
+    words = {word for word in said_by(column.name).words if len(word) > 1}
+    return bool(words & said.words) or role_of(said._replace(unit=None)) == column.role
+
+
+def _formula(column: Column, preamble: Iterable[str]) -> str:
+    """A line that has the column's name in an equation with a number."""
+    if len(column.name) < 2:
+        return ""
+    name = re.escape(column.name)
+    equation = re.compile(rf"=.*(?<!\w){name}(?!\w).*[*/+-]\s*\d|=.*\d\s*[*/].*(?<!\w){name}(?!\w)")
+    return _quoted(equation, preamble, "are its numbers before or after that?")
+
+
+def _other_unit(line: Line, column: Column, preamble: Iterable[str]) -> str:
+    """A unit of speed, or SI, that a line has, where the speed's own was concluded from its name or numbers."""
+    if not line.assumed:
+        return ""
+    own = unit_of("rpm" if line.name == "speed_rpm" else str(line.entry.get("unit", "rad/s")))
+    for text in preamble:
+        for spelt in re.findall(r"\b(?:deg/s|rad/s|rpm|rev/s|SI|1/min)(?!\w)", text):
+            if unit_of("rad/s" if spelt == "SI" else spelt) != own:
+                return f"above stands {' '.join(text.split())[:_LONGEST]!r}: is the speed in {spelt}?"
+    return ""

@@ -1,0 +1,92 @@
+"""The words that labs use for what a column is, in some fifteen languages, without accents and in small letters."""
+
+from __future__ import annotations
+
+WORDS: dict[str, frozenset[str]] = {
+    name: frozenset(words.split())
+    for name, words in {
+        "set": """
+            bor cmd comandada command commanded consigna consigne dem demand demanded des desired gewenst
+            goal impostata impostato iset istenen komut mandada mandado nset objetivo ordenada order ordered
+            planned profil profile program programme ref reference req request requested set setcurrent
+            setpoint setspeed soll solldrehzahl sollstrom sollwert sp sv target traj trajectory vorgabe
+            wanted zadana zadane zadany """,
+        "time": """
+            abszisse aika cas clock czas date datetime datum elapsed fecha heure hora ido micros millis saat
+            sec seconds stamp t tempo temps tid tiempo tijd time timestamp timestamps ts uhrzeit x_axis
+            x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
+        "speed": """
+            angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
+            istdrehzahl motordrehzahl motorspeed n nm1 nopeus obratky obrotowa obroty omega omegas omg
+            otacky phidot predkosc qd qdot raddrehzahl regime rotacao rotacion rotation rotationspeed
+            rotrate rpm snelheid spd speed speeds tacho tachometer thetadot toerental tours varvtal vel velo
+            velocidad velocidade velocita velocities velocity vitesse w wheelspeed winkelgeschwindigkeit wm """,
+        "angle": """
+            angle angolo angular angulo count_enc counts drehwinkel enc encoder mechangle phi pos posicion
+            position posizione q rotorangle theta ticks winkel """,
+        "current": """
+            adci akim akimi amp amperage ampere amperes amps aram corrente corriente courant cur curr
+            current current_raw currents i i_q ia iadc idc iin im imot imotor intensidad intensite iq isense
+            iststrom motorcurrent motorstrom phasecurrent prad pradu proud stroem strom stroom virta """,
+        "supply": """
+            alim alimentacao alimentacion alimentation alimentazione bat batt battery besleme bus charge dc
+            eps fuente idc iin in input line mains netz netzteil psu quiescent source supply total
+            versorgung voeding zasilania zasilanie """,
+        "torque": """
+            couple drehmoment effort koppel kraftmoment moment par tau torque tq trq """,
+        "force": """
+            force kraft thrust """,
+        "voltage": """
+            armature gerilim gerilimi motorvoltage napeti napiecie spanning spannung tensao tension tensione
+            u uq v vm vmot volt voltage voltaje volts vq """,
+        "bus": """
+            bat batt battery bus dc input netzteil psu supply ubat vbat vbus vdd versorgung vin """,
+        "share": """
+            duty dutycycle pwm throttle """,
+        "temperature": """
+            bearingtemp lagertemperatur motortemp sicaklik t_motor temp temperatur temperatura temperature
+            temperatuur temps_c teplota tmot tmotor tmp """,
+        "pressure": """
+            druck presion press pression pressure vacuum """,
+        "direction": """
+            ccw cw dir direction drehrichtung forward reverse richtung sens sense senso sentido sign
+            vorwaerts """,
+        "segment": """
+            cycle essai experiment lauf run run_id segment test_no trial versuch """,
+        "count": """
+            count counter id idx index line no nr number packet record row sample samples seq step tick """,
+        "direct": """
+            d daxis id reactive ud vd """,
+        "neither": """
+            efficiency energie energy err error fehler leistung potencia power puissance wirkungsgrad """,
+        "derived": """
+            abs acc accel acceleration average averaged avg derivative diff err error est estimate estimated
+            filt filtered gefiltert hat kalman limit lp max mean min moyenne observer peak predicted sigma
+            simulated smooth smoothed std """,
+        "raw": """
+            act actual fb feedback gemeten ist istwert meas measured medida medido mesure misurata misurato
+            olculen raw real zmierzona zmierzony """,
+        "machine": """
+            flywheel kolo m mot moteur motor motoru rad rotor roue rw schwungrad shaft silnik silnika
+            vliegwiel volan volano volante welle wheel """,
+        "linear": """
+            distance gyro gyrox gyroy gyroz imu meters air car gps ground linear vehicle wind """,
+    }.items()
+}
+
+# Signs of other scripts, and pieces of words, by what they stand for.
+SIGNS = {
+    "轉速": " speed ", "转速": " speed ", "速度": " speed ", "電流": " current ", "电流": " current ", "時間": " time ",
+    "时间": " time ", "電壓": " voltage ", "电压": " voltage ", "轉矩": " torque ", "转矩": " torque ",
+    "扭矩": " torque ", "温度": " temperature ", "溫度": " temperature ", "시간": " time ", "회전속도": " speed ",
+    "속도": " speed ", "전류": " current ", "전압": " voltage ", "온도": " temperature ", "전원": " supply ",
+    "모터": " motor ", "지령": " set ", "목표": " set ", "휠": " wheel ", "ı": "i", "ł": "l", "角度": " angle ",
+    "指令": " command ", "目标": " target ", "设定": " set ", "给定": " set ", "目標": " set ", "电源": " supply ",
+    "供电": " supply ", "母线": " bus ", "电机": " motor ", "電機": " motor ", "实际": " actual ", "飞轮": " wheel ",
+    "轴承": " bearing ", "время": " time ", "частота вращ": " speed ", "скорост": " speed ", "оборот": " speed ",
+    "ток ": " current ", "двигател": " motor ", "потреб": " supply ", "питан": " supply ",
+    "источник": " supply ", "задан": " set ", "момент": " torque ", "напряж": " voltage ",
+    "темп": " temperature ", "угол": " angle ", "мах": " wheel ", "モータ": " motor ", "電源": " supply ",
+    "回転": " speed ", "ホイール": " wheel ", "ω": " omega ", "Ω": " omega ", "θ": " theta ", "φ": " phi ",
+    "τ": " tau ", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
+}  # fmt: skip
