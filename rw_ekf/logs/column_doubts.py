@@ -30,7 +30,8 @@ _OTHER_MACHINES = (
     "predicted", "simulated", "sim", "model",
 )  # fmt: skip
 _TURNING = (
-    "rev", "revs", "turns", "rotations", "rotation", "mechanical", "mech", "n", "drehzahl", "umdrehungen", "tours", "giri",
+    "rev", "revs", "turns", "rotations", "rotation", "mechanical", "mech", "n", "drehzahl", "umdrehungen", "tours",
+    "giri",
 )  # fmt: skip
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
