@@ -33,6 +33,11 @@ class RunFeed:
         self._curve_of: tuple[str, int] | None = None
 
     @property
+    def log(self) -> Path:
+        """The first part of its log."""
+        return next(iter(self._parts(estimates=False)), self.stem.with_name(f"{self.stem.name}.csv"))
+
+    @property
     def name(self) -> str:
         """Of the run, as its files have it."""
         return self.stem.name

@@ -26,6 +26,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.page.run_feed import POINTS, RunFeed, runs_in
+from rw_ekf.page.run_report import Reports
 
 STATIC = Path(__file__).parent / "static"
 _FILES = {"page.js": "text/javascript", "panes.js": "text/javascript", "page.css": "text/css",
@@ -43,6 +44,13 @@ _HEADERS = {
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cache-control": "no-store",
+}
+
+
+# A report is one file with its own style; it has no script, and what it held would be run by none.
+_OF_REPORT = {
+    "content-security-policy": "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 }
 
 
@@ -79,6 +87,7 @@ class Place:
     path: Path
     stop: Callable[[], dict[str, Any]] | None = None
     watchers: dict[str, Watcher] = field(default_factory=dict)
+    reports: Reports = field(default_factory=Reports)
 
     def runs(self) -> list[Path]:
         """The runs there are now, the newest first."""
@@ -191,6 +200,18 @@ def page_app(place: Place, access: Access) -> Starlette:
             return _refusal(403, "the address that was printed has the token that this takes")
         return _json(await run_in_threadpool(place.stop))
 
+    async def report(request: Request) -> Response:
+        feed = await run_in_threadpool(place.feed, request.query_params.get("run", ""))
+        if request.method == "POST":
+            if not access.has_token(request):
+                return _refusal(403, "the address that was printed has the token that this takes")
+            place.reports.begin(feed.log)
+        return _json(place.reports.state(feed.log))
+
+    async def report_file(request: Request) -> Response:
+        path = place.reports.file(request.path_params["ticket"])
+        return FileResponse(path, media_type="text/html") if path else _refusal(404, "this link is over: open the run")
+
     async def unknown(request: Request, error: Exception) -> Response:
         return _refusal(404, str(error))
 
@@ -202,6 +223,8 @@ def page_app(place: Place, access: Access) -> Starlette:
         Route("/api/curve", curve),
         Route("/api/live", live),
         Route("/api/stop", stop, methods=["POST"]),
+        Route("/api/report", report, methods=["GET", "POST"]),
+        Route("/report/{ticket}", report_file),
     ]
     return Starlette(
         routes=routes, middleware=[Middleware(_Guard, access=access)], exception_handlers={BadInputError: unknown}
@@ -238,7 +261,8 @@ class _Guard:
 
         async def sending(message: Any) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] += [(key.encode(), value.encode()) for key, value in _HEADERS.items()]
+                headers = _HEADERS | (_OF_REPORT if scope["path"].startswith("/report/") else {})
+                message["headers"] += [(key.encode(), value.encode()) for key, value in headers.items()]
             await send(message)
 
         await self._app(scope, receive, sending)

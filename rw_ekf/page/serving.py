@@ -31,13 +31,16 @@ def serve(
     os.nice(_NICE)
     access = Access.of(host)
     shown = f"[{host}]" if ":" in host else host
-    token = f"#token={access.token}" if access.asked_always or stop is not None else ""
-    told(f"http://{shown}:{listening.getsockname()[1]}/{token}")
+    told(f"http://{shown}:{listening.getsockname()[1]}/#token={access.token}")
+    place = Place(path, stop)
     configuration = uvicorn.Config(
-        page_app(Place(path, stop), access), log_level="error", access_log=False, lifespan="off",
+        page_app(place, access), log_level="error", access_log=False, lifespan="off",
         timeout_graceful_shutdown=1, limit_concurrency=1000,
     )  # fmt: skip
-    uvicorn.Server(configuration).run(sockets=[listening])
+    try:
+        uvicorn.Server(configuration).run(sockets=[listening])
+    finally:
+        place.reports.close()
 
 
 def _listening(host: str, port: int) -> socket.socket:

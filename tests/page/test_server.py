@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -17,6 +18,8 @@ from typing import Any
 import pytest
 import uvicorn
 
+import rw_ekf
+from rw_ekf.page.run_report import Reports, report_path
 from rw_ekf.page.server import Access, Place, Watcher, page_app
 from rw_ekf.page.serving import _listening
 from tests.page.runs import RunOnDisk
@@ -211,7 +214,8 @@ def test_the_verb_says_where_the_page_is_and_ends_with_a_signal(run: RunOnDisk) 
     command = [sys.executable, "-m", "rw_ekf", "view", str(run.folder), "--listen", "127.0.0.1:0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
         assert view.stdout is not None
-        address = view.stdout.readline().strip()
+        address, _, token = view.stdout.readline().strip().partition("#")
+        assert token.startswith("token=")
         with urllib.request.urlopen(f"{address}api/runs", timeout=20) as answer:
             assert json.loads(answer.read()) == {"runs": [run.name], "stop": False}
         view.terminate()
@@ -233,3 +237,35 @@ def test_wrong_input_is_told_in_one_line(words: list[str], said: str, capsys: py
 
     assert main(["view", *words]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_report_is_made_with_the_token_alone_and_is_one_link_away(served: Served, run: RunOnDisk) -> None:
+    """Nobody without the token begins a diagnosis; the report that is there is served without script, by its link."""
+    assert served.get("/api/report")[2] == {"report": "none"}
+    assert served.get("/api/report", method="POST")[0] == 403
+    made = run.folder / f"{run.name}.report" / "report.html"
+    made.parent.mkdir()
+    made.write_text("<h1>adequate</h1>")
+    told = served.get("/api/report")[2]
+    status, headers, body = served.get(f"/{told['link']}")
+    assert (status, body) == (200, "<h1>adequate</h1>")
+    assert headers.get_all("content-security-policy")[-1].startswith("sandbox; default-src 'none'")
+    assert served.get("/report/guessed")[0] == 404
+
+
+@pytest.mark.slow
+def test_the_report_of_a_run_is_its_diagnosis(tmp_path: Path) -> None:
+    """Made in a process of its own, kept beside the run; of a log that cannot be diagnosed the reason is told."""
+    log = rw_ekf.simulate("identification", duration_s=200.0, seed=3)
+    for name, text in (("good", None), ("torn", "time_s,speed_rpm,current_A\n0.0,x,0.1\n")):
+        path = tmp_path / f"2026-11-27T10-20-06Z_{name}.csv"
+        log.save(path) if text is None else path.write_text(text)
+        reports = Reports()
+        reports.begin(path)
+        while (told := reports.state(path))["report"] == "working":
+            time.sleep(0.2)
+        assert told["report"] == ("ready" if text is None else "failed"), told
+        if text is None:
+            assert "<html" in report_path(path).read_text()
+        else:
+            assert "is not a number" in told["text"]

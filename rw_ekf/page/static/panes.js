@@ -86,6 +86,8 @@ class Pane {
     this.tools();
     await this.load();
     this.follow();
+    this.q(".make").addEventListener("click", () => this.report("POST"));
+    this.report();
     this.frame = () => { if (this.closed) return; this.step(); if (this.dirty) { this.dirty = false; this.draw(); } setTimeout(() => requestAnimationFrame(this.frame), 100); };
     requestAnimationFrame(this.frame);
   }
@@ -100,6 +102,17 @@ class Pane {
     this.listEvents();
     this.loadCurve();
     this.dirty = true;
+  }
+
+  async report(method = "GET") { // the diagnosis of this run: a link where there is one, else a button that has it made
+    const told = await ask(`api/report?run=${encodeURIComponent(this.run)}`, { method }).then((answer) => answer.json(), (error) => ({ report: "failed", text: error.message }));
+    const make = this.q(".make"), link = this.q(".report a");
+    make.hidden = !token() || told.report === "working";
+    make.textContent = told.report === "ready" ? "Make it anew" : "Make the report";
+    link.hidden = told.report !== "ready";
+    if (told.link) link.href = told.link;
+    this.q(".report span").textContent = { working: "the run is being diagnosed ...", failed: `no report: ${told.text}` }[told.report] || "";
+    if (told.report === "working" && !this.closed) setTimeout(() => this.report(), 2000);
   }
 
   async loadCurve() {
