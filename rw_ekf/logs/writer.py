@@ -137,21 +137,24 @@ class SampleWriter(RowWriter):
 
     def write(self, sample: WheelSample, command: IssuedCommand | None) -> None:
         """Write one sample and the command that followed it; None: nothing was written, telemetry's stands."""
-        self.write_row(
-            (
-                sample.time_s,
-                sample.speed_rad_s,
-                sample.current_command_A if command is None else command.current_A,
-                sample.current_A,
-                0.0 if command is None else command.delay_s,
-                sample.segment,
-                sample.temperature_degC,
-                sample.pressure_Pa,
-                sample.bus_voltage_V,
-                sample.angle_rad,
-                sample.status,
-            )
-        )
+        self.write_row(sample_values(sample, command))
+
+
+def sample_values(sample: WheelSample, command: IssuedCommand | None) -> tuple[float | None, ...]:
+    """A row of the log, in the order of LOG_COLUMNS."""
+    return (
+        sample.time_s,
+        sample.speed_rad_s,
+        sample.current_command_A if command is None else command.current_A,
+        sample.current_A,
+        0.0 if command is None else command.delay_s,
+        sample.segment,
+        sample.temperature_degC,
+        sample.pressure_Pa,
+        sample.bus_voltage_V,
+        sample.angle_rad,
+        sample.status,
+    )
 
 
 class EstimateWriter(RowWriter):
