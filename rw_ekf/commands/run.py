@@ -308,6 +308,7 @@ def _print(outcome: RunOutcome, warnings: list[str], planned: Planned | None, *,
             "estimate_rows": outcome.unwritten.estimate_rows,
             "state_files": outcome.unwritten.state_files,
             "other_files": outcome.unwritten.other_files,
+            "not_sent": outcome.unwritten.not_sent,
         },
     }
     print_json(document | ({} if planned is None else planned.document))
