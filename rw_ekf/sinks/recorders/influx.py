@@ -6,7 +6,7 @@ import os
 import urllib.request
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from rw_ekf.clock import Clock
 from rw_ekf.errors import BadInputError
@@ -17,6 +17,7 @@ from rw_ekf.sinks.recorders.datagrams import send, udp_socket
 from rw_ekf.sinks.recorders.line_protocol import point
 from rw_ekf.sinks.recorders.tick_record import TickRecord, TickRecords
 from rw_ekf.sinks.run_context import RunContext
+from rw_ekf.sinks.run_files import Note
 
 NEEDS = ()
 TOKEN = "INFLUX_TOKEN"  # a secret is no part of a configuration, which every run copies into its metadata
@@ -66,7 +67,10 @@ class InfluxRecorder:
         self._target.close()
 
     def _lines(self, record: TickRecord) -> list[bytes]:
-        named = [("rw_ekf_sample", {}, record.sample), ("rw_ekf_estimate", {}, record.estimate)]
+        named: list[tuple[str, dict[str, str], dict[str, Any] | None]] = [
+            ("rw_ekf_sample", {}, record.sample),
+            ("rw_ekf_estimate", {}, record.estimate),
+        ]
         for event in record.events:
             fields = {key: value for key, value in event.items() if key not in ("event", "utc")}
             named.append(("rw_ekf_event", {"event": str(event["event"])}, fields))
@@ -113,9 +117,7 @@ class _Udp:
 class _Http:
     """Batches, once a second; while nobody answers the newest wait, and what is older is counted."""
 
-    def __init__(
-        self, address: str, clock: Clock, missed: Callable[[int, str], None], say: Callable[..., None]
-    ) -> None:
+    def __init__(self, address: str, clock: Clock, missed: Callable[[int, str], None], say: Note) -> None:
         self._address = address
         self._clock = clock
         self._missed = missed
@@ -149,9 +151,7 @@ class _Http:
             urllib.request.urlopen(request, timeout=_ANSWER_WITHIN_S).close()
         except (OSError, ValueError) as error:  # also a refusal by the server, which is an OSError in urllib
             if self._reason is None:
-                self._say(
-                    "influx_not_reached", reason=str(error), do="the newest five minutes wait, and are tried again"
-                )
+                self._say("influx_not_reached", reason=str(error), do="the newest five minutes wait")
             self._reason = str(error)
             self._due_s = self._clock.monotonic() + _TRY_EVERY_S
             return

@@ -1,7 +1,7 @@
 r"""InfluxDB's line protocol: name,tag=value field=value,field=value STAMP.
 
-https://docs.influxdata.com/influxdb/v2/reference/syntax/line-protocol/: commas and blanks of a name, and in tags and keys
-of fields also equal signs, have a stroke before them; in a text that is a field's value, quotes and strokes.
+https://docs.influxdata.com/influxdb/v2/reference/syntax/line-protocol/: commas and blanks, in tags and keys of fields
+also equal signs, have a stroke before them; in a text that is a field's value, quotes and strokes.
 """
 
 from __future__ import annotations

@@ -31,6 +31,7 @@ class MqttRecorder:
     def __init__(self, run: RunContext) -> None:
         """Begin to connect. Raises BadInputError for an address that is none."""
         from paho.mqtt import client as paho
+        from paho.mqtt.enums import CallbackAPIVersion
 
         self._run = run
         self._records = TickRecords(run.clock, run.began, run.state_names)
@@ -39,7 +40,7 @@ class MqttRecorder:
         self._closed = False
         place = urlsplit(str(run.output.mqtt))
         self._topic = place.path.strip("/")
-        self._client = paho.Client(paho.CallbackAPIVersion.VERSION2)
+        self._client = paho.Client(CallbackAPIVersion.VERSION2)
         self._client.max_queued_messages_set(_MOST_WAITING)
         self._client.reconnect_delay_set(*_TRY_AGAIN_S)
         self._client.will_set(f"{self._topic}/state", self._state_text(OFFLINE), qos=1, retain=True)
