@@ -61,7 +61,7 @@ def _read_lines(path: Path, name: str, columns: ColumnMap) -> RawTable:
             if not stripped or stripped.startswith(_NO_POINT):
                 continue
             point = _POINT.fullmatch(stripped)
-            if not line.endswith("\n") and (point is None or len(point["time"] or "") != len(before)):
+            if before and not line.endswith("\n") and (point is None or len(point["time"] or "") != len(before)):
                 torn.append(f"{name}: line {number}: the last line is torn off, and was left out")
                 break
             if point is None:

@@ -15,7 +15,8 @@ from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.records import Estimate, Outcome, StateNow, Tick, WheelSample
 from rw_ekf.sinks.happenings import Happenings
 
-_APART_S = 0.5  # by so much a stamp may differ from the host's clock, before it is taken from that anew
+_WITHIN_NS = 60_000_000_000  # the least delay of a minute is none
+_STEP_NS = 1_000_000_000  # a stamp that is earlier by less is put behind the one before
 
 
 class Field(NamedTuple):
@@ -75,8 +76,9 @@ class TickRecord:
 class TickRecords:
     """Makes records of a run's turns, one after the other.
 
-    Stamps follow the wheel's clock, so that the host's jitter is not in them, and keep within half a second of the
-    host's. Where turns were lost a new segment begins, as in the log.
+    Stamps follow the wheel's clock, so that what a queue or a disk delays is not in them: a turn comes here late and
+    never early, so that the least difference of the host's clock is the true one. Where turns were lost a new segment
+    begins, as in the log.
     """
 
     def __init__(self, clock: Clock, began: StateNow, state_names: tuple[str, ...]) -> None:
@@ -85,6 +87,8 @@ class TickRecords:
         self._state_names = state_names
         self.first: dict[str, Any] = self._happenings.first
         self._offset_ns: int | None = None  # of UTC from the wheel's clock
+        self._segment = 0
+        self._least_ns = self._since_ns = 0  # of such differences, since when
         self._stamp_ns = 0
         self._breaks = 0
 
@@ -92,7 +96,7 @@ class TickRecords:
         """The next turn."""
         is_row = tick.fresh and tick.estimate.outcome not in (Outcome.REPEATED, Outcome.BACKWARD)
         return TickRecord(
-            self._stamp(tick.sample.time_s if tick.fresh else None),
+            self._stamp(tick.sample if tick.fresh else None),
             self._sample(tick.sample, tick) if is_row else None,
             self._estimate(tick.estimate) if is_row else None,
             finite(self._happenings.of(tick)),
@@ -112,15 +116,25 @@ class TickRecords:
         now = self._clock.utc()
         return int(now.timestamp()) * 1_000_000_000 + now.microsecond * 1000
 
-    def _stamp(self, time_s: float | None) -> int:
-        now_ns = stamp_ns = self.now_ns()
-        if time_s is not None:
-            wheel_ns = round(time_s * 1e9)
-            if self._offset_ns is None or abs(now_ns - wheel_ns - self._offset_ns) > _APART_S * 1e9:
-                self._offset_ns = now_ns - wheel_ns
-            stamp_ns = wheel_ns + self._offset_ns
-        self._stamp_ns = max(stamp_ns, self._stamp_ns + 1)
-        return self._stamp_ns
+    def _stamp(self, sample: WheelSample | None) -> int:
+        stamp_ns = self.now_ns() if sample is None else self._utc_of(sample)
+        if 0 <= self._stamp_ns - stamp_ns < _STEP_NS:
+            stamp_ns = self._stamp_ns + 1
+        self._stamp_ns = stamp_ns
+        return stamp_ns
+
+    def _utc_of(self, sample: WheelSample) -> int:
+        now_ns, wheel_ns = self.now_ns(), round(sample.time_s * 1e9)
+        offset_ns = now_ns - wheel_ns
+        if self._offset_ns is None or sample.segment != self._segment:
+            self._segment, self._offset_ns = sample.segment, offset_ns
+            self._least_ns, self._since_ns = offset_ns, now_ns
+        self._least_ns = min(self._least_ns, offset_ns)
+        if now_ns - self._since_ns >= _WITHIN_NS:  # the wheel's clock may be slower than the host's
+            self._offset_ns = self._least_ns
+            self._least_ns, self._since_ns = offset_ns, now_ns
+        self._offset_ns = min(self._offset_ns, offset_ns)
+        return wheel_ns + self._offset_ns
 
     def _sample(self, sample: WheelSample, tick: Tick) -> dict[str, Any]:
         told = replace(sample, segment=sample.segment + self._breaks) if self._breaks else sample
