@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import rw_ekf as library
-from rw_ekf import plain_file
 from rw_ekf.cli import main
 from rw_ekf.logs.reader import read_log
 from rw_ekf.settings.resources import config_directory
@@ -134,7 +133,7 @@ def test_a_disk_without_room_tears_nothing_and_what_comes_after_is_kept(
             return write(descriptor, data[:100])
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(plain_file.os, "write", half)
+    monkeypatch.setattr("rw_ekf.plain_file.os.write", half)
     refused = 0
     for i in range(20):
         full[0] = 5 <= i < 8

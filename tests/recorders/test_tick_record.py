@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,7 +16,7 @@ BEGAN = datetime(2026, 3, 1, tzinfo=UTC)
 
 
 def test_a_turn_that_comes_late_has_the_stamp_of_its_reading() -> None:
-    """Delays of 0 to 0.3 s and one of 20 s, a wheel's clock that is 200 ppm slow, for ten minutes: 20 ms at most."""
+    """Delays of 0 to 0.3 s and one of 20 s, a wheel's clock that is 200 ppm slow, for ten minutes: 30 ms at most."""
     clock, rng = VirtualClock(BEGAN), np.random.default_rng(3)
     records = TickRecords(clock, TRACKING, STATE._fields)
     errors, stamps = [], []
@@ -25,8 +26,8 @@ def test_a_turn_that_comes_late_has_the_stamp_of_its_reading() -> None:
         clock.sleep(max(true_s + delay_s - clock.monotonic(), 0.0))
         stamps.append(records.of(turn(i)).stamp_ns)
         errors.append(stamps[-1] * 1e-9 - BEGAN.timestamp() - true_s)
-    assert max(map(abs, errors[7:])) < 0.02
-    assert all(later > sooner for sooner, later in zip(stamps, stamps[1:], strict=False))
+    assert max(map(abs, errors[7:])) < 0.03  # two minutes and the 20 s at 200 ppm: 28 ms
+    assert all(later > sooner for sooner, later in pairwise(stamps))
 
 
 def test_a_wheel_that_starts_again_from_zero_keeps_its_stamps() -> None:
