@@ -230,6 +230,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         )
     if outcome.unwritten:
         found.append(outcome.unwritten.text())
+    found += [f"{ticks} ticks went nowhere from output.{name}" for name, ticks in outcome.unwritten.not_sent.items()]
     if outcome.state.state is RunState.SAFE:
         found.append(
             f"the run ended in SAFE, only zero was written since {outcome.state.since_utc}: {outcome.state.reason}"

@@ -210,6 +210,11 @@ class OutputSection(Section):
     plotjuggler: HostPort | None = Field(None, description="HOST:PORT that gets each tick as JSON over UDP; null: not")
     mqtt: MqttTopic | None = Field(None, description="mqtt://HOST:PORT/TOPIC that gets each tick as JSON; null: not")
 
+    @property
+    def over_network(self) -> bool:
+        """Whether anything of a run is asked for, or sent, over a network."""
+        return any(place not in (None, "file") for place in (self.prometheus, self.influx, self.plotjuggler, self.mqtt))
+
 
 class TrueWheelSection(Section):
     """What a simulated wheel is in truth."""

@@ -154,3 +154,15 @@ def test_datagrams_hold_whole_lines(tmp_path: Path) -> None:
     assert all(len(datagram) <= 1400 and datagram.endswith(b"\n") for datagram in received)
     (tmp_path / "received.lp").write_bytes(b"".join(received))
     assert read_log(tmp_path / "received.lp").speed_rad_s.tolist() == [1.5] * 20
+
+
+@pytest.mark.slow
+def test_a_server_that_hangs_leaves_the_run_and_its_log_alone(tmp_path: Path) -> None:
+    """It takes connections and never answers: every row is in the log, and the run ends as it would have."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        place = f"http://127.0.0.1:{silent.getsockname()[1]}/write"
+        ran, _ = run(tmp_path, 600.0, output={"influx": place})
+    assert len(ran.log) == 1201
+    assert not ran.outcome.unwritten
+    assert ran.outcome.unwritten.not_sent["influx"] > 0
+    assert ran.notes.events.count("not_recorded") == 1

@@ -45,11 +45,11 @@ def messages(path: Path) -> dict[str, list[dict[str, Any]]]:
 
 @pytest.mark.slow
 def test_after_a_kill_every_tick_but_the_last_can_be_read(tmp_path: Path) -> None:
-    """The wheel itself counts the currents it was sent, one a tick; the daemon is killed between two; twice."""
+    """The wheel itself counts the currents it was sent, one a tick; the daemon is killed, twice. Line protocol too."""
     for directory in (tmp_path / "a", tmp_path / "b"):
         directory.mkdir()
         with served_wheel(directory) as bench:
-            config = bench.config(output={"mcap": True})
+            config = bench.config(output={"mcap": True, "influx": "file"})
 
             def sent() -> int:
                 return sum(frame.id == CURRENT_COMMAND for _, frame in list(bench.recorder.requests))
@@ -69,6 +69,8 @@ def test_after_a_kill_every_tick_but_the_last_can_be_read(tmp_path: Path) -> Non
             log = read_log(path)
             assert len(log) == len(found[SAMPLE])
             assert any("cut off" in warning for warning in log.warnings)
+            (lines,) = bench.runs.glob("*.lp")
+            assert ticks - 1 <= len(read_log(lines)) <= ticks
             known = read_log(bench.logs()[0])  # the CSV may be two ticks behind
             assert len(log) >= len(known)
             assert np.array_equal(log.speed_rad_s[: len(known)], known.speed_rad_s, equal_nan=True)

@@ -19,7 +19,7 @@ from rw_ekf.sinks.run_context import RunContext
 
 NEEDS = ("mcap.writer", "zstandard")
 SAMPLE, ESTIMATE, EVENT = "/wheel/sample", "/wheel/estimate", "/wheel/event"
-_CHUNKED_WITHIN_S = 60.0
+_CHUNKED_WITHIN_S = 30.0  # 256 MB take 12 s
 _TRY_EVERY_NS = 10_000_000_000  # to begin a part that could not be begun
 _INFO, _WARNING = 2, 3  # foxglove.Log
 
