@@ -15,18 +15,8 @@ OPTIONAL = {
     "coast_down_s", "driven_s", "break_aways", "avoid", "settle",
 }  # fmt: skip
 OPEN = {
-    "state",
-    "std",
-    "effects",
-    "parameters",
-    "truth",
-    "configuration",
-    "model",
-    "posterior",
-    "map",
-    "from",
-    "not_sent",
-}
+    "state", "std", "effects", "parameters", "truth", "configuration", "model", "posterior", "map", "from", "not_sent",
+}  # fmt: skip
 
 
 @cache

@@ -44,7 +44,7 @@ def test_the_layout_draws_what_is_sent(tmp_path: Path) -> None:
 
 
 def test_nobody_who_listens_is_no_fault(tmp_path: Path) -> None:
-    """A closed port answers with a refusal, which the next datagram meets: nothing is raised, nothing counted."""
+    """Nobody has the port: nothing is raised, nothing counted."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         place = f"127.0.0.1:{free.getsockname()[1]}"
@@ -52,6 +52,20 @@ def test_nobody_who_listens_is_no_fault(tmp_path: Path) -> None:
     for i in range(50):
         sink.write(turn(i))
     sink.close()
+    assert not made.unwritten
+
+
+def test_what_the_system_does_not_take_is_counted_and_no_fault_of_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Datagrams longer than any can be, as where there is no network: counted, said once, nothing raised."""
+    sink, made = recorder(tmp_path, "plotjuggler", "127.0.0.1:9")
+    monkeypatch.setattr("rw_ekf.sinks.recorders.plotjuggler.json.dumps", lambda *a, **k: "x" * 100_000)
+    for i in range(5):
+        sink.write(turn(i))
+    sink.close()
+    assert made.unwritten.not_sent == {"plotjuggler": 5}
+    assert made.logger.events == ["not_recorded"]
     assert not made.unwritten
 
 

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
+from collections.abc import Callable
 
 from rw_ekf.sinks.recorders.place import host_and_port
 
 
-def udp_socket(place: str) -> socket.socket:
-    """A socket that sends to HOST:PORT and never waits. Raises OSError for a name that is none."""
-    host, port = host_and_port(place)
-    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-    made = socket.socket(family, kind, protocol)
-    made.setblocking(False)
-    try:
-        made.connect(address)
-    except OSError:
-        made.close()
-        raise
-    return made
+class Datagrams:
+    """Sends and never waits. That nobody listens is no fault; what the system did not take is counted."""
 
+    def __init__(self, place: str, missed: Callable[[int, str], None]) -> None:
+        """missed: told of ticks that were not sent, and why. Raises OSError for a HOST:PORT that is none."""
+        host, port = host_and_port(place)
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._address = address
+        self._missed = missed
+        self._socket = socket.socket(family, kind, protocol)
+        self._socket.setblocking(False)
 
-def send(made: socket.socket, data: bytes) -> None:
-    """Send one datagram; that nobody listens, or that there is no room, is what may happen to any. Raises OSError."""
-    with contextlib.suppress(ConnectionError, BlockingIOError):
-        made.send(data)
+    def send(self, *datagrams: bytes) -> None:
+        """Send what belongs to one tick."""
+        try:
+            for data in datagrams:
+                self._socket.sendto(data, self._address)
+        except OSError as error:  # no room, no network, too long
+            self._missed(1, error.strerror or str(error))
+
+    def close(self) -> None:
+        """Send no more."""
+        self._socket.close()

@@ -13,7 +13,7 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.logs.parts import beside
 from rw_ekf.plain_file import append_line
 from rw_ekf.records import Tick
-from rw_ekf.sinks.recorders.datagrams import send, udp_socket
+from rw_ekf.sinks.recorders.datagrams import Datagrams
 from rw_ekf.sinks.recorders.line_protocol import point
 from rw_ekf.sinks.recorders.tick_record import TickRecord, TickRecords
 from rw_ekf.sinks.run_context import RunContext
@@ -96,22 +96,21 @@ class _File:
 
 
 class _Udp:
-    """Datagrams of whole lines; nobody can say whether they arrive."""
+    """Datagrams of whole lines."""
 
-    def __init__(self, place: str) -> None:
-        self._socket = udp_socket(place)
+    def __init__(self, datagrams: Datagrams) -> None:
+        self._datagrams = datagrams
 
     def put(self, lines: list[bytes]) -> None:
-        datagram = b""
+        packed = [b""]
         for line in lines:
-            if datagram and len(datagram) + len(line) > _DATAGRAM:
-                send(self._socket, datagram)
-                datagram = b""
-            datagram += line
-        send(self._socket, datagram)
+            if packed[-1] and len(packed[-1]) + len(line) > _DATAGRAM:
+                packed.append(b"")
+            packed[-1] += line
+        self._datagrams.send(*packed)
 
     def close(self) -> None:
-        self._socket.close()
+        self._datagrams.close()
 
 
 class _Http:
@@ -165,13 +164,13 @@ def recorder_of(run: RunContext) -> InfluxRecorder:
     target = str(run.output.influx)
     if target == "file":
         return InfluxRecorder(run, _File(run), leaves_file=True)
-    if target.startswith("udp://"):
-        try:
-            return InfluxRecorder(run, _Udp(target.removeprefix("udp://")), leaves_file=False)
-        except OSError as error:
-            raise BadInputError(f"output.influx: {target} is no place on a network ({error}): mend it") from None
 
     def missed(ticks: int, reason: str) -> None:
         run.unwritten.miss("influx", ticks, reason, run.logger.error)
 
-    return InfluxRecorder(run, _Http(target, run.clock, missed, run.logger.warning), leaves_file=False)
+    if not target.startswith("udp://"):
+        return InfluxRecorder(run, _Http(target, run.clock, missed, run.logger.warning), leaves_file=False)
+    try:
+        return InfluxRecorder(run, _Udp(Datagrams(target.removeprefix("udp://"), missed)), leaves_file=False)
+    except OSError as error:
+        raise BadInputError(f"output.influx: {target} is no place on a network ({error}): mend it") from None

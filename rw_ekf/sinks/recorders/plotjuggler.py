@@ -7,7 +7,7 @@ from typing import Any
 
 from rw_ekf.errors import BadInputError
 from rw_ekf.records import RunState, Tick
-from rw_ekf.sinks.recorders.datagrams import send, udp_socket
+from rw_ekf.sinks.recorders.datagrams import Datagrams
 from rw_ekf.sinks.recorders.tick_record import TickRecords
 from rw_ekf.sinks.run_context import RunContext
 
@@ -22,10 +22,11 @@ class PlotJugglerRecorder:
 
     def __init__(self, run: RunContext) -> None:
         """Raises BadInputError for a place that is none."""
+        self._run = run
         self._records = TickRecords(run.clock, run.began, run.state_names)
         place = str(run.output.plotjuggler)
         try:
-            self._socket = udp_socket(place)
+            self._datagrams = Datagrams(place, self._missed)
         except OSError as error:
             raise BadInputError(f"output.plotjuggler: {place} is no place on a network ({error}): mend it") from None
 
@@ -43,14 +44,17 @@ class PlotJugglerRecorder:
                 **({} if record.state is None else {"state": _STATES[record.state]}),
             },
         }
-        send(self._socket, json.dumps(message, allow_nan=False).encode())
+        self._datagrams.send(json.dumps(message, allow_nan=False).encode())
 
     def lost(self, ticks: int) -> None:
         """A curve has a gap."""
 
+    def _missed(self, ticks: int, reason: str) -> None:
+        self._run.unwritten.miss("plotjuggler", ticks, reason, self._run.logger.error)
+
     def close(self) -> None:
         """Send no more."""
-        self._socket.close()
+        self._datagrams.close()
 
 
 def recorder_of(run: RunContext) -> PlotJugglerRecorder:

@@ -43,7 +43,7 @@ def _recorder(name: str) -> SinkKind:
             reason = f"{name} does not keep up"
             run.unwritten.miss(name, ticks, reason, run.logger.error, from_file=recorder.leaves_file)
 
-        return recorder, Queue(_TICKS, lost=lost, at_once=recorder.leaves_file)
+        return recorder, Queue(_TICKS, lost=lost, at_once=recorder.leaves_file, waits=False)
 
     return SinkKind(made, every_turn=True)
 
