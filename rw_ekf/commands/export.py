@@ -52,6 +52,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _export_map(args: argparse.Namespace) -> int:
+    from collections import Counter
     from pathlib import Path
 
     from rw_ekf.attach import load_protocol
@@ -67,6 +68,10 @@ def _export_map(args: argparse.Namespace) -> int:
     protocol = load_protocol(args.log)
     if not isinstance(protocol, DescribedProtocol):
         raise BadInputError(f"{args.log}: wheels of this family have no packets of fields that could be written down")
+    counts = Counter((packet.is_command, packet.name) for packet in protocol.packets)
+    twice = next((name for (_, name), count in counts.items() if count > 1), None)
+    if twice is not None:
+        raise BadInputError(f"{args.log}: two packets would be called {twice}: give one of the registers another name")
     name = Path(args.log).name.removesuffix(".yaml")
     written = xtce_text if args.out.endswith(".xml") else cosmos_text
     write_text(args.out, written(name, protocol.packets))

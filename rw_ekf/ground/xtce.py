@@ -1,6 +1,6 @@
 """Packets as XTCE 1.2 (https://www.omg.org/spec/XTCE/1.2), which Yamcs and other ground systems read.
 
-Replies are containers that inherit `reply` and are told apart by its constant; requests are commands. What surrounds a
+Replies are containers that inherit `Reply` and are told apart by its constant; requests are commands. What surrounds a
 packet on the line (marks, escapes) is the concern of what reads the line: XTCE begins where they are undone.
 """
 
@@ -37,7 +37,7 @@ def xtce_text(name: str, packets: Sequence[WirePacket]) -> str:
 def _telemetry(within: Element, replies: list[WirePacket]) -> None:
     types, parameters, containers = (_add(within, tag) for tag in ("ParameterTypeSet", "ParameterSet", "ContainerSet"))
     named: dict[str, WireItem] = {}
-    base = _add(containers, "SequenceContainer", name="reply", abstract="true")
+    base = _add(containers, "SequenceContainer", name="Reply", abstract="true")
     entries = _add(base, "EntryList")
     for item in _head(replies[0]):
         named[item.name] = item
@@ -50,7 +50,7 @@ def _telemetry(within: Element, replies: list[WirePacket]) -> None:
             parameter = item.name if item.crc is not None else f"{packet.name}_{item.name}"
             named[parameter] = item
             _add(entries, "ParameterRefEntry", parameterRef=parameter)
-        criteria = _add(_add(container, "BaseContainer", containerRef="reply"), "RestrictionCriteria")
+        criteria = _add(_add(container, "BaseContainer", containerRef="Reply"), "RestrictionCriteria")
         _add(criteria, "Comparison", parameterRef=told_by.name, value=str(int(told_by.constant or 0)))
     for name, item in named.items():
         _type(types, "Parameter", f"{name}_type", item)

@@ -92,10 +92,10 @@ def test_who_reads_the_xtce_decodes_a_wheel_s_replies(wire_map: tuple[str, WireM
     """A decoder of telemetry that knows nothing of this program gives every register's numbers, units calibrated."""
     definitions = pytest.importorskip("space_packet_parser.xtce.definitions")
     exported(wire_map[0], tmp_path / "wheel.xml")
-    definition = definitions.XtcePacketDefinition.from_xtce(tmp_path / "wheel.xml", root_container_name="reply")
+    definition = definitions.XtcePacketDefinition.from_xtce(tmp_path / "wheel.xml", root_container_name="Reply")
     found = bodies(wire_map[1])
     for name, body in found.items():
-        packet = definition.parse_bytes(body, root_container_name="reply")
+        packet = definition.parse_bytes(body, root_container_name="Reply")
         assert (packet["seq"], packet["id"]) == (body[0], body[1])
         assert packet["crc"].raw_value == int.from_bytes(body[-2:], "little")
         if name.endswith("_status"):
@@ -233,6 +233,16 @@ def test_what_has_no_such_packets_or_no_map_is_bad_input(tmp_path: Path, capsys:
     own.write_text(config_resource("sunspace-wheel").read_text())
     assert main(["export", str(own), str(own)]) == 2
     assert not Path(out).exists()
+
+
+def test_registers_whose_packets_would_have_one_name_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A register that is called as another's reply would hide it."""
+    own = tmp_path / "own.yaml"
+    own.write_text(OWN_MAP.replace("name: speed\n", "name: limits_status\n"))
+    assert main(["export", str(own), str(tmp_path / "wheel.xml")]) == 2
+    assert "two packets would be called limits_status" in capsys.readouterr().err
 
 
 def test_the_json_document_is_the_contract_s(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
