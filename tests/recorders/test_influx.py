@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -49,6 +50,8 @@ def test_a_file_of_it_is_read_back_as_the_log(tmp_path: Path) -> None:
     for name in ("time_s", "speed_rad_s", "current_A", "command_delay_s", "segment"):
         assert np.array_equal(getattr(ours, name), getattr(log, name), equal_nan=True), name
     assert len(set(log.segment.tolist())) > 1
+    text = ran.outcome.files.log.with_suffix(".lp").read_text()
+    assert re.match(r"rw_ekf_event,wheel=wheel\\ 1\\,\\ left\\=x,run=\S+,event=ended ", text.splitlines()[-1])
     assert library.replay(ours).table.equals(library.replay(log).table)
 
 
@@ -135,7 +138,7 @@ def test_what_nobody_took_is_counted_and_no_fault_of_the_run(tmp_path: Path) -> 
         sink.write(turn(i))
     assert made.unwritten.not_sent == {"influx": 200}
     sink.close()
-    assert made.unwritten.not_sent == {"influx": 3200}
+    assert made.unwritten.not_sent == {"influx": 3201}  # and the word that the run has ended
     assert not made.unwritten
     assert made.logger.events.count("not_recorded") == 1
 

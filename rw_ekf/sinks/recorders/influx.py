@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import urllib.request
 from collections import deque
@@ -46,12 +47,14 @@ class InfluxRecorder:
         self._records = TickRecords(run.clock, run.began, run.state_names)
         self._target = target
         self._tags = {"wheel": run.wheel, "run": run.files.log.stem}
+        self._open = False  # from the first sample on, to the end
 
     def write(self, tick: Tick) -> None:
         """Hand the points of a turn over. Raises OSError where a file cannot be written."""
         lines = self._lines(self._records.of(tick))
         if not lines:
             return
+        self._open = True
         try:
             self._target.put(lines)
         except OSError:
@@ -63,7 +66,11 @@ class InfluxRecorder:
         self._records.lost(ticks)
 
     def close(self) -> None:
-        """Finish."""
+        """Say that the run has ended, and finish."""
+        if self._open:
+            self._open = False
+            with contextlib.suppress(OSError):
+                self._target.put(self._lines(self._records.end()))
         self._target.close()
 
     def _lines(self, record: TickRecord) -> list[bytes]:
