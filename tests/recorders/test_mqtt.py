@@ -94,4 +94,31 @@ def test_a_broker_that_is_gone_costs_its_ticks_alone_and_is_found_again(tmp_path
     until(lambda: len(rows(broker)) == 2)
     assert rows(broker)[-1]["sample"]["time_s"] == turn(31).sample.time_s
     assert state_of(broker) == "TRACKING"
+    broker.vanish()
+    sink.close()  # nobody hears its last word, which is no error
+    broker.begin()
+
+
+def test_a_broker_that_comes_up_after_the_run_misses_nothing_of_the_first_seconds(tmp_path: Path) -> None:
+    """Forty ticks before there is anybody, ten after: all arrive, in order. Without one at all, all are counted."""
+    broker = Broker()
+    broker.begin()
+    broker.vanish()
+    sink, made = recorder(tmp_path, "mqtt", f"mqtt://127.0.0.1:{broker.port}/{TOPIC}")
+    for i in range(40):
+        sink.write(turn(i))
+    broker.begin()
+    until(lambda: sink._up)
+    for i in range(40, 50):
+        sink.write(turn(i))
+    until(lambda: len(rows(broker)) == 50)
+    assert [row["sample"]["time_s"] for row in rows(broker)] == [turn(i).sample.time_s for i in range(50)]
     sink.close()
+    broker.vanish()
+    assert made.unwritten.not_sent == {}
+    alone, made = recorder(tmp_path, "mqtt", f"mqtt://127.0.0.1:{broker.port}/{TOPIC}")
+    for i in range(300):
+        alone.write(turn(i))
+    alone.close()
+    assert made.unwritten.not_sent == {"mqtt": 300}
+    assert made.logger.events == ["not_recorded"]

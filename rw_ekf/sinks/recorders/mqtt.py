@@ -6,7 +6,10 @@ run goes on, what it would have sent is counted, and the library's own thread tr
 
 from __future__ import annotations
 
+import contextlib
 import json
+import threading
+from collections import deque
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -19,6 +22,7 @@ NEEDS = ("paho.mqtt.client",)
 _KEEPALIVE_S = 10
 _TRY_AGAIN_S = (1, 30)
 _MOST_WAITING = 600  # messages on their way
+_MOST_BEFORE = 100  # that wait for the first connection: some seconds
 _END_WITHIN_S = 1.0
 OFFLINE = "offline"
 
@@ -37,6 +41,8 @@ class MqttRecorder:
         self._records = TickRecords(run.clock, run.began, run.state_names)
         self._state: StateNow | None = run.began
         self._up = False
+        self._before: deque[tuple[str, str]] | None = deque()  # messages; None once there was a connection
+        self._lock = threading.Lock()
         self._closed = False
         place = urlsplit(str(run.output.mqtt))
         self._topic = place.path.strip("/")
@@ -64,8 +70,7 @@ class MqttRecorder:
             about = {"stamp_ns": record.stamp_ns, "run_state": record.state}
             sent = self._publish("", {**about, "sample": record.sample, "estimate": record.estimate})
             if not sent:
-                reason = f"no broker at {self._run.output.mqtt}"
-                self._run.unwritten.miss("mqtt", 1, reason, self._run.logger.warning)
+                self._miss(1)
 
     def lost(self, ticks: int) -> None:
         """They are in no message."""
@@ -75,15 +80,27 @@ class MqttRecorder:
         if self._closed:
             return
         self._closed = True
+        if self._before:
+            self._miss(sum(topic == self._topic for topic, _ in self._before))
         if self._up:
             last = self._client.publish(f"{self._topic}/state", self._state_text(OFFLINE), qos=1, retain=True)
-            last.wait_for_publish(_END_WITHIN_S)
+            with contextlib.suppress(ValueError, RuntimeError):  # it has gone this moment: its last will says the same
+                last.wait_for_publish(_END_WITHIN_S)
         self._client.disconnect()
         self._client.loop_stop()
 
+    def _miss(self, ticks: int) -> None:
+        reason = f"no broker at {self._run.output.mqtt}"
+        self._run.unwritten.miss("mqtt", ticks, reason, self._run.logger.warning)
+
     def _publish(self, under: str, message: dict[str, Any]) -> bool:
-        """Whether the message is on its way."""
-        return self._up and self._client.publish(f"{self._topic}{under}", json.dumps(message, allow_nan=False)).rc == 0
+        """Whether the message is on its way, or waits for the first connection."""
+        topic, text = f"{self._topic}{under}", json.dumps(message, allow_nan=False)
+        with self._lock:
+            if self._before is not None and len(self._before) < _MOST_BEFORE:
+                self._before.append((topic, text))
+                return True
+            return self._up and self._client.publish(topic, text).rc == 0
 
     def _publish_state(self) -> None:
         if self._up:
@@ -96,8 +113,12 @@ class MqttRecorder:
         return json.dumps({"state": state, "wheel": self._run.wheel, **told})
 
     def _connected(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:
-        self._up = not reason.is_failure
-        if self._up:
+        if not reason.is_failure:
+            with self._lock:
+                self._up = True
+                waiting, self._before = self._before or (), None
+                for topic, text in waiting:
+                    client.publish(topic, text)
             self._publish_state()
         else:
             self._run.logger.warning("mqtt_refused", reason=str(reason), do="it is tried again")
