@@ -73,6 +73,8 @@ def _run(config: Path, seconds: float) -> tuple[dict[str, Any], list[tuple[float
             time.sleep(2.0)
     assert process.stdout is not None
     document: dict[str, Any] = json.loads(process.stdout.read())
+    if "loop" not in document:
+        raise SystemExit(f"the run did not begin: {document}")
     return document, usage
 
 
