@@ -62,7 +62,7 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
         raise EmptyLogError(f"{name}: holds no numbers: nothing was logged")
     own = [group for group in groups if group.channels.keys() >= _OWN]
     if len(own) == 1 and all(column is None or column in own[0].channels for column in _asked(columns)):
-        return _table(name, _alone(own[0]), own[0])
+        return _table(name, _of_all_rows(own[0]), own[0])  # its own time is the one that counts, not when it was told
     if len(groups) == 1:
         return _table(name, _alone(groups[0]), groups[0])
     timed = [group for group in groups if group.time_s is not None]
@@ -121,7 +121,11 @@ def _distinct(groups: list[Group]) -> list[Group]:
 
 def _alone(group: Group) -> dict[str, Any]:
     clock = {} if group.time_s is None else {_clock(group.channels): group.time_s}
-    return {**clock, **{key: values for key, values in group.channels.items() if len(values) == group.rows}}
+    return {**clock, **_of_all_rows(group)}
+
+
+def _of_all_rows(group: Group) -> dict[str, Any]:
+    return {key: values for key, values in group.channels.items() if len(values) == group.rows}
 
 
 def _joined(groups: list[Group], base: Group, columns: ColumnMap) -> dict[str, Any]:
