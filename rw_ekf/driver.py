@@ -101,3 +101,45 @@ class WheelProtocol(Protocol):
     def serve(self, plant: Any, link_path: str, **options: Any) -> None:
         """Serve a simulated wheel of this family on a pseudo-terminal at link_path until a signal."""
         ...
+
+
+class WireItem(NamedTuple):
+    """One number of a packet: value in `unit` = number on the wire * scale + offset."""
+
+    name: str
+    type: str  # u8, i8, u16, i16, u32, i32, f32
+    low_byte_first: bool
+    meaning: str = ""
+    unit: str = ""  # as the wire map has it: rpm, mA; "": none
+    scale: float = 1.0
+    offset: float = 0.0
+    constant: float | None = None  # on the wire; of a reply, what tells it from others
+    states: Mapping[int, str] = {}  # what its numbers are called
+    crc: WireCrc | None = None  # what it is the checksum of: all items before it
+
+
+class WireCrc(NamedTuple):
+    """A reflected CRC of 16 bits, in the order in which standards have its polynomial."""
+
+    polynomial: int
+    start: int
+    final: int
+
+
+class WirePacket(NamedTuple):
+    """What stands between the marks of a frame, escapes undone."""
+
+    name: str
+    is_command: bool  # else a reply
+    items: tuple[WireItem, ...]
+    meaning: str
+
+
+@runtime_checkable
+class DescribedProtocol(Protocol):
+    """A protocol whose packets can be written down for other programs."""
+
+    @property
+    def packets(self) -> tuple[WirePacket, ...]:
+        """Requests and replies."""
+        ...

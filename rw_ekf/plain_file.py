@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import os
@@ -29,12 +30,21 @@ def append_line(path: str | Path, line: bytes) -> None:
     """
     descriptor = _plain(path, _APPEND)
     try:
-        length = os.fstat(descriptor).st_size
-        if os.write(descriptor, line) < len(line):
-            os.ftruncate(descriptor, length)
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        write_whole(descriptor, line, os.fstat(descriptor).st_size)
     finally:
         os.close(descriptor)
+
+
+def write_whole(descriptor: int, data: bytes, length: int) -> None:
+    """Write at the end of a file of that length. Raises OSError; no part of the data then stays behind."""
+    done = 0
+    try:
+        while done < len(data):
+            done += os.write(descriptor, data[done:])
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.ftruncate(descriptor, length)
+        raise
 
 
 def _plain(path: str | Path, flags: int) -> int:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from bisect import bisect_left
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rw_ekf.records import Estimate, Outcome
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from rw_ekf.filter.operating_points import OperatingPoints
 
 _NIS_95 = 3.841458820694124  # chi-square(1)
+_LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
+LATE_BOUNDS_MS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 _FALSE_ALARM = 1.0e-3  # of the finding that the gate refuses too much
 
 
@@ -116,3 +119,34 @@ class RunStatistics:
             f"(p = {max(p, 1.0e-99):.0e}): bad readings, or a model or a noise that does not fit; they taught the "
             "filter nothing. The rows marked `gate` in the output of `rw-ekf replay --out` show where."
         )
+
+
+@dataclass
+class LoopTiming:
+    """When the ticks came (the `loop` object of `run --json`)."""
+
+    ticks: int = 0
+    overruns: int = 0
+    late_ms_max: float = 0.0
+    late_ms: list[float] = field(default_factory=list)
+    late_ms_sum: float = 0.0
+    late_counts: list[int] = field(default_factory=lambda: [0] * (len(LATE_BOUNDS_MS) + 1))  # up to each bound; beyond
+
+    def note(self, late_s: float) -> None:
+        """Note one tick that began late_s after its time."""
+        late = 1e3 * max(late_s, 0.0)
+        if len(self.late_ms) < _LATENESS_KEPT:
+            self.late_ms.append(late)
+        else:
+            self.late_ms[self.ticks % _LATENESS_KEPT] = late
+        self.ticks += 1
+        self.late_ms_sum += late
+        self.late_counts[bisect_left(LATE_BOUNDS_MS, late)] += 1
+        self.late_ms_max = max(self.late_ms_max, late)
+
+    def percentile_ms(self, share: float) -> float:
+        """Percentile of the lateness [ms], nearest rank; 0.0 before the first tick."""
+        if not self.late_ms:
+            return 0.0
+        ordered = sorted(self.late_ms)
+        return ordered[min(len(ordered) - 1, int(share * len(ordered)))]

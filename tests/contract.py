@@ -14,7 +14,9 @@ OPTIONAL = {
     "logs", "threshold", "alarms", "compensation", "residual_rms_rpm", "converged", "iterations", "starts", "outliers",
     "coast_down_s", "driven_s", "break_aways", "avoid", "settle",
 }  # fmt: skip
-OPEN = {"state", "std", "effects", "parameters", "truth", "configuration", "model", "posterior", "map", "from"}
+OPEN = {
+    "state", "std", "effects", "parameters", "truth", "configuration", "model", "posterior", "map", "from", "not_sent",
+}  # fmt: skip
 
 
 @cache

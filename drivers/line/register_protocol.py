@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.clock import Clock
-from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits
+from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits, WirePacket
+from rw_ekf.drivers.line.packets import packets_of
 from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import open_serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
@@ -93,9 +94,18 @@ class RegisterProtocol:
         return RegisterServer
 
 
-def protocol_of(data: Mapping[str, object], where: Where) -> RegisterProtocol:
+class FramedRegisterProtocol(RegisterProtocol):
+    """One whose frames are those of `rw_ekf.drivers.line.framing`, which can be written down."""
+
+    @property
+    def packets(self) -> tuple[WirePacket, ...]:
+        """Requests and replies, for other programs."""
+        return packets_of(self.wire_map)
+
+
+def protocol_of(data: Mapping[str, object], where: Where) -> FramedRegisterProtocol:
     """Make the protocol of a wire map's content. Raises ConfigError with every finding."""
-    return of_content(RegisterProtocol, WireMap, data, where)
+    return of_content(FramedRegisterProtocol, WireMap, data, where)
 
 
 def of_content(kind: type[Kind], maps: type[WireMap], data: Mapping[str, object], where: Where) -> Kind:

@@ -89,6 +89,7 @@ def service_of(configuration: Configuration, config: Path, user: str) -> Service
         group=_group() if "://" not in port else None,
         devices=_devices(port),
         hung_after_s=Patience.of(configuration).turn_s,
+        network=configuration.output.over_network,
         writes=configuration.command.writes,
     )
 

@@ -230,6 +230,7 @@ def _warnings(outcome: RunOutcome) -> list[str]:
         )
     if outcome.unwritten:
         found.append(outcome.unwritten.text())
+    found += [f"{ticks} ticks went nowhere from output.{name}" for name, ticks in outcome.unwritten.not_sent.items()]
     if outcome.state.state is RunState.SAFE:
         found.append(
             f"the run ended in SAFE, only zero was written since {outcome.state.since_utc}: {outcome.state.reason}"
@@ -308,6 +309,7 @@ def _print(outcome: RunOutcome, warnings: list[str], planned: Planned | None, *,
             "estimate_rows": outcome.unwritten.estimate_rows,
             "state_files": outcome.unwritten.state_files,
             "other_files": outcome.unwritten.other_files,
+            "not_sent": outcome.unwritten.not_sent,
         },
     }
     print_json(document | ({} if planned is None else planned.document))

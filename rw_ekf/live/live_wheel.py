@@ -13,7 +13,7 @@ from rw_ekf.live.connection import Connection, Note, Opener
 from rw_ekf.live.guard import SafetyLimits, SpeedLimit
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.live.telemetry import TelemetryCheck
-from rw_ekf.live.timing import LoopTiming, SampleTime
+from rw_ekf.live.timing import SampleTime
 from rw_ekf.records import (
     Controller,
     IssuedCommand,
@@ -23,6 +23,7 @@ from rw_ekf.records import (
     Tick,
     WheelSample,
 )
+from rw_ekf.statistics import LoopTiming
 
 _REOPEN_SILENT_S = 5.0  # a port that stays open but says nothing is opened anew, so often
 

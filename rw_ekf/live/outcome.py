@@ -13,7 +13,6 @@ from rw_ekf.filter.estimator import Estimator
 from rw_ekf.learning.run_start import Start
 from rw_ekf.learning.worth import has_learned
 from rw_ekf.live.live_wheel import LiveWheel
-from rw_ekf.live.timing import LoopTiming
 from rw_ekf.live.watches import RunWatches
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.sums import note_file
@@ -22,7 +21,7 @@ from rw_ekf.sinks.all_sinks import RunContext
 from rw_ekf.sinks.recent import RecentSink
 from rw_ekf.sinks.run_files import RunFiles, Unwritten
 from rw_ekf.starting_point import FilterSetup, model_of
-from rw_ekf.statistics import RunStatistics
+from rw_ekf.statistics import LoopTiming, RunStatistics
 from rw_ekf.wheel.model_file import WheelModel, refusal_of
 
 

@@ -1,40 +1,10 @@
-"""When the ticks of a run came, and what time the wheel's clock has at a tick."""
+"""What time the wheel's clock has at a tick."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass, field
 
 from rw_ekf.records import WheelSample
 
 _RATE_AFTER_S = 10.0  # sooner, milliseconds of jitter would pass for a clock that runs at another rate
-_LATENESS_KEPT = 36_000  # an hour at 10 Hz: the percentiles are those of the last hour, and memory stays flat
-
-
-@dataclass
-class LoopTiming:
-    """When the ticks came (the `loop` object of `run --json`)."""
-
-    ticks: int = 0
-    overruns: int = 0
-    late_ms_max: float = 0.0
-    late_ms: list[float] = field(default_factory=list)
-
-    def note(self, late_s: float) -> None:
-        """Note one tick that began late_s after its time."""
-        late = 1e3 * max(late_s, 0.0)
-        if len(self.late_ms) < _LATENESS_KEPT:
-            self.late_ms.append(late)
-        else:
-            self.late_ms[self.ticks % _LATENESS_KEPT] = late
-        self.ticks += 1
-        self.late_ms_max = max(self.late_ms_max, late)
-
-    def percentile_ms(self, share: float) -> float:
-        """Percentile of the lateness [ms], nearest rank; 0.0 before the first tick."""
-        if not self.late_ms:
-            return 0.0
-        ordered = sorted(self.late_ms)
-        return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 class SampleTime:

@@ -2,7 +2,7 @@
 
 The daemon starts this as a process of its own, so that neither its loop nor its memory knows of it. The compressed file
 is on the disk under its name, and has been read back and found the same, before the plain one goes: whatever ends this
-in between leaves a part that reads, once or twice.
+in between leaves a part that reads, once or twice. FILE.mcap keeps its name (`rw_ekf.logs.mcap_file`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import signal
 import struct
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 _SEAL = struct.Struct("<IIQI")  # a frame that zstd skips: its magic number, its size; then bytes and CRC-32 of the text
@@ -69,6 +70,14 @@ def pack(part: Path) -> None:
     part.unlink()
 
 
+def _work_for(name: str) -> Callable[[Path], None]:
+    if not name.endswith(".mcap"):
+        return pack
+    from rw_ekf.logs.mcap_file import chunk
+
+    return chunk
+
+
 def main(names: list[str]) -> int:
     """Compress each file named; 1 where one could not be."""
     with contextlib.suppress(OSError, ValueError):
@@ -77,7 +86,7 @@ def main(names: list[str]) -> int:
     failed = 0
     for name in names:
         try:
-            pack(Path(name))
+            _work_for(name)(Path(name))
         except Exception as error:  # noqa: BLE001 - whatever it is: the plain part is there, and the daemon says so
             sys.stderr.write(f"{error}\n")
             failed = 1

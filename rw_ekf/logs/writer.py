@@ -20,6 +20,7 @@ from zlib import crc32
 from rw_ekf.errors import BadInputError
 from rw_ekf.logs.sums import Block, note_block
 from rw_ekf.logs.wheel_log import LOG_COLUMNS
+from rw_ekf.plain_file import write_whole
 from rw_ekf.records import Estimate, IssuedCommand, Outcome, WheelSample
 
 STATE_KEYS = ("speed_rad_s", "motor_gain", "viscous", "coulomb", "static")
@@ -92,14 +93,7 @@ class RowWriter:
             said = "another program has cut it (logrotate's copytruncate?): its rows stand in that program's copy alone"
             raise OSError(errno.EIO, said, str(self.path))
         line = (",".join(map(cell, values)) + "\n").encode()
-        done = 0
-        try:
-            while done < len(line):
-                done += os.write(self._descriptor, line[done:])
-        except OSError:
-            with contextlib.suppress(OSError):
-                os.ftruncate(self._descriptor, self.length)
-            raise
+        write_whole(self._descriptor, line, self.length)
         self.length += len(line)
         self.rows += 1
         unnoted = self._noted
@@ -137,21 +131,24 @@ class SampleWriter(RowWriter):
 
     def write(self, sample: WheelSample, command: IssuedCommand | None) -> None:
         """Write one sample and the command that followed it; None: nothing was written, telemetry's stands."""
-        self.write_row(
-            (
-                sample.time_s,
-                sample.speed_rad_s,
-                sample.current_command_A if command is None else command.current_A,
-                sample.current_A,
-                0.0 if command is None else command.delay_s,
-                sample.segment,
-                sample.temperature_degC,
-                sample.pressure_Pa,
-                sample.bus_voltage_V,
-                sample.angle_rad,
-                sample.status,
-            )
-        )
+        self.write_row(sample_values(sample, command))
+
+
+def sample_values(sample: WheelSample, command: IssuedCommand | None) -> tuple[float | None, ...]:
+    """A row of the log, in the order of LOG_COLUMNS."""
+    return (
+        sample.time_s,
+        sample.speed_rad_s,
+        sample.current_command_A if command is None else command.current_A,
+        sample.current_A,
+        0.0 if command is None else command.delay_s,
+        sample.segment,
+        sample.temperature_degC,
+        sample.pressure_Pa,
+        sample.bus_voltage_V,
+        sample.angle_rad,
+        sample.status,
+    )
 
 
 class EstimateWriter(RowWriter):

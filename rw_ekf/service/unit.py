@@ -30,6 +30,7 @@ class Service:
     group: str | None  # that may open the port; None: no other than the user's own
     devices: tuple[str, ...]  # kinds of device that the port may be, e.g. "ttyUSB"; none where it is on the network
     hung_after_s: float
+    network: bool = False  # whether the run is asked for, or sends, over it
     writes: bool = True  # False: another controller commands the wheel, and nothing may be written for it
 
 
@@ -45,7 +46,7 @@ def unit_text(service: Service) -> str:
         "# Behind every end, a kill among them. Not confirmed: the unit has failed.",
         f"ExecStopPost={program} stop --config {config}",
     ]
-    families = "AF_UNIX" if service.devices else "AF_UNIX AF_INET AF_INET6"
+    families = "AF_UNIX AF_INET AF_INET6" if service.network or not service.devices else "AF_UNIX"
     lines = [
         "[Unit]",
         f"Description=rw-ekf, reaction wheel {line(service.wheel)} at {line(service.port)}",

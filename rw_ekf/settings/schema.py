@@ -32,6 +32,19 @@ CompensationScheme = Annotated[str, one_of(_run_schemes)]
 CompensationRequest = Literal["socket", "profile", "log"]
 StribeckLaw = Literal["gauss", "tustin", "lorentz"]
 
+_PLACE = r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):\d{1,5}"
+HostPort = Annotated[str, matching(_PLACE, "write HOST:PORT, such as 127.0.0.1:9464")]
+InfluxTarget = Annotated[
+    str,
+    matching(
+        rf"file|udp://{_PLACE}|https?://[^\s/]+/\S*", "write file, udp://HOST:PORT or http://HOST:PORT/api/v2/write?..."
+    ),
+]
+MqttTopic = Annotated[
+    str,
+    matching(rf"mqtt://{_PLACE}/[^\s#+]+", "write mqtt://HOST:PORT/TOPIC, such as mqtt://127.0.0.1:1883/wheels/rw0"),
+]
+
 _EFFECT = r"[a-z][a-z0-9_]*(:[A-Za-z]\w*=[^,=\s]+(,[A-Za-z]\w*=[^,=\s]+)*)?"
 Effect = Annotated[str, matching(_EFFECT, "write an effect as ID:name=value,name=value")]
 
@@ -188,6 +201,19 @@ class OutputSection(Section):
     part_megabytes: float = Field(
         256.0, gt=0, le=1e6, description="and where one of the part's files has got so long [MB]"
     )
+    mcap: bool = Field(False, description="whether a run also leaves an MCAP file, for Foxglove, beside its log")
+    prometheus: HostPort | None = Field(None, description="HOST:PORT at which /metrics is served; null: not")
+    influx: InfluxTarget | None = Field(
+        None,
+        description="line protocol goes to: file (beside the log), udp://HOST:PORT or http://...; null: not",
+    )
+    plotjuggler: HostPort | None = Field(None, description="HOST:PORT that gets each tick as JSON over UDP; null: not")
+    mqtt: MqttTopic | None = Field(None, description="mqtt://HOST:PORT/TOPIC that gets each tick as JSON; null: not")
+
+    @property
+    def over_network(self) -> bool:
+        """Whether anything of a run is asked for, or sent, over a network."""
+        return any(place not in (None, "file") for place in (self.prometheus, self.influx, self.plotjuggler, self.mqtt))
 
 
 class TrueWheelSection(Section):

@@ -22,6 +22,8 @@ class Queue(NamedTuple):
     ticks: int  # as many may wait
     every_s: float = 0.0  # above 0: the newest tick alone, so often by the run's clock, at a change of state, the last
     lost: Callable[[int], None] = lambda ticks: None  # told how many were lost before the tick that comes next
+    at_once: bool = False  # each tick wakes the thread, which costs the turn some 20 us
+    waits: bool = True  # whether a turn waits for room, up to its budget
 
 
 class GuardedSink:
@@ -79,7 +81,7 @@ class GuardedSink:
                     self._state = tick.state
                     self._wake.notify_all()
         else:
-            self._put(tick, self._rule.ticks)
+            self._put(tick, self._rule)
 
     def close(self) -> None:
         """Let what waits be written, and finish the sink; one that hangs is left alone after five seconds."""
@@ -98,17 +100,22 @@ class GuardedSink:
                 return
         self._guarded(self._sink.close)
 
-    def _put(self, tick: Tick, most: int) -> None:
+    def _put(self, tick: Tick, rule: Queue) -> None:
+        most = rule.ticks
         with self._wake:
             if len(self._waiting) >= most and not self._behind:
-                self._behind = not self._wake.wait_for(lambda: len(self._waiting) < most, _BUDGET_S)
+                self._behind = not self._wake.wait_for(
+                    lambda: len(self._waiting) < most, _BUDGET_S if rule.waits else 0.0
+                )
             if len(self._waiting) >= most:
                 self._lost += 1
                 return
             self._behind = False
             self._waiting.append((self._lost, tick))
             self._lost = 0
-            if len(self._waiting) > most // 2:  # else it looks by itself: to be woken would cost the turn more
+            if (
+                len(self._waiting) > most // 2 or rule.at_once
+            ):  # else it looks by itself: to wake it costs the turn more
                 self._is_due = True
                 self._wake.notify_all()
 

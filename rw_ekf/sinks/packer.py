@@ -22,9 +22,10 @@ _END_WITHIN_S = 1.0
 class Packer:
     """One process at a time. What cannot be compressed stays as it is, and reads all the same."""
 
-    def __init__(self, note: Note) -> None:
-        """note: told of parts that stay plain."""
+    def __init__(self, note: Note, close_within_s: float = _CLOSE_WITHIN_S) -> None:
+        """note: told of parts that stay plain. close_within_s: how long those at work are waited for at the end."""
         self._note = note
+        self._close_within_s = close_within_s
         self._waiting: list[Path] = []
         self._parts: list[Path] = []  # those at work
         self._child: subprocess.Popen[bytes] | None = None
@@ -61,7 +62,7 @@ class Packer:
             if not self.look() or self._child is None:
                 return
             try:
-                self._child.wait(_CLOSE_WITHIN_S)
+                self._child.wait(self._close_within_s)
             except subprocess.TimeoutExpired:
                 break
         self._end()

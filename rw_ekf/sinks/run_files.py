@@ -118,10 +118,11 @@ class Unwritten:
     state_files: int = 0
     other_files: list[str] = field(default_factory=list)  # metadata or model
     failed_sinks: dict[str, int] = field(default_factory=dict)  # ticks that a sink failed at, by its name
+    not_sent: dict[str, int] = field(default_factory=dict)  # ticks that nobody took from a sink, by its name
     reason: str | None = None  # of the first failure
 
     def __bool__(self) -> bool:
-        """Whether anything that the run was to leave is missing; the state file only tells of the moment."""
+        """Whether anything that the run was to leave is missing; a state file, or what is sent, is of the moment."""
         return self.log_rows + self.estimate_rows + len(self.other_files) + len(self.failed_sinks) > 0
 
     def text(self) -> str:
@@ -130,6 +131,16 @@ class Unwritten:
         missing += [f"{self.estimate_rows} rows of the estimates"] if self.estimate_rows else []
         missing += [f"{ticks} ticks of sink {name}" for name, ticks in self.failed_sinks.items()]
         return f"not written: {', '.join([*missing, *self.other_files])} ({self.reason})"
+
+    def miss(self, sink: str, ticks: int, reason: str, note: Note, *, from_file: bool = False) -> None:
+        """Count ticks that a recorder could not get rid of, and say so with the first."""
+        counts = self.failed_sinks if from_file else self.not_sent
+        first = sink not in counts
+        counts[sink] = counts.get(sink, 0) + ticks
+        if first:
+            if from_file:
+                self.note(reason)
+            note("not_recorded", sink=sink, reason=reason, do="the run goes on, and counts what is missing")
 
     def note(self, reason: str) -> bool:
         """Keep the first reason; True if this is the first."""

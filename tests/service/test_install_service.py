@@ -14,6 +14,7 @@ from rw_ekf.errors import BadInputError
 from rw_ekf.live.claim import DIRECTORIES
 from rw_ekf.service.udev import by_id_name, rule_text
 from rw_ekf.service.unit import Service, line, path_word, unit_text, word
+from rw_ekf.settings.schema import OutputSection
 from tests.live.bench import document_of, rw_ekf, write_config
 
 ADAPTER = "usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0"
@@ -64,6 +65,17 @@ def test_a_wheel_on_the_network_gets_the_network_and_no_device() -> None:
     unit = keys(unit_text(dataclasses.replace(SERVICE, port="socket://lab:4000", devices=())))
     assert "DeviceAllow" not in unit
     assert unit["RestrictAddressFamilies"] == ["AF_UNIX AF_INET AF_INET6"]
+
+
+def test_a_run_that_is_asked_for_over_the_network_gets_it_beside_its_device() -> None:
+    """Recorders that listen or send work under the unit; those that write files need no network."""
+    unit = keys(unit_text(dataclasses.replace(SERVICE, network=True)))
+    assert unit["DeviceAllow"] == ["char-ttyUSB rw"]
+    assert unit["RestrictAddressFamilies"] == ["AF_UNIX AF_INET AF_INET6"]
+    files, places = {"mcap": True, "influx": "file"}, ("prometheus", "plotjuggler")
+    assert not OutputSection.model_validate(files).over_network
+    sent = [{name: "a:1"} for name in places] + [{"influx": "udp://a:1"}, {"mqtt": "mqtt://a:1/b"}]
+    assert all(OutputSection.model_validate(output).over_network for output in sent)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Measure the daemon: a simulated wheel on a pty, 10 Hz, ten minutes; lateness, processor share, memory.
 
-python -m tools.measure.daemon [--minutes 10]
+python -m tools.measure.daemon [--minutes 10] [--output '{mcap: true, prometheus: "127.0.0.1:9464", influx: file}']
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import yaml
 from tqdm import tqdm
 
 COMMAND = [sys.executable, "-m", "rw_ekf"]
@@ -23,7 +24,7 @@ CONFIGURATION = """\
 wheel: {{port: {link}}}
 limits: {{current_A: 0.6}}
 command: {{profile: random-sines, amplitude_A: 0.15, period_s: 25}}
-output: {{directory: {directory}}}
+output: {output}
 """
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
@@ -32,12 +33,15 @@ def main() -> int:
     """Run and print the figures beside their marks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
-    minutes = parser.parse_args().minutes
+    parser.add_argument("--output", type=yaml.safe_load, default={}, help="further keys of `output`, as YAML")
+    args = parser.parse_args()
+    minutes = args.minutes
     with tempfile.TemporaryDirectory(prefix="rw-ekf-measure-") as name:
         directory = Path(name)
         link = directory / "wheel"
         config = directory / "wheel.yaml"
-        config.write_text(CONFIGURATION.format(link=link, directory=directory / "runs"))
+        output = {"directory": str(directory / "runs"), **args.output}
+        config.write_text(CONFIGURATION.format(link=link, output=json.dumps(output)))
         wheel = subprocess.Popen([*COMMAND, "simulate", "--link", str(link)], stdout=subprocess.PIPE, text=True)
         try:
             assert wheel.stdout is not None
@@ -69,6 +73,8 @@ def _run(config: Path, seconds: float) -> tuple[dict[str, Any], list[tuple[float
             time.sleep(2.0)
     assert process.stdout is not None
     document: dict[str, Any] = json.loads(process.stdout.read())
+    if "loop" not in document:
+        raise SystemExit(f"the run did not begin: {document}")
     return document, usage
 
 

@@ -17,6 +17,7 @@ from rw_ekf.logs.vectors import vector_of
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
 _SAME_TURN = 0.1  # of the step between rows: a bus sends in a hundredth of it, an own rate falls anywhere
+_OWN = {"time_s", "command_delay_s", "segment"}  # what every log of this program has, and nobody else's
 _CLOCKS = ("time_s", "clock_s")  # what a group's time is called: the second where a channel has the first name
 
 
@@ -43,8 +44,9 @@ class Group:
 
 
 def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTable:
-    """The group that the map's `variable` names; else the only one; else all on the times of the one with most rows.
+    """The group that the map's `variable` names; else a log of this program; else the only one; else all joined.
 
+    All are put on the times of the one with most rows.
     Joined, a column is called `group.channel` and has at each time the last value known by then, NaN before the first.
     What is joined are the columns that the map asks for; all of them where one that it asks for is not there.
     Raises LogError if `variable` names no group, EmptyLogError if no group holds a number.
@@ -58,6 +60,9 @@ def table_of_groups(groups: list[Group], columns: ColumnMap, name: str) -> RawTa
         return _table(name, _alone(chosen[0]), chosen[0])
     if not groups:
         raise EmptyLogError(f"{name}: holds no numbers: nothing was logged")
+    own = [group for group in groups if group.channels.keys() >= _OWN]
+    if len(own) == 1 and all(column is None or column in own[0].channels for column in _asked(columns)):
+        return _table(name, _of_all_rows(own[0]), own[0])  # its own time is the one that counts, not when it was told
     if len(groups) == 1:
         return _table(name, _alone(groups[0]), groups[0])
     timed = [group for group in groups if group.time_s is not None]
@@ -116,7 +121,11 @@ def _distinct(groups: list[Group]) -> list[Group]:
 
 def _alone(group: Group) -> dict[str, Any]:
     clock = {} if group.time_s is None else {_clock(group.channels): group.time_s}
-    return {**clock, **{key: values for key, values in group.channels.items() if len(values) == group.rows}}
+    return {**clock, **_of_all_rows(group)}
+
+
+def _of_all_rows(group: Group) -> dict[str, Any]:
+    return {key: values for key, values in group.channels.items() if len(values) == group.rows}
 
 
 def _joined(groups: list[Group], base: Group, columns: ColumnMap) -> dict[str, Any]:
@@ -124,7 +133,7 @@ def _joined(groups: list[Group], base: Group, columns: ColumnMap) -> dict[str, A
     assert base.time_s is not None
     places = {f"{g.name}.{key}": (g, key) for g in groups for key in g.channels if len(g.channels[key]) == g.rows}
     clock = _clock(places)
-    asked = [c for source in columns.sources.values() for c in (source.column, source.sign_of) if c is not None]
+    asked = [column for column in _asked(columns) if column is not None]
     every = not asked or any(column != clock and column not in places for column in asked)
     joined: dict[str, Any] = {clock: base.time_s}
     for name, (group, key) in places.items():
@@ -133,6 +142,10 @@ def _joined(groups: list[Group], base: Group, columns: ColumnMap) -> dict[str, A
         elif (every or name in asked or key in READABLE_COLUMNS) and group.time_s is not None:
             joined[name] = held_at(base.time_s, group.time_s, group.channels[key])
     return joined
+
+
+def _asked(columns: ColumnMap) -> list[str | int | None]:
+    return [column for source in columns.sources.values() for column in (source.column, source.sign_of)]
 
 
 def _clock(taken: dict[str, Any]) -> str:

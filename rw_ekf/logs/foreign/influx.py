@@ -53,20 +53,28 @@ class _Series:
 def _read_lines(path: Path, name: str, columns: ColumnMap) -> RawTable:
     """Measurements as groups. Raises LogError for a line that is no point."""
     series: dict[str, _Series] = {}
+    torn: list[str] = []
+    before = ""  # the time of the line above
     with path.open(encoding="utf-8", errors="replace") as text:
         for number, line in enumerate(text, start=1):
             stripped = line.strip()
             if not stripped or stripped.startswith(_NO_POINT):
                 continue
             point = _POINT.fullmatch(stripped)
+            if before and not line.endswith("\n") and (point is None or len(point["time"] or "") != len(before)):
+                torn.append(f"{name}: line {number}: the last line is torn off, and was left out")
+                break
             if point is None:
                 raise LogError(f"{name}: line {number}: is no point of the line protocol: mend or remove it")
             one = series.setdefault(_plain(point["name"] + point["tags"]), _Series(_plain(point["name"])))
+            before = point["time"] or ""
             fields = {_plain(key): _value(value) for key, value in _FIELD.findall(point["fields"])}
             one.add(None if point["time"] is None else int(point["time"]), _numbers(fields))
     largest = max((abs(time) for one in series.values() if one.timed for time in one.rows), default=0)
     per_second = next(per_second for least, per_second in _UNITS if largest >= least)  # nothing else says it
-    return table_of_groups(_groups(series, per_second), columns, name)
+    table = table_of_groups(_groups(series, per_second), columns, name)
+    table.warnings += torn
+    return table
 
 
 def _read_annotated(path: Path, name: str, columns: ColumnMap) -> RawTable:

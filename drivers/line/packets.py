@@ -1,0 +1,49 @@
+"""The frames of a wire map as packets, for programs that define theirs in files: fields, checksums, identifiers."""
+
+from __future__ import annotations
+
+from rw_ekf.driver import WireCrc, WireItem, WirePacket
+from rw_ekf.drivers.line.framing import CRCS
+from rw_ekf.drivers.line.wire_layout import Field, Register
+from rw_ekf.drivers.line.wire_map import WireMap
+
+
+def packets_of(wire_map: WireMap) -> tuple[WirePacket, ...]:
+    """The request and the reply of each register, in the order of the map."""
+    found = []
+    no_items: tuple[WireItem, ...] = ()
+    for register in wire_map.registers:
+        fields = tuple(_item(field, wire_map) for field in register.fields)
+        if register.access == "read":
+            asked, told = no_items, fields
+            names, meanings = (f"read_{register.name}", register.name), ("asks for", "telemetry of")
+        else:
+            asked, told = fields, (_status(wire_map),)
+            names, meanings = (register.name, f"{register.name}_status"), ("writes", "what became of a write to")
+        for name, items, meaning, is_command in zip(names, (asked, told), meanings, (True, False), strict=True):
+            packet = _packet(register, items, wire_map)
+            found.append(WirePacket(name, is_command, packet, f"{meaning} register {register.id}, {register.name}"))
+    return tuple(found)
+
+
+def _packet(register: Register, items: tuple[WireItem, ...], wire_map: WireMap) -> tuple[WireItem, ...]:
+    crc = CRCS[wire_map.framing.crc]
+    told = WireCrc(int(f"{crc.polynomial:016b}"[::-1], 2), crc.start, crc.final)
+    return (
+        WireItem("seq", "u8", True, "number of the request, repeated by its reply"),
+        WireItem("id", "u8", True, "register", constant=register.id),
+        *items,
+        WireItem("crc", "u16", True, f"{wire_map.framing.crc} over all before it", crc=told),
+    )
+
+
+def _item(field: Field, wire_map: WireMap) -> WireItem:
+    unit = "" if field.unit == "none" else field.unit
+    little = wire_map.framing.byte_order == "little"
+    return WireItem(
+        field.name, field.type, little, field.name.replace("_", " "), unit, field.scale, field.offset, field.constant
+    )
+
+
+def _status(wire_map: WireMap) -> WireItem:
+    return WireItem("status", "u8", True, "whether the write was accepted", states=wire_map.statuses)

@@ -1,0 +1,1 @@
+"""What other programs get of a run, one file each (docs/recorders.md)."""

@@ -1,0 +1,33 @@
+"""Datagrams to one place, where anybody may listen or nobody."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+
+from rw_ekf.sinks.recorders.place import host_and_port
+
+
+class Datagrams:
+    """Sends and never waits. That nobody listens is no fault; what the system did not take is counted."""
+
+    def __init__(self, place: str, missed: Callable[[int, str], None]) -> None:
+        """missed: told of ticks that were not sent, and why. Raises OSError for a HOST:PORT that is none."""
+        host, port = host_and_port(place)
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._address = address
+        self._missed = missed
+        self._socket = socket.socket(family, kind, protocol)
+        self._socket.setblocking(False)
+
+    def send(self, *datagrams: bytes) -> None:
+        """Send what belongs to one tick."""
+        try:
+            for data in datagrams:
+                self._socket.sendto(data, self._address)
+        except OSError as error:  # no room, no network, too long
+            self._missed(1, error.strerror or str(error))
+
+    def close(self) -> None:
+        """Send no more."""
+        self._socket.close()

@@ -1,0 +1,183 @@
+"""A run as InfluxDB takes it: line protocol, into a file beside the log, over UDP, or to a server's write address."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import urllib.request
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from rw_ekf.clock import Clock
+from rw_ekf.errors import BadInputError
+from rw_ekf.logs.parts import beside
+from rw_ekf.plain_file import append_line
+from rw_ekf.records import Tick
+from rw_ekf.sinks.recorders.datagrams import Datagrams
+from rw_ekf.sinks.recorders.line_protocol import point
+from rw_ekf.sinks.recorders.tick_record import TickRecord, TickRecords
+from rw_ekf.sinks.run_context import RunContext
+from rw_ekf.sinks.run_files import Note
+
+NEEDS = ()
+TOKEN = "INFLUX_TOKEN"  # a secret is no part of a configuration, which every run copies into its metadata
+_DATAGRAM = 1400  # bytes, so that none is taken apart on its way
+_MOST_WAITING = 3000  # ticks for a server that does not answer: five minutes at 10 Hz
+_SEND_EVERY_S = 1.0
+_TRY_EVERY_S = 5.0
+_ANSWER_WITHIN_S = 3.0
+
+
+class _Target(Protocol):
+    def put(self, lines: list[bytes]) -> None:
+        """Take the lines of a tick. Raises OSError."""
+        ...
+
+    def close(self) -> None:
+        """Let what waits go."""
+        ...
+
+
+class InfluxRecorder:
+    """Two points for each sample, one for each event; tags: the wheel and the run."""
+
+    def __init__(self, run: RunContext, target: _Target, *, leaves_file: bool) -> None:
+        self.leaves_file = leaves_file
+        self._records = TickRecords(run.clock, run.began, run.state_names)
+        self._target = target
+        self._tags = {"wheel": run.wheel, "run": run.files.log.stem}
+        self._open = False  # from the first sample on, to the end
+
+    def write(self, tick: Tick) -> None:
+        """Hand the points of a turn over. Raises OSError where a file cannot be written."""
+        lines = self._lines(self._records.of(tick))
+        if not lines:
+            return
+        self._open = True
+        try:
+            self._target.put(lines)
+        except OSError:
+            self._records.lost(1)
+            raise
+
+    def lost(self, ticks: int) -> None:
+        """What was commanded meanwhile is not known."""
+        self._records.lost(ticks)
+
+    def close(self) -> None:
+        """Say that the run has ended, and finish."""
+        if self._open:
+            self._open = False
+            with contextlib.suppress(OSError):
+                self._target.put(self._lines(self._records.end()))
+        self._target.close()
+
+    def _lines(self, record: TickRecord) -> list[bytes]:
+        named: list[tuple[str, dict[str, str], dict[str, Any] | None]] = [
+            ("rw_ekf_sample", {}, record.sample),
+            ("rw_ekf_estimate", {}, record.estimate),
+        ]
+        for event in record.events:
+            fields = {key: value for key, value in event.items() if key not in ("event", "utc")}
+            named.append(("rw_ekf_event", {"event": str(event["event"])}, fields))
+        points = [
+            point(name, {**self._tags, **tags}, fields, record.stamp_ns) for name, tags, fields in named if fields
+        ]
+        return [line for line in points if line is not None]
+
+
+class _File:
+    """A file beside the log, to which a tick's lines are added in one."""
+
+    def __init__(self, run: RunContext) -> None:
+        self._path = beside(run.files.log, "lp")
+        if os.path.lexists(self._path):
+            raise BadInputError(f"{self._path}: exists already and is not overwritten: move it away")
+
+    def put(self, lines: list[bytes]) -> None:
+        append_line(self._path, b"".join(lines))
+
+    def close(self) -> None:
+        pass
+
+
+class _Udp:
+    """Datagrams of whole lines."""
+
+    def __init__(self, datagrams: Datagrams) -> None:
+        self._datagrams = datagrams
+
+    def put(self, lines: list[bytes]) -> None:
+        packed = [b""]
+        for line in lines:
+            if packed[-1] and len(packed[-1]) + len(line) > _DATAGRAM:
+                packed.append(b"")
+            packed[-1] += line
+        self._datagrams.send(*packed)
+
+    def close(self) -> None:
+        self._datagrams.close()
+
+
+class _Http:
+    """Batches, once a second; while nobody answers the newest wait, and what is older is counted."""
+
+    def __init__(self, address: str, clock: Clock, missed: Callable[[int, str], None], say: Note) -> None:
+        self._address = address
+        self._clock = clock
+        self._missed = missed
+        self._say = say
+        self._waiting: deque[list[bytes]] = deque()
+        self._due_s = clock.monotonic() + _SEND_EVERY_S
+        self._reason: str | None = None  # why the last batch was not taken
+
+    def put(self, lines: list[bytes]) -> None:
+        self._waiting.append(lines)
+        if len(self._waiting) > _MOST_WAITING:
+            self._waiting.popleft()
+            self._missed(1, self._reason or "the server does not keep up")
+        if self._clock.monotonic() >= self._due_s:
+            self._send()
+
+    def close(self) -> None:
+        if self._waiting:
+            self._send()
+        if self._waiting:
+            self._missed(len(self._waiting), self._reason or "")
+            self._waiting.clear()
+
+    def _send(self) -> None:
+        body = b"".join(line for lines in self._waiting for line in lines)
+        headers = {"Content-Type": "text/plain; charset=utf-8"}
+        if token := os.environ.get(TOKEN):
+            headers["Authorization"] = f"Token {token}"
+        request = urllib.request.Request(self._address, body, headers)
+        try:
+            urllib.request.urlopen(request, timeout=_ANSWER_WITHIN_S).close()
+        except (OSError, ValueError) as error:  # also a refusal by the server, which is an OSError in urllib
+            if self._reason is None:
+                self._say("influx_not_reached", reason=str(error), do="the newest five minutes wait")
+            self._reason = str(error)
+            self._due_s = self._clock.monotonic() + _TRY_EVERY_S
+            return
+        self._reason = None
+        self._waiting.clear()
+        self._due_s = self._clock.monotonic() + _SEND_EVERY_S
+
+
+def recorder_of(run: RunContext) -> InfluxRecorder:
+    """The recorder of a run. Raises BadInputError for a place that cannot be had."""
+    target = str(run.output.influx)
+    if target == "file":
+        return InfluxRecorder(run, _File(run), leaves_file=True)
+
+    def missed(ticks: int, reason: str) -> None:
+        run.unwritten.miss("influx", ticks, reason, run.logger.error)
+
+    if not target.startswith("udp://"):
+        return InfluxRecorder(run, _Http(target, run.clock, missed, run.logger.warning), leaves_file=False)
+    try:
+        return InfluxRecorder(run, _Udp(Datagrams(target.removeprefix("udp://"), missed)), leaves_file=False)
+    except OSError as error:
+        raise BadInputError(f"output.influx: {target} is no place on a network ({error}): mend it") from None

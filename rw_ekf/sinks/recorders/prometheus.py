@@ -1,0 +1,217 @@
+"""A run as Prometheus takes it: /metrics in the text exposition format 0.0.4, made when somebody asks."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from rw_ekf import __version__
+from rw_ekf.errors import BadInputError
+from rw_ekf.model.state import STATE_NAMES
+from rw_ekf.records import Estimate, LinkState, Outcome, RunState, Tick, WheelSample
+from rw_ekf.sinks.recorders.text_server import TextServer
+from rw_ekf.sinks.recorders.tick_record import TickRecords
+from rw_ekf.sinks.run_context import RunContext
+from rw_ekf.statistics import LATE_BOUNDS_MS
+
+NEEDS = ()
+CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+_ACCELERATION = "radians_per_second_squared"
+_STATE_METRICS = {  # name, unit: between them stands "sigma"
+    "speed_rad_s": ("speed", "radians_per_second"),
+    "motor_gain": ("motor_gain", f"{_ACCELERATION}_per_ampere"),
+    "viscous": ("viscous_friction", "per_second"),
+    "coulomb": ("coulomb_friction", _ACCELERATION),
+    "static": ("static_friction", _ACCELERATION),
+}
+_SAMPLE_METRICS = {
+    "measured_speed_radians_per_second": ("speed_rad_s", "Speed as the wheel reports it."),
+    "current_amperes": ("current_A", "Current as the wheel measures it."),
+    "temperature_celsius": ("temperature_degC", "Bearing temperature."),
+    "pressure_pascals": ("pressure_Pa", "Case pressure."),
+    "bus_voltage_volts": ("bus_voltage_V", "Bus voltage."),
+    "angle_radians": ("angle_rad", "Rotor angle."),
+}
+_LINK_COUNTERS = {
+    "requests": "Requests that were sent to the wheel.",
+    "timeouts": "Requests without a reply in time.",
+    "stale": "Replies to an earlier request.",
+    "damaged": "Replies with a wrong checksum.",
+    "reconnects": "Times the line was lost and taken up again.",
+}
+_ESCAPED = str.maketrans({"\\": r"\\", "\n": r"\n", '"': r"\""})
+
+
+class Family(NamedTuple):
+    """A metric with its samples: what follows the name, labels, value."""
+
+    name: str
+    kind: str
+    meaning: str
+    samples: list[tuple[str, dict[str, str], float | None]]
+
+
+class PrometheusRecorder:
+    """Keeps the newest turn and counts; the server's thread makes text of them."""
+
+    leaves_file = False
+
+    def __init__(self, run: RunContext) -> None:
+        """Begin to listen. Raises BadInputError if the place cannot be had."""
+        self._run = run
+        self._records = TickRecords(run.clock, run.began, run.state_names)
+        self._tick: Tick | None = None
+        self._stamp_ns: int | None = None  # of the newest sample
+        self._outcomes = Counter({outcome.value: 0 for outcome in Outcome})
+        self._alarms: Counter[str] = Counter()  # that began, by name
+        self._lock = threading.Lock()
+        place = str(run.output.prometheus)
+        try:
+            self._server = TextServer(place, "/metrics", self.page, CONTENT_TYPE)
+        except OSError as error:
+            raise BadInputError(
+                f"output.prometheus: {place} cannot be listened at ({error.strerror or error}): give another HOST:PORT"
+            ) from None
+        run.logger.info("metrics", address=f"http://{place.rpartition(':')[0]}:{self._server.port}/metrics")
+
+    def write(self, tick: Tick) -> None:
+        """Take a turn."""
+        record = self._records.of(tick)
+        with self._lock:
+            self._tick = tick
+            if tick.fresh:
+                self._stamp_ns = record.stamp_ns
+                self._outcomes[tick.estimate.outcome.value] += 1
+            self._alarms.update(str(event["name"]) for event in record.events if event["event"] == "alarm")
+
+    def lost(self, ticks: int) -> None:
+        """They are missing from the counts."""
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._server.close()
+
+    def page(self) -> str:
+        """What is answered now."""
+        with self._lock:
+            return "".join(itertools.chain.from_iterable(_lines(family) for family in self._families()))
+
+    def _families(self) -> Iterator[Family]:
+        run, tick = self._run, self._tick
+        about = {"version": __version__, "wheel": run.wheel, "port": run.port, "log": run.files.log.name}
+        yield Family("run_info", "gauge", "Which run this is.", [("", about, 1.0)])
+        state = run.began.state if tick is None or tick.state is None else tick.state.state
+        yield _enum("run_state", "What the run is doing.", [s.value for s in RunState], state.value)
+        yield from self._of_run()
+        yield Family(
+            "samples_total", "counter", "Samples, by what became of them.",
+            [("", {"outcome": outcome}, count) for outcome, count in self._outcomes.items()],
+        )  # fmt: skip
+        on = set() if tick is None else {alarm.name for alarm in tick.alarms}
+        began = sorted(self._alarms)
+        yield Family(
+            "alarm_active",
+            "gauge",
+            "Whether an alarm of the watch is on.",
+            [("", {"alarm": a}, a in on) for a in began],
+        )
+        yield Family(
+            "alarms_total", "counter", "Alarms that began.", [("", {"alarm": a}, self._alarms[a]) for a in began]
+        )
+        if tick is not None:
+            yield _enum("link_state", "How the line answered.", [s.value for s in LinkState], tick.link.value)
+            at_s = None if self._stamp_ns is None else self._stamp_ns * 1e-9
+            yield _gauge("last_sample_timestamp_seconds", "When the newest sample was taken, since 1970.", at_s)
+            yield from _of_sample(tick.sample, None if tick.command is None else tick.command.current_A)
+            yield from _of_estimate(tick.estimate)
+            if tick.compensation is not None:
+                yield _gauge("compensation_on", "Whether friction is compensated.", tick.compensation.on)
+                yield _gauge(
+                    "compensation_current_amperes", "Current added by it.", tick.compensation.current_A
+                )  # fmt: skip
+
+    def _of_run(self) -> Iterator[Family]:
+        """Line, loop, and what could not be recorded."""
+        link, timing, unwritten = self._run.link(), self._run.timing, self._run.unwritten
+        for name, meaning in _LINK_COUNTERS.items():
+            yield Family(f"link_{name}_total", "counter", meaning, [("", {}, getattr(link, name))])
+        reply_s = None if link.reply_ms is None else 1e-3 * link.reply_ms
+        yield _gauge("link_reply_seconds", "What replies take beyond the time of their bytes, mean of fifty.", reply_s)
+        yield Family("loop_ticks_total", "counter", "Turns of the loop.", [("", {}, timing.ticks)])
+        yield Family("loop_overruns_total", "counter", "Turns that took too long.", [("", {}, timing.overruns)])
+        bounds = [*(str(1e-3 * bound) for bound in LATE_BOUNDS_MS), "+Inf"]
+        counts = list(itertools.accumulate(timing.late_counts))
+        late = [("_bucket", {"le": le}, float(count)) for le, count in zip(bounds, counts, strict=True)]
+        total = [("_sum", dict[str, str](), 1e-3 * timing.late_ms_sum), ("_count", dict[str, str](), float(counts[-1]))]
+        yield Family("loop_late_seconds", "histogram", "How late turns began.", [*late, *total])
+        rows = {"log": unwritten.log_rows, "estimates": unwritten.estimate_rows}
+        yield Family(
+            "unwritten_rows_total", "counter", "Rows that are missing from the run's files.",
+            [("", {"file": file}, count) for file, count in rows.items()],
+        )  # fmt: skip
+        missed = Counter(unwritten.failed_sinks) + Counter(unwritten.not_sent)
+        yield Family(
+            "sink_missed_ticks_total", "counter", "Ticks that a sink failed at or could not get rid of.",
+            [("", {"sink": sink}, count) for sink, count in missed.items()],
+        )  # fmt: skip
+
+
+def recorder_of(run: RunContext) -> PrometheusRecorder:
+    """The recorder of a run."""
+    return PrometheusRecorder(run)
+
+
+def _of_sample(sample: WheelSample, commanded_A: float | None) -> Iterator[Family]:
+    for name, (key, meaning) in _SAMPLE_METRICS.items():
+        yield _gauge(name, meaning, getattr(sample, key))
+    in_force_A = sample.current_command_A if commanded_A is None else commanded_A
+    yield _gauge("current_command_amperes", "Current that was commanded last.", in_force_A)
+
+
+def _of_estimate(estimate: Estimate) -> Iterator[Family]:
+    for key in STATE_NAMES:
+        name, unit = _STATE_METRICS[key]
+        yield _gauge(f"{name}_{unit}", f"Estimated {name.replace('_', ' ')}.", getattr(estimate.state, key))
+        yield _gauge(f"{name}_sigma_{unit}", "Its standard deviation.", getattr(estimate.std, key))
+    effects = estimate.effects.items()
+    yield Family(
+        "effect_coefficient", "gauge", "Coefficient of an effect of the model, in its unit.",
+        [("", {"effect": effect}, believed.value) for effect, believed in effects],
+    )  # fmt: skip
+    yield Family(
+        "effect_coefficient_sigma", "gauge", "Its standard deviation.",
+        [("", {"effect": effect}, believed.std) for effect, believed in effects],
+    )  # fmt: skip
+    if estimate.valid is not None:
+        valid = estimate.valid._asdict().items()
+        yield Family(
+            "parameter_valid", "gauge", "Whether a parameter may be relied on.",
+            [("", {"parameter": name}, flag) for name, flag in valid],
+        )  # fmt: skip
+    if (test := estimate.innovation) is not None:
+        yield _gauge("innovation_radians_per_second", "Measured less predicted speed.", test.innovation_rad_s)
+        yield _gauge("innovation_sigma_radians_per_second", "Its standard deviation.", test.std_rad_s)
+        yield _gauge("normalised_innovation_squared", "Chi-square of one degree of freedom.", test.nis)
+
+
+def _gauge(name: str, meaning: str, value: float | None) -> Family:
+    return Family(name, "gauge", meaning, [("", {}, value)])
+
+
+def _enum(name: str, meaning: str, states: list[str], now: str) -> Family:
+    return Family(name, "gauge", meaning, [("", {"state": state}, state == now) for state in states])
+
+
+def _lines(family: Family) -> Iterator[str]:
+    """A family as text; nothing where nothing is known of it."""
+    known = [(suffix, labels, value) for suffix, labels, value in family.samples if value is not None]
+    if not known:
+        return
+    name = f"rw_ekf_{family.name}"
+    yield f"# HELP {name} {family.meaning}\n# TYPE {name} {family.kind}\n"
+    for suffix, labels, value in known:
+        told = ",".join(f'{key}="{text.translate(_ESCAPED)}"' for key, text in labels.items())
+        yield f"{name}{suffix}{f'{{{told}}}' if told else ''} {float(value)!r}\n"

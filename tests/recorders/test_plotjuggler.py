@@ -1,0 +1,77 @@
+"""JSON over UDP for PlotJuggler, and the layout that draws it."""
+
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from rw_ekf.settings.resources import config_directory
+from tests.recorders.ticks import ALARM, recorder, turn
+
+
+def curves(value: Any, path: str = "") -> dict[str, float]:
+    """Numbers by their path, as PlotJuggler names them."""
+    if isinstance(value, dict):
+        return {name: v for key, inner in value.items() for name, v in curves(inner, f"{path}/{key}").items()}
+    return {path: float(value)}
+
+
+def test_the_layout_draws_what_is_sent(tmp_path: Path) -> None:
+    """Each sample is one object of numbers with a timestamp in seconds; every curve of the layout is in it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.settimeout(10.0)
+        sink, made = recorder(tmp_path, "plotjuggler", f"127.0.0.1:{listener.getsockname()[1]}")
+        sent = []
+        for i in range(5):
+            sink.write(turn(i, ALARM))
+            sent.append(curves(json.loads(listener.recv(65536))))
+            made.clock.sleep(0.1)
+        sink.close()
+    assert [round(one["/timestamp"] - sent[0]["/timestamp"], 6) for one in sent] == [0.0, 0.1, 0.2, 0.3, 0.4]
+    assert sent[4]["/rw_ekf/estimate/speed_rad_s"] == 0.2
+    layout = ElementTree.parse(config_directory() / "plotjuggler-layout.xml").getroot()
+    drawn = [curve.attrib["name"] for curve in layout.iter("curve")]
+    assert len(drawn) > 10
+    assert set(drawn) <= set(sent[4])
+    for splitter in layout.iter("DockSplitter"):
+        assert int(splitter.attrib["count"]) == len(splitter) == len(splitter.attrib["sizes"].split(";"))
+
+
+def test_nobody_who_listens_is_no_fault(tmp_path: Path) -> None:
+    """Nobody has the port: nothing is raised, nothing counted."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        place = f"127.0.0.1:{free.getsockname()[1]}"
+    sink, made = recorder(tmp_path, "plotjuggler", place)
+    for i in range(50):
+        sink.write(turn(i))
+    sink.close()
+    assert not made.unwritten
+
+
+def test_what_the_system_does_not_take_is_counted_and_no_fault_of_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Datagrams longer than any can be, as where there is no network: counted, said once, nothing raised."""
+    sink, made = recorder(tmp_path, "plotjuggler", "127.0.0.1:9")
+    monkeypatch.setattr("rw_ekf.sinks.recorders.plotjuggler.json.dumps", lambda *a, **k: "x" * 100_000)
+    for i in range(5):
+        sink.write(turn(i))
+    sink.close()
+    assert made.unwritten.not_sent == {"plotjuggler": 5}
+    assert made.logger.events == ["not_recorded"]
+    assert not made.unwritten
+
+
+def test_a_name_that_is_none_is_bad_input(tmp_path: Path) -> None:
+    """One sentence with the key."""
+    from rw_ekf.errors import BadInputError
+
+    with pytest.raises(BadInputError, match=r"output\.plotjuggler: no\.such\.place\.invalid:9870 is no place"):
+        recorder(tmp_path, "plotjuggler", "no.such.place.invalid:9870")
