@@ -124,7 +124,7 @@ class WireMap(Section):
     @property
     def speed_step_rad_s(self) -> float:
         """Resolution of a speed reading [rad/s]; 0 where it is a floating-point number."""
-        return 0.0 if self.speed_field.type == "f32" else self.speed_field.si_per_count
+        return 0.0 if self.speed_field.is_float else self.speed_field.si_per_count
 
     def status_name(self, status: int) -> str:
         """The map's word for a status byte."""
