@@ -64,16 +64,16 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
     return found
 
 
-def _too_slow(
-    configuration: Configuration, wire: WireLimits, the_map: str
-) -> Iterator[tuple[tuple[str, ...], str]]:
+def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> Iterator[tuple[tuple[str, ...], str]]:
     """What a wheel that is not asked does too seldom for the loop, or wants to be told more often."""
     loop, period_s = configuration.loop, wire.telemetry_s
     if period_s is not None and period_s * loop.rate_hz > 1.0:
         text = f"loop.rate_hz is {loop.rate_hz:g}, but telemetry of {the_map} comes every {1e3 * period_s:g} ms only"
         yield ("loop", "rate_hz"), f"{text}: give at most {1.0 / period_s:.3g}."
     if period_s is not None and configuration.command.writes and loop.reply_timeout_ms < 2e3 * period_s:
-        text = f"loop.reply_timeout_ms is {loop.reply_timeout_ms:g}: a command is confirmed by telemetry behind it, and "
+        text = (
+            f"loop.reply_timeout_ms is {loop.reply_timeout_ms:g}: a command is confirmed by telemetry behind it, and "
+        )
         yield ("loop", "reply_timeout_ms"), f"{text}{the_map} has it every {1e3 * period_s:g} ms: give twice as much."
     if wire.command_within_s is not None and configuration.command.writes:
         least_hz = 1.0 / wire.command_within_s

@@ -46,12 +46,18 @@ class CanPort(NamedTuple):
 class CanBus(Protocol):
     """What frames go to and come from. Every method raises DriverError when the bus is lost."""
 
+    stamps_arrival: bool  # whether a frame's time is when it came, and not when it was looked for
+
     def receive(self, timeout_s: float) -> list[CanFrame]:
         """Take what has come; where that is nothing, wait for it."""
         ...
 
     def send(self, frame: CanFrame) -> float | None:
         """Send a frame: when it will be on the bus by the host's clock, without its own length; None: no room."""
+        ...
+
+    def forget_unsent(self) -> None:
+        """Let nothing of what was sent, and has not gone out yet, come at some later time."""
         ...
 
     def close(self) -> None:
@@ -64,6 +70,8 @@ OpenBus = Callable[[CanPort, int, Clock], CanBus]
 
 class PythonCanBus:
     """A bus that python-can opened. A shared one: nobody is kept out."""
+
+    stamps_arrival = True
 
     def __init__(self, port: CanPort, bitrate: int, clock: Clock) -> None:
         """Open it. Raises DriverError."""
@@ -120,6 +128,9 @@ class PythonCanBus:
                 return None
             raise self._lost(error) from error
         return self._clock.monotonic()
+
+    def forget_unsent(self) -> None:
+        """What is in the kernel's queue stays there: the one that comes last counts."""
 
     def close(self) -> None:
         """Shut it down."""

@@ -67,7 +67,9 @@ class Told(Section):
 
     signal: Place = Key(description="Message.Signal")
     unit: Annotated[str | None, NOT_NULL] = None  # else the database's
-    of_current: tuple[int, ...] = Key((0, 1), strict=False, description="of `mode`: numbers in which currents are taken")
+    of_current: tuple[int, ...] = Key(
+        (0, 1), strict=False, description="of `mode`: numbers in which currents are taken"
+    )
 
 
 class FrameCare(Section):
@@ -90,7 +92,9 @@ class Sent(Section):
 class CycleKeys(Section):
     """The messages that tell of one moment, and how often."""
 
-    messages: tuple[Identifier, ...] = Key(strict=False, min_length=1, description="in the order in which they are sent")
+    messages: tuple[Identifier, ...] = Key(
+        strict=False, min_length=1, description="in the order in which they are sent"
+    )
     period_ms: float = Key(gt=0, le=60_000, description="from cycle to cycle [ms]")
     within_ms: Annotated[float | None, NOT_NULL, Key(gt=0)] = None  # from the first to the last; else half a period
     missing_after: int = Key(3, ge=1, le=1000, description="cycles after which a frame is no news")
@@ -146,7 +150,8 @@ class CanFile(Section):
         if confirmed_by is not None and confirmed_by not in self.telemetry:
             mistakes.append((("command", "confirmed_by"), f"is {confirmed_by}, which is not in telemetry"))
         if confirmed_by == "current" and self.command.tolerance == 0.0:
-            mistakes.append((("command", "tolerance"), "must be above 0: a measured current is never the one commanded"))
+            mistakes.append(
+                (("command", "tolerance"), "must be above 0: a measured current is never the one commanded")
+            )
         refuse(mistakes)
         return self
-

@@ -6,6 +6,7 @@ cycle's. A current that is written is acknowledged when a cycle behind it says t
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -19,7 +20,8 @@ from rw_ekf.drivers.can.can_frames import CanFrame
 from rw_ekf.drivers.can.can_map import NOT_TAKEN, CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
 from rw_ekf.drivers.line.registers import decode_register
-from rw_ekf.drivers.line.serial_link import Exchange, OpenPort
+from rw_ekf.drivers.line.line import Exchange
+from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.errors import DriverError
@@ -34,6 +36,8 @@ _ECHO_S = 0.2  # a frame of our own that comes back does so soon
 _CYCLES_WAITED = 1.5
 _QUIET_S = 0.3  # behind it another wheel may speak: nothing that was told before it counts
 _F32_PART = 1.0e-6
+_AGAINST_S = 0.5
+_NO_ROOM_S = 0.5  # a bus that takes no frame for so long is lost: the wheel cannot be stopped over it
 
 
 class CanLink:
@@ -80,14 +84,17 @@ class CanLink:
         self._sent: deque[tuple[CanFrame, float]] = deque(maxlen=16)
         self._driving = False
         self._damaged_lines = 0
+        self._no_room_since_s: float | None = None
+        self._wait_s = _CYCLES_WAITED * layout.period_s("cycle")
+        self._against_since_s: float | None = None  # telemetry says another current than the one commanded
         self._opened_s = clock.monotonic()
         self._cycle_s = self._opened_s
         port = CanPort.of(settings.port)
-        self._bus: CanBus
+        self.bus: CanBus
         if port.interface == SERIAL_INTERFACE:
-            self._bus = SlcanBus(settings._replace(port=port.channel), self._bitrate, clock, open_port)
+            self.bus = SlcanBus(settings._replace(port=port.channel), self._bitrate, clock, open_port)
         else:
-            self._bus = PythonCanBus(port, self._bitrate, clock)
+            self.bus = PythonCanBus(port, self._bitrate, clock)
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """Give what a register tells, or write one, within timeout_s. Raises DriverError if the bus fails."""
@@ -100,7 +107,7 @@ class CanLink:
             return self._write(register, data, now_s + limit_s)
         if register.name != "cycle":
             return self._told(register)
-        limit_s = max(self.reply_timeout_s, _CYCLES_WAITED * self._layout.period_s("cycle"))
+        limit_s = max(self.reply_timeout_s, self._wait_s)
         return self._next_cycle(register, now_s + (limit_s if timeout_s is None else min(limit_s, timeout_s)))
 
     @property
@@ -122,13 +129,18 @@ class CanLink:
 
     def close(self) -> None:
         """Let go of the bus. Safe to call twice."""
-        self._bus.close()
+        self.bus.close()
 
     # --- what is read -----------------------------------------------------------------------------------------------
 
     def _next_cycle(self, register: Register, deadline_s: float) -> Exchange:
-        """The newest set that was not given yet, or the next one."""
+        """The newest set that was not given yet, or the next one.
+
+        Where it is not known when a frame came, the next one, if it can be waited for.
+        """
         asked_s = self._ask()
+        if not self.bus.stamps_arrival and deadline_s - self._clock.monotonic() > self._wait_s:
+            self._given = self._cycle.newest
         missing_s = self._layout.file.cycle.missing_after * self._layout.period_s("cycle")
         while True:
             now_s = self._clock.monotonic()
@@ -154,7 +166,7 @@ class CanLink:
         else:
             for name in self._layout.file.cycle.messages:
                 codec = self._layout.codecs[name]
-                self._bus.send(CanFrame(codec.id, b"", codec.extended, remote=True))
+                self.bus.send(CanFrame(codec.id, b"", codec.extended, remote=True))
         self.counters.requests += 1
         return asked_s
 
@@ -188,11 +200,11 @@ class CanLink:
     def _take(self, wait_s: float) -> None:
         """Take in what has come, waiting for something. Raises DriverError where the bus is off."""
         dropped = self._cycle.dropped
-        for frame in self._bus.receive(wait_s):
+        for frame in self.bus.receive(wait_s):
             self._heard += 1
             self._note(frame)
         self.counters.stale += self._cycle.dropped - dropped
-        lines = getattr(self._bus, "damaged", 0)
+        lines = getattr(self.bus, "damaged", 0)
         self.counters.damaged += lines - self._damaged_lines
         self._damaged_lines = lines
 
@@ -212,7 +224,9 @@ class CanLink:
 
     def _note_of_ours(self, frame: CanFrame) -> None:
         """A frame that only this program should send: an echo of it, or another master."""
-        if any(one.data == frame.data and frame.time_s - at_s < _ECHO_S for one, at_s in self._sent if one.id == frame.id):
+        if any(
+            one.data == frame.data and frame.time_s - at_s < _ECHO_S for one, at_s in self._sent if one.id == frame.id
+        ):
             self.counters.stale += 1
             return
         self.counters.foreign += 1
@@ -273,24 +287,53 @@ class CanLink:
             seen = told
             if self._is_in_force(told, current_A):
                 self.counters.note_reply(1e3 * (told.time_s - arrived_s))
+                self._against_since_s = None
                 return Exchange(_OK, arrived_s, told.time_s)
             against += 1
             if against == _AGAIN_AFTER:
                 arrived_s = self._send(message, numbers)
             elif against == _NOT_TAKEN_AFTER:
-                return Exchange(bytes((NOT_TAKEN,)), arrived_s, told.time_s)
+                break
         now_s = self._clock.monotonic()
+        if against > _AGAIN_AFTER:
+            self._note_against(now_s)
+            self.bus.forget_unsent()
+            return Exchange(bytes((NOT_TAKEN,)), arrived_s or now_s, now_s)
         if can_tell or arrived_s is None:
             self.counters.timeouts += 1
+            self.bus.forget_unsent()
         return Exchange(None, now_s if arrived_s is None else arrived_s, now_s)
+
+    def _note_against(self, now_s: float) -> None:
+        """Say it once where no command is taken."""
+        if self._against_since_s is None:
+            self._against_since_s = now_s
+        elif now_s - self._against_since_s > _AGAINST_S:
+            self._against_since_s = math.inf
+            self.news = (
+                "commands_not_taken",
+                "telemetry goes on saying that another current is in force than the one commanded: the wheel refuses "
+                "commands or does not hear them, something else commands it, or its telemetry stands still",
+            )
 
     def _send(self, message: str, numbers: Mapping[str, float]) -> float | None:
         """Send a message: when it was at the wheel [s]; None where there was no room for it."""
         self._alive[message] += 1
         frame = self._layout.codecs[message].pack(numbers, self._alive[message])
         self._sent.append((frame, self._clock.monotonic()))
-        at_s = self._bus.send(frame)
-        return None if at_s is None else at_s + frame.lasts_s(self._bitrate)
+        at_s = self.bus.send(frame)
+        if at_s is not None:
+            self._no_room_since_s = None
+            return at_s + frame.lasts_s(self._bitrate)
+        now_s = self._clock.monotonic()
+        if self._no_room_since_s is None:
+            self._no_room_since_s = now_s
+        elif now_s - self._no_room_since_s > _NO_ROOM_S:
+            raise DriverError(
+                f"{self.settings.port} failed: it takes no frames, its queue is full. Nobody acknowledges them, or the "
+                "adapter hangs: check the wheel's power, termination and bit rate"
+            )
+        return None
 
     @property
     def _confirming(self) -> str | None:
@@ -309,5 +352,3 @@ class CanLink:
             if field is not None:
                 may_A = max(may_A, _F32_PART * abs(current_A) if field.is_float else 0.5 * field.si_per_count)
         return abs(values[name] - current_A) <= may_A
-
-

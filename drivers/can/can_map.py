@@ -20,7 +20,7 @@ from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rw_ekf.drivers.line.serial_link import SerialLink
+    from rw_ekf.drivers.line.line import Line
 
 RESET_ID, COMMAND_ID, IDLE_ID = 1, 3, 10
 IDENTITY_ID, STATUS_ID, CYCLE_ID, FIRST_OWN_ID = 128, 130, 137, 140
@@ -79,7 +79,7 @@ class CanMap(WireMap):
         """What the file says."""
         return self._layout
 
-    def open_line(self, *line: Any) -> SerialLink:
+    def open_line(self, *line: Any) -> Line:
         """A bus on which it is spoken. Raises DriverError."""
         from rw_ekf.drivers.can.can_link import CanLink
 
@@ -197,7 +197,9 @@ def _lacks(file: CanFile, database: Any) -> Iterator[tuple[tuple[str | int, ...]
         if wrong or name in FLAG_BITS:
             return
         try:
-            _signal_field(name, Told(signal=told.signal, **({} if told.unit is None else {"unit": told.unit})), database)
+            _signal_field(
+                name, Told(signal=told.signal, **({} if told.unit is None else {"unit": told.unit})), database
+            )
         except ValidationError as error:
             yield path, f"{error.errors()[0]['msg']}: give its unit beside the signal"
         except KeyError:

@@ -8,7 +8,6 @@ A line ends in CR, and nothing of it is checked: what a damaged line holds, chec
 
 from __future__ import annotations
 
-import contextlib
 from typing import Any, NamedTuple
 
 import serial
@@ -26,6 +25,7 @@ _LONGEST = len("T12345678") + 1 + 16 + 4 + 2  # with an adapter's time stamp; no
 _MOST_BYTES = 1 << 20
 _WRITE_WITHIN_S = 0.050
 _KINDS = {"t": (3, False, False), "T": (8, True, False), "r": (3, False, True), "R": (8, True, True)}
+_ACKNOWLEDGED = ("z", "Z")
 _HEX = frozenset("0123456789abcdefABCDEF")
 
 
@@ -52,7 +52,11 @@ def decode(buffer: bytes, time_s: float = 0.0) -> Lines:
     frames, commands, damaged = [], [], 0
     for text in texts:
         line = text.decode("latin-1")
-        if not line or line in ("z", "Z"):  # an acknowledgement
+        begins = max(map(line.rfind, _KINDS))  # no such letter stands within a frame: what is before one is torn
+        if begins > 0 and line[:begins] not in _ACKNOWLEDGED:
+            damaged += 1
+        line = line[max(begins, 0) :]
+        if not line or line in _ACKNOWLEDGED:
             continue
         if line[0] not in _KINDS:
             if len(line) <= _LONGEST and line.isascii() and line.isalnum():
@@ -87,6 +91,8 @@ def _frame(line: str, time_s: float) -> CanFrame | None:
 class SlcanBus:
     """A bus behind such an adapter; its port is opened as any serial wheel's. Raises DriverError when it is lost."""
 
+    stamps_arrival = False
+
     def __init__(self, settings: PortSettings, bitrate: int, clock: Clock, open_port: OpenPort) -> None:
         """Open port and channel. Beside another process (not exclusive) the channel is taken as it is."""
         if bitrate not in BIT_RATES:
@@ -94,17 +100,18 @@ class SlcanBus:
             raise DriverError(f"{settings.port}: an slcan adapter has no bit rate of {bitrate}; it has: {rates}")
         self.settings = settings
         self.damaged = 0
+        self._torn = False  # the beginning of a line may have gone out without its end
         self.received_bytes = 0
         self._clock = clock
         self._rest = b""
         self._byte_s = settings.line.bits_per_byte / settings.baud
-        self._port: Any = open_port(settings, _WRITE_WITHIN_S)
+        self._serial: Any = open_port(settings, _WRITE_WITHIN_S)
         try:
             if settings.exclusive:
-                self._port.write(CR + b"C" + CR)
+                self._serial.write(CR + b"C" + CR)
                 self._settle()
-                self._port.write(b"S%d" % BIT_RATES[bitrate] + CR)
-            self._port.write(b"O" + CR)
+                self._serial.write(b"S%d" % BIT_RATES[bitrate] + CR)
+            self._serial.write(b"O" + CR)
         except serial.SerialTimeoutException:
             pass  # the far end takes nothing yet: that is silence, and no lost port
         except LINE_EXCEPTIONS as error:
@@ -116,52 +123,60 @@ class SlcanBus:
         end_s = self._clock.monotonic() + timeout_s
         while True:
             try:
-                chunk = self._read(self._port.in_waiting or 1 if timeout_s > 0.0 else self._port.in_waiting)
+                chunk = self._read(self._serial.in_waiting or 1 if timeout_s > 0.0 else self._serial.in_waiting)
             except LINE_EXCEPTIONS as error:
                 raise lost_error(self.settings.port, error) from error
             now_s = self._clock.monotonic()
             self.received_bytes += len(chunk)
             found = decode(self._rest + chunk, now_s)
             self._rest = found.rest
-            self.damaged += found.damaged
+            self.damaged += found.damaged + len(found.commands)
             if found.frames or now_s >= end_s:
                 return found.frames
 
     def send(self, frame: CanFrame) -> float | None:
         """Write a frame's line; None where the far end takes no bytes: then nothing of it may come later."""
-        line = encode(frame)
+        line = CR + encode(frame) if self._torn else encode(frame)
         started_s = self._clock.monotonic()
         try:
-            self._port.write(line)
+            self._serial.write(line)
         except serial.SerialTimeoutException:
-            if self.settings.is_local:
-                with contextlib.suppress(*LINE_EXCEPTIONS):
-                    self._port.reset_output_buffer()
+            self.forget_unsent()
             return None
         except LINE_EXCEPTIONS as error:
             raise lost_error(self.settings.port, error) from error
+        self._torn = False
         return started_s + len(line) * self._byte_s
+
+    def forget_unsent(self) -> None:
+        """Drop what the far end has not taken."""
+        self._torn = True
+        if self.settings.is_local:
+            try:
+                self._serial.reset_output_buffer()
+            except LINE_EXCEPTIONS as error:
+                raise lost_error(self.settings.port, error) from error
 
     def close(self) -> None:
         """Release the port; the channel stays open, for whoever shares it."""
-        close_serial_port(self._port)
+        close_serial_port(self._serial)
 
     def _settle(self) -> None:
         """Let pass what comes just after opening: of a channel that was open, or of the plug."""
         opened_s = heard_s = now_s = self._clock.monotonic()
         while now_s - heard_s < QUIET_GAP_S and now_s - opened_s < LONGEST_GAP_S:
-            came = self._port.read(1)
+            came = self._serial.read(1)
             now_s = self._clock.monotonic()
             if came:
                 heard_s = now_s
-                self._port.reset_input_buffer()
+                self._serial.reset_input_buffer()
 
     def _read(self, size: int) -> bytes:
         """Bytes of the port; none where it is shared and the other reader took those that had been announced."""
         if size <= 0:
             return b""
         try:
-            chunk: bytes = self._port.read(min(size, _MOST_BYTES))
+            chunk: bytes = self._serial.read(min(size, _MOST_BYTES))
         except serial.SerialException:
             if self.settings.exclusive:
                 raise

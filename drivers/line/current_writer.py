@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
+from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
-from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
 from rw_ekf.drivers.line.wheel_registers import registers_beside
 from rw_ekf.drivers.line.wire_layout import Field, Register
 from rw_ekf.drivers.line.wire_map import STATUS_OK, WireMap
@@ -33,7 +33,7 @@ class Written(NamedTuple):
 class CurrentWriter:
     """Writes the current of one wheel. Raises DriverError for a current the wire cannot carry, or a lost line."""
 
-    def __init__(self, line: SerialLink, wire_map: WireMap, host: Clock) -> None:
+    def __init__(self, line: Line, wire_map: WireMap, host: Clock) -> None:
         self._line = line
         self._map = wire_map
         self._host = host

@@ -6,12 +6,13 @@ Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import serial
 
 from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.framing import Codec, Frame
+from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, silent_error
 from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, open_serial_port
 from rw_ekf.errors import DriverError
@@ -21,14 +22,6 @@ DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
 # What comes just after opening is of whoever was here before, or of the plug: it is let pass until the line is quiet.
 QUIET_GAP_S, LONGEST_GAP_S = 0.010, 0.100
 OpenPort = Callable[[PortSettings, float], Any]  # gives an open port as pyserial's are
-
-
-class Exchange(NamedTuple):
-    """One request and what came of it. Times are of the host's monotonic clock."""
-
-    data: bytes | None  # of the reply; None: no valid reply came in time
-    received_by_wheel_s: float  # when the request's last byte reached the wheel, from send time and baud
-    replied_s: float  # when the reply's last byte was here, or the wait ended
 
 
 class SerialLink:

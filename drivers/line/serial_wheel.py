@@ -6,7 +6,8 @@ from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
 from rw_ekf.drivers.line.registers import decode_register, is_plausible
-from rw_ekf.drivers.line.serial_link import Exchange, OpenPort, SerialLink
+from rw_ekf.drivers.line.line import Exchange, Line
+from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 from rw_ekf.drivers.line.wheel_clock import WheelClock
 from rw_ekf.drivers.line.wheel_registers import (
@@ -34,7 +35,7 @@ _PLACES = 6  # of a host's time [s]: a microsecond is far below what a line tell
 class SerialWheel:
     """A WheelDriver on a line. Made by open_serial_wheel."""
 
-    def __init__(self, link: SerialLink, wire_map: WireMap, host: Clock, clock: WheelClock | None = None) -> None:
+    def __init__(self, link: Line, wire_map: WireMap, host: Clock, clock: WheelClock | None = None) -> None:
         self.source = link.name
         self.link: LinkCounters = link.counters
         self.identity: WheelIdentity | None = None

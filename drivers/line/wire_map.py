@@ -10,6 +10,7 @@ from pydantic import ValidationInfo, field_validator
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.checking.section import Mistake, Section, refuse
 from rw_ekf.drivers.line.framing import Codec, RegisterCodec
+from rw_ekf.drivers.line.line import Line
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import TORQUE_UNITS, Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
@@ -61,7 +62,7 @@ class WireMap(Section):
         """How its registers are spoken of on a line, for one end of it."""
         return RegisterCodec(self.framing)
 
-    def open_line(self, *line: Any) -> SerialLink:
+    def open_line(self, *line: Any) -> Line:
         """A line on which it is spoken, from what `SerialLink` is made of but the codec. Raises DriverError."""
         settings, *more = line
         return SerialLink(settings, self.codec(), *more)

@@ -16,7 +16,6 @@ from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.sim.register_server import OK, RegisterServer, Reply
 
 
-
 class CanServer(RegisterServer):
     """It sends each message at its period while the adapter's channel is open, and takes what the map lets it be sent."""
 
