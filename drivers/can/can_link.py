@@ -19,8 +19,8 @@ from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
 from rw_ekf.drivers.can.can_map import NOT_TAKEN, CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
-from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.line import Exchange
+from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 from rw_ekf.drivers.line.wire_layout import Register

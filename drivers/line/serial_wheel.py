@@ -5,8 +5,8 @@ from __future__ import annotations
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
-from rw_ekf.drivers.line.registers import decode_register, is_plausible
 from rw_ekf.drivers.line.line import Exchange, Line
+from rw_ekf.drivers.line.registers import decode_register, is_plausible
 from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 from rw_ekf.drivers.line.wheel_clock import WheelClock

@@ -31,7 +31,7 @@ class CanServer(RegisterServer):
         cycle = self._layout.file.cycle
         told = dict.fromkeys(m for r in self.wire_map.readable() for m in self._layout.messages_of(r.name))
         groups = [cycle.messages, *((name,) for name in told if name not in cycle.messages)]
-        self._due = {group: self.plant.time_s for group in groups}
+        self._due = dict.fromkeys(groups, self.plant.time_s)
         if cycle.request is not None:
             del self._due[cycle.messages]
 

@@ -20,8 +20,8 @@ from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.settings.schema import LimitsSection
 from rw_ekf.units import rad_s_from_rpm
-from tests.injecting import put_faults
 from tests.faults.rig import is_unasked, let_pass
+from tests.injecting import put_faults
 from tests.live.bench import FAMILIES, Bench, served_wheel, wait_for
 from tests.live.daemon import run
 from tests.live.test_line_faults import fault
