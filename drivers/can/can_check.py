@@ -25,7 +25,7 @@ def used_messages(file: CanFile) -> list[str]:
 
 
 def signal_field(name: str, told: Told | CommandKeys, database: Any) -> Field:
-    """A signal as a register's field. Raises ValidationError for a unit that does not fit, KeyError for a short float."""
+    """A signal as a register's field. Raises ValidationError: its unit does not fit; KeyError: a float of 16 bits."""
     message, signal_name = told.signal.split(".")
     signal = database.get_message_by_name(message).get_signal_by_name(signal_name)
     field = Field(

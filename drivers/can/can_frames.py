@@ -80,7 +80,7 @@ class MessageCodec:
         self._sum_at = None if care.checksum is None else message.get_signal_by_name(care.checksum).start // 8
 
     def pack(self, numbers: Mapping[str, float], alive: int = 0) -> CanFrame:
-        """The frame that carries these numbers; signals that are not given are 0. Raises ValueError if one is beyond."""
+        """The frame that carries these numbers, and 0 for all others. Raises ValueError if one does not fit."""
         full = {signal.name: 0 for signal in self._message.signals} | dict(numbers)
         if self._alive is not None:
             full[self._alive.name] = alive % self.alive_span

@@ -123,8 +123,8 @@ class CanLink:
         """What to say where no wheel tells anything."""
         return DriverError(
             f"{self.settings.port} opened but no whole cycle of telemetry in {waited_s:.1f} s ({self._heard} frames, "
-            f"{self.good_frames} of them this map's). Check bus.bitrate ({self._bitrate}), identifiers, termination and "
-            "wheel power, or try the simulated wheel: rw-ekf simulate --config F --link wheel0"
+            f"{self.good_frames} of them this map's). Check bus.bitrate ({self._bitrate}), identifiers, termination "
+            "and wheel power, or try the simulated wheel: rw-ekf simulate --config F --link wheel0"
         )
 
     def close(self) -> None:

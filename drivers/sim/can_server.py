@@ -1,4 +1,4 @@
-"""The electronics of a wheel on a CAN bus, behind an slcan adapter: telemetry that nobody asks for, currents by message."""
+"""The electronics of a wheel on a CAN bus, behind an slcan adapter: telemetry unasked, currents by message."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rw_ekf.drivers.sim.register_server import OK, RegisterServer, Reply
 
 
 class CanServer(RegisterServer):
-    """It sends each message at its period while the adapter's channel is open, and takes what the map lets it be sent."""
+    """It sends each message at its period while the channel is open, and takes what the map has sent to it."""
 
     wire_map: CanMap
 
@@ -160,7 +160,7 @@ class CanServer(RegisterServer):
         return replies
 
     def _reply(self, message: str, numbers: Mapping[str, float], register: Register, time_s: float) -> Reply:
-        """One frame, or what faults make of it: an old count, another identifier, a byte too few, all as once before."""
+        """One frame, or what faults make of it: an old count, another identifier, a byte too few, the same again."""
         codec = self._layout.codecs[message]
         data = codec.pack(numbers, self._alive[message]).data
         spoilt = self._spoilt.reply(Frame(self._alive[message], register.id, data), register, data, time_s)
