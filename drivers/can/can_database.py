@@ -25,7 +25,7 @@ def database_of(file: CanFile, where: Where) -> Any:
             'pip install "rw-ekf[can]"'
         ) from None
     if file.dbc is not None:
-        return _of_dbc(of_cantools, Path(where(()).rsplit(":", 2)[0]).parent / file.dbc, where)
+        return _of_dbc(of_cantools, folder_of(where) / file.dbc, where)
     messages, findings = [], []
     for index, message in enumerate(file.messages):
         try:
@@ -42,6 +42,11 @@ def database_of(file: CanFile, where: Where) -> Any:
     if findings:
         raise ConfigError(findings)
     return of_cantools.Database(messages)
+
+
+def folder_of(where: Where) -> Path:
+    """Where the map stands; its DBC counts from there."""
+    return Path(where(()).rsplit(":", 2)[0]).parent
 
 
 def unit_of(signal: Any) -> str:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.driver import WireLimits
-from rw_ekf.drivers.can.can_database import database_of
+from rw_ekf.drivers.can.can_database import database_of, folder_of
 from rw_ekf.drivers.can.can_file import CanFile
 from rw_ekf.drivers.can.can_map import CanMap, can_map
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
@@ -48,12 +47,8 @@ def protocol_of(data: Mapping[str, object], where: Where) -> CanProtocol:
     made = can_map(file, database_of(file, where), where)
     said = json.dumps(content, sort_keys=True).encode()
     if file.dbc is not None:
-        said += (_folder(where) / file.dbc).read_bytes()
+        said += (folder_of(where) / file.dbc).read_bytes()
     return CanProtocol(made, _scale_places(file, where), hashlib.sha256(said).hexdigest())
-
-
-def _folder(where: Where) -> Path:
-    return Path(where(()).rsplit(":", 2)[0]).parent
 
 
 def _scale_places(file: CanFile, where: Where) -> dict[str, str]:
@@ -61,7 +56,7 @@ def _scale_places(file: CanFile, where: Where) -> dict[str, str]:
     places = {}
     for word, text in (("speed", file.telemetry["speed"].signal), ("current", file.command.signal)):
         message, name = text.split(".")
-        place = str(file.dbc)
+        place = str(folder_of(where) / str(file.dbc))
         for i, one in enumerate(file.messages):
             for k, signal in enumerate(one.signals):
                 if (one.name, signal.name) == (message, name):

@@ -18,6 +18,7 @@ from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.drivers.sim.can_server import CanServer
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import Reply
 from rw_ekf.units import RAD_S_PER_RPM
 from tests.live.bench import Bench, Recorder, protocol_named
 
@@ -29,6 +30,7 @@ class BusBench(Bench):
     """A wheel on a virtual bus, and the other node."""
 
     channel: str = ""
+    echo: bool = False  # a gateway sends back what it hears
     lost: bool = False  # the wheel is not on the bus: it says nothing and hears nothing
     _over: threading.Event = field(default_factory=threading.Event)
     _other: Any = None
@@ -84,6 +86,7 @@ class BusBench(Bench):
                         message.arbitration_id, bytes(message.data), message.is_extended_id, message.is_remote_frame
                     )
                     replies += [] if self.lost else server.hear(heard, now_s)
+                    replies += [Reply(slcan.encode(heard))] if self.echo else []
                 for reply in [] if self.lost else replies:
                     for frame in slcan.decode(reply.content).frames:
                         bus.send(can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended))
