@@ -17,7 +17,7 @@ from rw_ekf.errors import DriverError
 
 PREFIX = "can:"
 SERIAL_INTERFACE = "slcan"  # the one that is opened as a serial port, not by python-can
-MOST_FRAMES = 20_000  # taken at once: a babbling node must not keep us from commanding
+MOST_FRAMES = 4_000  # taken at once: a babbling node must not keep us from commanding
 _SEND_WITHIN_S = 0.02
 _NO_ROOM = (errno.ENOBUFS, errno.EAGAIN)
 _UP = 1  # IFF_UP of an interface's flags
