@@ -58,8 +58,8 @@ class MapCheck:
         for index, name in enumerate(file.cycle.messages):
             self._message(("cycle", "messages", index), name)
         self._value(("command", "signal"), "current_command", file.command)
-        for text in file.command.constants:
-            self._signal(("command", "constants", text), file.command.signal.split(".")[0], text)
+        for text, number in file.command.constants.items():
+            self._number(("command", "constants", text), file.command.signal.split(".")[0], text, number)
         request = file.cycle.request
         for path, sent in (
             (("enable",), file.enable),
@@ -68,8 +68,8 @@ class MapCheck:
             (("cycle", "request"), request if isinstance(request, Sent) else None),
         ):
             if sent is not None and self._message((*path, "message"), sent.message):
-                for text in sent.signals:
-                    self._signal((*path, "signals", text), sent.message, text)
+                for text, number in sent.signals.items():
+                    self._number((*path, "signals", text), sent.message, text, number)
         for name, care in file.frames.items():
             if self._message(("frames", name), name):
                 self._care(name, care)
@@ -99,6 +99,15 @@ class MapCheck:
         if name not in names:
             self._add(path, f"is {name}: message {message} has no such signal; it has: {', '.join(names) or 'none'}")
         return name in names
+
+    def _number(self, path: PathTuple, message: str, name: str, number: int) -> None:
+        """A number that a signal must be able to carry."""
+        if not self._signal(path, message, name):
+            return
+        signal = self._known[message].get_signal_by_name(name)
+        least = -(1 << (signal.length - 1)) if signal.is_signed else 0
+        if not signal.is_float and not least <= number < least + (1 << signal.length):
+            self._add(path, f"is {number}: signal {name} has {signal.length} bits")
 
     def _value(self, path: PathTuple, name: str, told: Told | CommandKeys) -> None:
         """A signal that is a quantity of the program."""

@@ -1,22 +1,21 @@
 """A wheel's link over a CAN bus: what it tells unasked is kept and given as registers, currents go out as messages.
 
-A register that is read is the newest whole set of its messages (can_cycle.py), each set given once where it is the
+A register that is read is the newest whole set of its messages (can_hearing.py), each set given once where it is the
 cycle's. A current that is written is acknowledged when a cycle behind it says that it is in force.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from rw_ekf.clock import Clock
-from rw_ekf.drivers.can.bus_errors import BusWatch
 from rw_ekf.drivers.can.can_bus import SERIAL_INTERFACE, CanBus, CanPort, PythonCanBus
-from rw_ekf.drivers.can.can_cycle import Cycle, Fresh, Told
+from rw_ekf.drivers.can.can_cycle import Told
 from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
 from rw_ekf.drivers.can.can_frames import CanFrame
+from rw_ekf.drivers.can.can_hearing import Hearing
 from rw_ekf.drivers.can.can_map import NOT_TAKEN, CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
 from rw_ekf.drivers.line.line import Exchange
@@ -32,9 +31,7 @@ if TYPE_CHECKING:
 
 _OK = bytes((0,))
 _AGAIN_AFTER, _NOT_TAKEN_AFTER = 2, 4  # cycles that say another current is in force
-_ECHO_S = 0.2  # a frame of our own that comes back does so soon
 _CYCLES_WAITED = 1.5
-_QUIET_S = 0.3  # behind it another wheel may speak: nothing that was told before it counts
 _F32_PART = 1.0e-6
 _AGAINST_S = 0.5
 _NO_ROOM_S = 0.5  # a bus that takes no frame for so long is lost: the wheel cannot be stopped over it
@@ -58,50 +55,41 @@ class CanLink:
         self.name = f"can+{settings.port}"
         self.counters = counters if counters is not None else LinkCounters()
         self.restarts = 0
-        self.good_frames = 0
         self.reply_timeout_s = reply_timeout_s
-        self.news: tuple[str, str] | None = None
-        self._heard = 0  # frames of any kind
         self._map = can_map
         self._layout: Layout = layout
         self._clock = clock
         self._bitrate = layout.file.bus.bitrate
-        self._watch = BusWatch(settings.port, self.counters)
-        keys = layout.file.cycle
-        within_s = 1e-3 * (keys.within_ms if keys.within_ms is not None else 0.5 * keys.period_ms)
-        self._cycle = Cycle(keys.messages, within_s, same_alive=keys.same_alive)
         self._given: Told | None = None
-        told = dict.fromkeys(m for r in can_map.readable() for m in layout.messages_of(r.name))
-        self._telling = {(layout.codecs[name].id, layout.codecs[name].extended): name for name in told}
-        self._ours = {(c.id, c.extended) for name, c in layout.codecs.items() if name not in told}
-        self._fresh = {
-            name: Fresh(period_s, layout.codecs[name].alive_span, keys.missing_after * period_s)
-            for name in told
-            for period_s in (1e-3 * layout.care(name).period_ms,)
-        }
-        self._newest: dict[str, Told] = {}
         self._alive = dict.fromkeys(layout.codecs, 0)
-        self._sent: deque[tuple[CanFrame, float]] = deque(maxlen=16)
         self._driving = False
-        self._damaged_lines = 0
         self._no_room_since_s: float | None = None
         self._wait_s = _CYCLES_WAITED * layout.period_s("cycle")
         self._against_since_s: float | None = None  # telemetry says another current than the one commanded
         self._opened_s = clock.monotonic()
-        self._cycle_s = self._opened_s
         port = CanPort.of(settings.port)
         self.bus: CanBus
         if port.interface == SERIAL_INTERFACE:
             self.bus = SlcanBus(settings._replace(port=port.channel), self._bitrate, clock, open_port)
         else:
             self.bus = PythonCanBus(port, self._bitrate, clock)
+        self._heard = Hearing(settings.port, can_map, self.bus, self.counters, self._opened_s)
+
+    @property
+    def news(self) -> tuple[str, str] | None:
+        """An event of the bus and its sentence, until it is told."""
+        return self._heard.news
+
+    @news.setter
+    def news(self, news: tuple[str, str] | None) -> None:
+        self._heard.news = news
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """Give what a register tells, or write one, within timeout_s. Raises DriverError if the bus fails."""
         register = self._map.register_of_id(register_id)
         assert register is not None
         now_s = self._clock.monotonic()
-        self._take(0.0)
+        self._heard.take(0.0)
         if register.access == "write":
             limit_s = self.reply_timeout_s if timeout_s is None else min(timeout_s, self.reply_timeout_s)
             return self._write(register, data, now_s + limit_s)
@@ -113,17 +101,18 @@ class CanLink:
     @property
     def answers(self) -> bool:
         """Whether a whole cycle has come, and who the wheel is, where it says so as often as the map has it."""
-        if self._cycle.newest is None:
+        if self._heard.cycle.newest is None:
             return False
         who = self._layout.messages_of("identity") if self._map.register("identity") is not None else ()
         waited_s = self._clock.monotonic() - self._opened_s
-        return all(m in self._newest or waited_s > 1.5e-3 * self._layout.care(m).period_ms for m in who)
+        return all(m in self._heard.newest or waited_s > 1.5e-3 * self._layout.care(m).period_ms for m in who)
 
     def unanswered(self, waited_s: float) -> DriverError:
         """What to say where no wheel tells anything."""
+        heard = self._heard
         return DriverError(
-            f"{self.settings.port} opened but no whole cycle of telemetry in {waited_s:.1f} s ({self._heard} frames, "
-            f"{self.good_frames} of them this map's). Check bus.bitrate ({self._bitrate}), identifiers, termination "
+            f"{self.settings.port} opened but no whole cycle of telemetry in {waited_s:.1f} s ({heard.frames} frames, "
+            f"{heard.good_frames} of them this map's). Check bus.bitrate ({self._bitrate}), identifiers, termination "
             "and wheel power, or try the simulated wheel: rw-ekf simulate --config F --link wheel0"
         )
 
@@ -140,11 +129,11 @@ class CanLink:
         """
         asked_s = self._ask()
         if not self.bus.stamps_arrival and deadline_s - self._clock.monotonic() > self._wait_s:
-            self._given = self._cycle.newest
+            self._given = self._heard.cycle.newest
         missing_s = self._layout.file.cycle.missing_after * self._layout.period_s("cycle")
         while True:
             now_s = self._clock.monotonic()
-            told = self._cycle.newest
+            told = self._heard.cycle.newest
             if told is not None and told is not self._given and (asked_s is None or told.time_s >= asked_s):
                 self._given = told
                 if now_s - told.time_s <= missing_s:
@@ -153,7 +142,7 @@ class CanLink:
             if now_s >= deadline_s:
                 self.counters.timeouts += 1
                 return Exchange(None, now_s, now_s)
-            self._take(deadline_s - now_s)
+            self._heard.take(deadline_s - now_s)
 
     def _ask(self) -> float | None:
         """Ask for a cycle where the wheel wants to be asked; when that was."""
@@ -174,7 +163,7 @@ class CanLink:
         """What was told of a register at its own pace, unless that is too long ago."""
         now_s = self._clock.monotonic()
         messages = self._layout.messages_of(register.name)
-        told = [self._newest[name] for name in messages if name in self._newest]
+        told = [self._heard.newest[name] for name in messages if name in self._heard.newest]
         oldest_s = min((one.time_s for one in told), default=now_s)
         may_s = self._layout.file.cycle.missing_after * self._layout.period_s(register.name)
         if len(told) < len(messages) or now_s - oldest_s > may_s:
@@ -196,63 +185,6 @@ class CanLink:
                     number = 1 if number in self._layout.file.telemetry["mode"].of_current else 2
                 found.append(number)
         return register.packing.pack(*found)
-
-    def _take(self, wait_s: float) -> None:
-        """Take in what has come, waiting for something. Raises DriverError where the bus is off."""
-        dropped = self._cycle.dropped
-        for frame in self.bus.receive(wait_s):
-            self._heard += 1
-            self._note(frame)
-        self.counters.stale += self._cycle.dropped - dropped
-        lines = getattr(self.bus, "damaged", 0)
-        self.counters.damaged += lines - self._damaged_lines
-        self._damaged_lines = lines
-
-    def _note(self, frame: CanFrame) -> None:
-        """Keep one frame's content, or count why it is not taken."""
-        if frame.error:
-            self.news = self._watch.note(frame) or self.news
-            return
-        key = frame.id, frame.extended
-        if key in self._ours:
-            self._note_of_ours(frame)
-        elif key in self._telling:
-            if not frame.remote:
-                self._note_telemetry(self._telling[key], frame)
-        elif (frame.id, not frame.extended) in self._telling or (frame.id, not frame.extended) in self._ours:
-            self.counters.foreign += 1
-
-    def _note_of_ours(self, frame: CanFrame) -> None:
-        """A frame that only this program should send: an echo of it, or another master."""
-        if any(
-            one.data == frame.data and frame.time_s - at_s < _ECHO_S for one, at_s in self._sent if one.id == frame.id
-        ):
-            self.counters.stale += 1
-            return
-        self.counters.foreign += 1
-        self.news = (
-            "other_master",
-            f"something else on the bus sends {frame.id:#x}, by which this program commands the wheel: what drives the "
-            "wheel may be another's command. Silence that sender",
-        )
-
-    def _note_telemetry(self, name: str, frame: CanFrame) -> None:
-        unpacked = self._layout.codecs[name].unpack(frame)
-        if unpacked is None:
-            self.counters.damaged += 1
-            return
-        numbers, alive = unpacked
-        if not self._fresh[name].takes(frame.data, alive, frame.time_s):
-            self.counters.stale += 1
-            return
-        self.good_frames += 1
-        self._watch.heard()
-        if name in self._layout.file.cycle.messages:
-            if frame.time_s - self._cycle_s > _QUIET_S:
-                self._newest.clear()
-            self._cycle_s = frame.time_s
-            self._cycle.add(name, numbers, alive, frame.time_s)
-        self._newest[name] = Told({name: numbers}, frame.time_s)
 
     # --- what is written --------------------------------------------------------------------------------------------
 
@@ -277,11 +209,11 @@ class CanLink:
     def _confirmed(self, message: str, numbers: Mapping[str, float], current_A: float, deadline_s: float) -> Exchange:
         """Send; acknowledged where a cycle behind it has this current, refused where several have another."""
         arrived_s = self._send(message, numbers)
-        seen, against = self._cycle.newest, 0
+        seen, against = self._heard.cycle.newest, 0
         can_tell = self._confirming is not None
         while arrived_s is not None and can_tell and self._clock.monotonic() < deadline_s:
-            self._take(deadline_s - self._clock.monotonic())
-            told = self._cycle.newest
+            self._heard.take(deadline_s - self._clock.monotonic())
+            told = self._heard.cycle.newest
             if told is None or told is seen or told.time_s <= arrived_s:
                 continue
             seen = told
@@ -310,7 +242,7 @@ class CanLink:
             self._against_since_s = now_s
         elif now_s - self._against_since_s > _AGAINST_S:
             self._against_since_s = math.inf
-            self.news = (
+            self._heard.news = (
                 "commands_not_taken",
                 "telemetry goes on saying that another current is in force than the one commanded: the wheel refuses "
                 "commands or does not hear them, something else commands it, or its telemetry stands still",
@@ -320,7 +252,7 @@ class CanLink:
         """Send a message: when it was at the wheel [s]; None where there was no room for it."""
         self._alive[message] += 1
         frame = self._layout.codecs[message].pack(numbers, self._alive[message])
-        self._sent.append((frame, self._clock.monotonic()))
+        self._heard.sent(frame, self._clock.monotonic())
         at_s = self.bus.send(frame)
         if at_s is not None:
             self._no_room_since_s = None

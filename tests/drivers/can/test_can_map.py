@@ -217,6 +217,10 @@ SPOILT: dict[str, tuple[Callable[[Map], Any], str]] = {
         lambda m: m.update(idle={"message": "Power", "signals": {"Off": 1}}),
         "idle.signals.Off is Off: message Power has",
     ),
+    "beyond its bits": (
+        lambda m: m.update(idle={"message": "Power", "signals": {"On": 2}}),
+        "idle.signals.On is 2: signal On has 1 bits",
+    ),
     "bit rate": (lambda m: m.update(bus={"bitrate": 5}), "bus.bitrate must be at least 10000"),
     "key": (lambda m: m.update(registers=[]), "unknown key registers"),
 }
