@@ -120,6 +120,7 @@ def test_bus_off_is_a_lost_link_and_comes_back(bench: BusBench, wheel: SerialWhe
     again.close()
 
 
+@pytest.mark.slow
 def test_a_daemon_on_a_bus_that_goes_off_is_lost_says_why_and_tracks_again(tmp_path: Path) -> None:
     """LOST with the reason in the link's trouble, then TRACKING, and zero at the end; nothing is lost for good."""
     with on_a_bus(tmp_path, noise_rpm=1.0) as bench:
