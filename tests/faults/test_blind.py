@@ -93,3 +93,15 @@ def test_a_brown_out_is_a_new_beginning_of_the_same_wheel(tmp_path: Path) -> Non
     for name in ("motor_gain", "coulomb"):
         error = getattr(ran.outcome.belief.parameters, name) - getattr(truth, name)
         assert abs(error) < 4.0 * getattr(ran.outcome.belief.parameter_std, name)
+
+
+@pytest.mark.parametrize("family", FAMILIES[2:], indirect=True)
+def test_telemetry_that_stands_still_bears_no_command_out(tmp_path: Path) -> None:
+    """Row 16: where telemetry is what confirms, a frozen one takes none: said once, zero is written; then on as before."""
+    made = wheel(tmp_path, "freeze@20s:10s")
+    ran = made.run(60.0, command=SINE)
+    assert ran.notes.events.count("commands_not_taken") == 1
+    assert ran.notes.states[-1] == "TRACKING"
+    assert ran.outcome.zero_confirmed
+    assert max(map(abs, made.speeds_rad_s)) < 60.0
+    assert np.any(ran.log.current_A[ran.log.time_s > ran.log.time_s[-1] - 5.0] != 0.0)
