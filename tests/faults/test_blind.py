@@ -97,7 +97,7 @@ def test_a_brown_out_is_a_new_beginning_of_the_same_wheel(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("family", FAMILIES[2:], indirect=True)
 def test_telemetry_that_stands_still_bears_no_command_out(tmp_path: Path) -> None:
-    """Row 16: where telemetry confirms, a frozen one takes no command: said once, zero is written; then on as before."""
+    """Row 16: where telemetry confirms, a frozen one takes no command: said once, zero written; then on as before."""
     made = wheel(tmp_path, "freeze@20s:10s")
     ran = made.run(60.0, command=SINE)
     assert ran.notes.events.count("commands_not_taken") == 1
