@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.clock import Clock
@@ -50,6 +50,7 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
             f" per second: {the_map} commands {wire.current_unit}, which stands for A in every key that ends in _A. "
         )
         found.append((("limits",), f"{text}Give limits.slew_A_per_s in {wire.current_unit} per second."))
+    found += _too_slow(configuration, wire, the_map)
     if not configuration.command.writes and not wire.tells_current:
         text = f"command.profile is none, but {the_map} has no current_command or current in its telemetry"
         found.append((("command", "profile"), f"{text}: without one of them it is not known what drives the wheel."))
@@ -61,6 +62,24 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
         text = f"{too_hot} carries temperatures up to {wire.hottest_degC:g} degC: lower the limit."
         found.append((("limits", "temperature_degC"), text))
     return found
+
+
+def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What a wheel that is not asked does too seldom for the loop, or wants to be told more often."""
+    loop, period_s = configuration.loop, wire.telemetry_s
+    if period_s is not None and period_s * loop.rate_hz > 1.0:
+        text = f"loop.rate_hz is {loop.rate_hz:g}, but telemetry of {the_map} comes every {1e3 * period_s:g} ms only"
+        yield ("loop", "rate_hz"), f"{text}: give at most {1.0 / period_s:.3g}."
+    if period_s is not None and configuration.command.writes and loop.reply_timeout_ms < 2e3 * period_s:
+        text = (
+            f"loop.reply_timeout_ms is {loop.reply_timeout_ms:g}: a command is confirmed by telemetry behind it, and "
+        )
+        yield ("loop", "reply_timeout_ms"), f"{text}{the_map} has it every {1e3 * period_s:g} ms: give twice as much."
+    if wire.command_within_s is not None and configuration.command.writes:
+        least_hz = 1.0 / wire.command_within_s
+        if loop.rate_hz <= least_hz:
+            text = f"loop.rate_hz is {loop.rate_hz:g}, but the wheel of {the_map} lets go of a current that is not "
+            yield ("loop", "rate_hz"), f"{text}repeated within {1e3 / least_hz:g} ms: give more than {least_hz:g}."
 
 
 def checked_protocol(configuration: Configuration) -> WheelProtocol:

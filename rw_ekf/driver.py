@@ -66,6 +66,8 @@ class WireLimits(NamedTuple):
     hottest_degC: float | None = None  # None: no temperature in telemetry
     current_unit: str = "A"  # "N m" where a torque stands in place of the current
     tells_current: bool = True  # whether telemetry has the current, commanded or measured
+    telemetry_s: float | None = None  # how often telemetry comes unasked [s]; None: it is asked for
+    command_within_s: float | None = None  # the wheel lets go of a current that is not repeated so soon [s]
 
 
 class WheelProtocol(Protocol):

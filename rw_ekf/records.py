@@ -65,6 +65,10 @@ class LinkCounters:
     stale: int = 0
     damaged: int = 0
     reconnects: int = 0
+    foreign: int = 0  # frames on a shared bus that claim to be of this wheel or this program, and are not
+    bus_errors: int = 0  # that the controller of a bus told of
+    bus: str | None = None  # what that controller is: active, warning, passive, off; None: no bus, or it does not say
+    trouble: str | None = None  # why the link is lost, while it is
     # What replies took beyond the time of their bytes on the line, over some fifty of them [ms]: what an adapter adds.
     reply_ms: float | None = None
     reply_jitter_ms: float | None = None  # mean distance from it

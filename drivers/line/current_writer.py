@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from rw_ekf.clock import Clock
 from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
+from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
-from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
 from rw_ekf.drivers.line.wheel_registers import registers_beside
 from rw_ekf.drivers.line.wire_layout import Field, Register
 from rw_ekf.drivers.line.wire_map import STATUS_OK, WireMap
@@ -33,7 +33,7 @@ class Written(NamedTuple):
 class CurrentWriter:
     """Writes the current of one wheel. Raises DriverError for a current the wire cannot carry, or a lost line."""
 
-    def __init__(self, line: SerialLink, wire_map: WireMap, host: Clock) -> None:
+    def __init__(self, line: Line, wire_map: WireMap, host: Clock) -> None:
         self._line = line
         self._map = wire_map
         self._host = host
@@ -50,8 +50,7 @@ class CurrentWriter:
         try:
             data = encode_register(register, {"current_command": current_A})
         except ValueError as error:
-            name = f"serial+{self._line.settings.port}"
-            raise DriverError(f"{name}: {error}. Set limits.current_A to what the wheel takes") from error
+            raise DriverError(f"{self._line.name}: {error}. Set limits.current_A to what the wheel takes") from error
         exchange, reason = self._write(register, data)
         sent_A = rounded_si(field, current_A)
         self.drives = sent_A != 0.0
@@ -61,7 +60,7 @@ class CurrentWriter:
         told_A = self._told_A()
         if told_A is None:
             return Written(sent_A, received_s, False, reason)
-        if abs(told_A - sent_A) <= (_F32_PART * abs(sent_A) if field.type == "f32" else 0.5 * field.si_per_count):
+        if abs(told_A - sent_A) <= (_F32_PART * abs(sent_A) if field.is_float else 0.5 * field.si_per_count):
             return Written(sent_A, received_s, reason=None if reason == TIMEOUT else ACTED_THOUGH + reason)
         return Written(told_A, received_s, reason=reason)
 
@@ -116,7 +115,7 @@ class CurrentWriter:
 
 def _toward_zero(field: Field, current_A: float) -> float:
     """The current itself, or one count less where rounding on the wire would carry it beyond: a limit is a limit."""
-    if not math.isfinite(current_A) or field.type == "f32":  # that rounds by less than any limit is known
+    if not math.isfinite(current_A) or field.is_float:  # that rounds by less than any limit is known
         return current_A
     try:
         sent_A = rounded_si(field, current_A)

@@ -11,10 +11,11 @@ from pydantic import field_validator, model_validator
 from rw_ekf.checking.findings import Where
 from rw_ekf.checking.section import Mistake, Section, refuse
 from rw_ekf.drivers.line.framing import Codec
+from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from rw_ekf.drivers.line.nsp import FIRST_READ, INIT_ID, OK, PING_ID, REFUSED, NspCodec
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
-from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
+from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import Byte, IdRanges, Register
 from rw_ekf.drivers.line.wire_map import WireMap
 
@@ -171,7 +172,7 @@ class NspMap(WireMap):
         known = {"auto": None, "yes": True, "no": False}[self.framing.echoes_b]
         return NspCodec(self.framing.wheel_address, self.framing.own_address, known)
 
-    def open_line(self, *line: Any) -> SerialLink:
+    def open_line(self, *line: Any) -> Line:
         """A line on which it is spoken."""
         settings, *more = line
         return NspLink(settings, self.codec(), *more, init_data=self.init_data)

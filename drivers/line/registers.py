@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Mapping
 
-from rw_ekf.drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, TYPES, Field, Register
+from rw_ekf.drivers.line.wire_layout import BEYOND_ANY_MACHINE, QUANTITIES, Field, Register
 
 
 def decode_register(register: Register, data: bytes) -> dict[str, float]:
@@ -27,7 +27,7 @@ def is_plausible(register: Register, values_si: Mapping[str, float]) -> bool:
     that the program does not use may hold what they like.
     """
     speed = register.field("speed")
-    if speed is not None and speed.type in ("i8", "i16", "i32") and values_si["speed"] in speed.si_range:
+    if speed is not None and speed.is_signed and values_si["speed"] in speed.si_range:
         return False
     return all(
         abs(values_si[field.name]) <= BEYOND_ANY_MACHINE.get(QUANTITIES[field.name], math.inf)
@@ -53,11 +53,11 @@ def encode_saturated(register: Register, values_si: Mapping[str, float]) -> byte
     numbers: list[float] = []
     for field in register.fields:
         number = field.constant if field.constant is not None else field.to_wire(values_si.get(field.name, 0.0))
-        _, low, high = TYPES[field.type]
+        low, high = field.numbers
         if not math.isfinite(number):
-            numbers.append(number if field.type == "f32" else high if number > 0.0 else low)
+            numbers.append(number if field.is_float else high if number > 0.0 else low)
             continue
-        if field.name == "uptime" and field.type != "f32":
+        if field.name == "uptime" and not field.is_float:
             number = low + (round(number) - low) % round(high - low + 1)
         numbers.append(_of_type(field, min(max(number, low), high)))
     return register.packing.pack(*numbers)
@@ -81,7 +81,7 @@ def _number(register: Register, field: Field, values_si: Mapping[str, float]) ->
     if not math.isfinite(value_si):
         raise ValueError(f"register {register.name}: {field.name} must be finite, not {value_si}")
     number = _of_type(field, field.to_wire(value_si))
-    _, low, high = TYPES[field.type]
+    low, high = field.numbers
     if not low <= number <= high:
         least, most = field.si_range
         raise ValueError(
@@ -93,4 +93,4 @@ def _number(register: Register, field: Field, values_si: Mapping[str, float]) ->
 
 def _of_type(field: Field, number: float) -> float:
     """Rounded to the nearest count where the type is an integer."""
-    return number if field.type == "f32" else round(number)
+    return number if field.is_float else round(number)

@@ -6,28 +6,22 @@ Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import serial
 
 from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.framing import Codec, Frame
-from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
+from rw_ekf.drivers.line.line import Exchange
+from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, silent_error
 from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, open_serial_port
+from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
 
 DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
 # What comes just after opening is of whoever was here before, or of the plug: it is let pass until the line is quiet.
 QUIET_GAP_S, LONGEST_GAP_S = 0.010, 0.100
 OpenPort = Callable[[PortSettings, float], Any]  # gives an open port as pyserial's are
-
-
-class Exchange(NamedTuple):
-    """One request and what came of it. Times are of the host's monotonic clock."""
-
-    data: bytes | None  # of the reply; None: no valid reply came in time
-    received_by_wheel_s: float  # when the request's last byte reached the wheel, from send time and baud
-    replied_s: float  # when the reply's last byte was here, or the wait ended
 
 
 class SerialLink:
@@ -44,6 +38,8 @@ class SerialLink:
     ) -> None:
         """Open the port. reply_timeout_s: behind a request's last byte. open_port: opens it in pyserial's place."""
         self.settings = settings
+        self.name = f"serial+{settings.port}"
+        self.news: tuple[str, str] | None = None  # an event of the link and its sentence, until it is told
         self._clock = clock
         self.codec = codec
         self.restarts = 0  # of the wheel, that this end had to see to
@@ -100,6 +96,15 @@ class SerialLink:
     def answers(self) -> bool:
         """Whether a good frame has come since it was opened."""
         return self.good_frames > 0
+
+    def unanswered(self, waited_s: float) -> DriverError:
+        """What to say where it never did."""
+        if self.good_frames == 0:
+            return silent_error(self.settings.port, self.settings.baud, waited_s, self.received_bytes)
+        return DriverError(
+            f"{self.name}: the wheel answers and refuses every read: it may wait in its boot loader for another "
+            "framing.init_address than that of the wire map"
+        )
 
     def transmit_s(self, byte_count: int) -> float:
         """How long bytes take on the line [s]."""

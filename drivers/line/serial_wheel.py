@@ -5,9 +5,9 @@ from __future__ import annotations
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
-from rw_ekf.drivers.line.line_errors import silent_error
+from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.registers import decode_register, is_plausible
-from rw_ekf.drivers.line.serial_link import Exchange, OpenPort, SerialLink
+from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
 from rw_ekf.drivers.line.wheel_clock import WheelClock
 from rw_ekf.drivers.line.wheel_registers import (
@@ -20,7 +20,6 @@ from rw_ekf.drivers.line.wheel_registers import (
 )
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
-from rw_ekf.errors import DriverError
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
@@ -36,8 +35,8 @@ _PLACES = 6  # of a host's time [s]: a microsecond is far below what a line tell
 class SerialWheel:
     """A WheelDriver on a line. Made by open_serial_wheel."""
 
-    def __init__(self, link: SerialLink, wire_map: WireMap, host: Clock, clock: WheelClock | None = None) -> None:
-        self.source = f"serial+{link.settings.port}"
+    def __init__(self, link: Line, wire_map: WireMap, host: Clock, clock: WheelClock | None = None) -> None:
+        self.source = link.name
         self.link: LinkCounters = link.counters
         self.identity: WheelIdentity | None = None
         self._line = link
@@ -92,6 +91,8 @@ class SerialWheel:
             self.doubt_identity()
             self._read_identity_if_due(deadline_s)
         news, self.clock.news = self.clock.news, None
+        if news is None:
+            news, self._line.news = self._line.news, None
         flags = values.get("flags", self._flags)
         said = conditions(flags)
         if self._mode is not None and self._writer.drives and self._mode not in MODES_OF_CURRENT:
@@ -144,13 +145,8 @@ class SerialWheel:
                 self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
             if self._host.monotonic() >= deadline_s:
                 break
-        if self._line.good_frames == 0:
-            raise silent_error(self._line.settings.port, self._line.settings.baud, within_s, self._line.received_bytes)
         if not self._line.answers:
-            raise DriverError(
-                f"{self.source}: the wheel answers and refuses every read: it may wait in its boot loader for another "
-                "framing.init_address than that of the wire map"
-            )
+            raise self._line.unanswered(within_s)
         self._restarts = self._line.restarts  # one that had to be started to be attached has not restarted
         soon_s = self._host.monotonic() + 4.0 * self._line.reply_timeout_s
         if identity is not None and self.identity is None:
@@ -185,7 +181,7 @@ class SerialWheel:
     def _has_wrapped(self, speed_rad_s: float, came_s: float) -> bool:
         """Whether the number on the wire went round its end: no wheel changes its speed so much in a second."""
         field, last = self._map.speed_field, self._speed
-        known = field.type != "f32" and last is not None and came_s - last[1] < WRAP_WITHIN_S
+        known = not field.is_float and last is not None and came_s - last[1] < WRAP_WITHIN_S
         if known and last is not None and abs(speed_rad_s - last[0]) > 0.5 * field.si_span:
             return True
         self._speed = speed_rad_s, came_s
@@ -199,7 +195,7 @@ class SerialWheel:
             return round(host_s - self._opened_s, _PLACES)
         if "uptime" not in values:  # its register was lost: where the clock would be
             return self.clock.between_s(host_s)
-        counts = field.type != "f32"
+        counts = not field.is_float
         span_s, count_s = (field.si_span, field.si_per_count) if counts else (None, 0.0)
         return self.clock.time_s(values["uptime"], host_s, span_s, exchange.replied_s, count_s)
 

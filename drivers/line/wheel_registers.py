@@ -43,7 +43,7 @@ def uptime_field(registers: tuple[Register, ...]) -> Field | None:
     for register in registers:
         field = register.field("uptime")
         if field is not None:
-            return field if field.type == "f32" or field.si_per_count <= COARSEST_S else None
+            return field if field.is_float or field.si_per_count <= COARSEST_S else None
     return None
 
 

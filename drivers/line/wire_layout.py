@@ -44,7 +44,10 @@ TYPES: dict[str, tuple[str, float, float]] = {
     "i16": ("h", -(2**15), 2**15 - 1),
     "u32": ("I", 0, 2**32 - 1),
     "i32": ("i", -(2**31), 2**31 - 1),
+    "u64": ("Q", 0, 2**64 - 1),
+    "i64": ("q", -(2**63), 2**63 - 1),
     "f32": ("f", -3.4028234663852886e38, 3.4028234663852886e38),
+    "f64": ("d", -1.7976931348623157e308, 1.7976931348623157e308),
 }
 
 # Field names the program understands, and the quantity each must be given in. Other names are carried, not used.
@@ -93,6 +96,7 @@ class Field(Section):
     scale: float = Key(1.0, description="unit per count")
     offset: float = Key(0.0, description="value at count 0, in the unit")
     constant: Annotated[float | None, NOT_NULL] = None  # always sent as it stands (and must be, to be accepted)
+    _numbers: tuple[float, float] | None = PrivateAttr(None)  # on the wire, where they are fewer than the type has
 
     @model_validator(mode="after")
     def _holds(self) -> Self:
@@ -104,10 +108,25 @@ class Field(Section):
             units = ", ".join(unit for unit, (quantity, _) in UNITS.items() if quantity == wanted)
             at = "unit" if "unit" in self.model_fields_set else "name"
             mistakes.append(((at,), f"does not fit, {self.name} in {self.unit}; its unit must be one of {units}"))
-        if self.constant is not None and not TYPES[self.type][1] <= self.constant <= TYPES[self.type][2]:
+        if self.constant is not None and not self.numbers[0] <= self.constant <= self.numbers[1]:
             mistakes.append((("constant",), f"must fit into {self.type}, found {self.constant:g}"))
         refuse(mistakes)
         return self
+
+    @property
+    def numbers(self) -> tuple[float, float]:
+        """The lowest and the highest number on the wire."""
+        return self._numbers if self._numbers is not None else TYPES[self.type][1:]
+
+    @property
+    def is_float(self) -> bool:
+        """Whether it is carried as a floating-point number."""
+        return self.type in ("f32", "f64")
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether it is a whole number below zero too."""
+        return self.type in ("i8", "i16", "i32", "i64")
 
     @property
     def quantity(self) -> str:
@@ -122,14 +141,14 @@ class Field(Section):
     @property
     def si_range(self) -> tuple[float, float]:
         """The lowest and the highest value that the field can carry [SI]."""
-        _, low, high = TYPES[self.type]
+        low, high = self.numbers
         ends = (self.to_si(low), self.to_si(high))
         return min(ends), max(ends)
 
     @property
     def si_span(self) -> float:
         """After how much an integer counter wraps [SI], e.g. 2**32 ms in seconds."""
-        _, low, high = TYPES[self.type]
+        low, high = self.numbers
         return (high - low + 1.0) * self.si_per_count
 
     def to_si(self, number: float) -> float:

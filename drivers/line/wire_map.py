@@ -10,6 +10,7 @@ from pydantic import ValidationInfo, field_validator
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.checking.section import Mistake, Section, refuse
 from rw_ekf.drivers.line.framing import Codec, RegisterCodec
+from rw_ekf.drivers.line.line import Line
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import TORQUE_UNITS, Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
@@ -61,7 +62,7 @@ class WireMap(Section):
         """How its registers are spoken of on a line, for one end of it."""
         return RegisterCodec(self.framing)
 
-    def open_line(self, *line: Any) -> SerialLink:
+    def open_line(self, *line: Any) -> Line:
         """A line on which it is spoken, from what `SerialLink` is made of but the codec. Raises DriverError."""
         settings, *more = line
         return SerialLink(settings, self.codec(), *more)
@@ -124,7 +125,7 @@ class WireMap(Section):
     @property
     def speed_step_rad_s(self) -> float:
         """Resolution of a speed reading [rad/s]; 0 where it is a floating-point number."""
-        return 0.0 if self.speed_field.type == "f32" else self.speed_field.si_per_count
+        return 0.0 if self.speed_field.is_float else self.speed_field.si_per_count
 
     def status_name(self, status: int) -> str:
         """The map's word for a status byte."""

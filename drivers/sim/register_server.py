@@ -5,6 +5,7 @@ Written against the wire map alone, as the driver is, so that a map of another w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -96,6 +97,14 @@ class RegisterServer:
             self._loop_due_s += SPEED_LOOP_S
         self.plant.advance_to(time_s)
         self._spoilt.happen(self, time_s)
+
+    def unasked(self, time_s: float) -> list[Reply]:
+        """What the wheel says at `time_s` though nobody asks: nothing, on a line of registers."""
+        return []
+
+    def next_unasked_s(self, time_s: float) -> float:
+        """When it next does; infinity: never."""
+        return math.inf
 
     def jump_clock(self, by_s: float) -> None:
         """The uptime goes on from another value."""

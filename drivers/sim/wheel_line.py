@@ -11,7 +11,7 @@ import heapq
 
 from rw_ekf.drivers.sim.faults import FROM, TO
 from rw_ekf.drivers.sim.line_stage import LineStage
-from rw_ekf.drivers.sim.register_server import RegisterServer
+from rw_ekf.drivers.sim.register_server import RegisterServer, Reply
 
 TURNAROUND_S = 0.0005  # from the last byte of a request to the first of its reply
 FLOOD_EVERY_S = 0.01  # junk is put on the line so often
@@ -45,6 +45,7 @@ class WheelLine:
             due_s = min(due_s, now_s + FLOOD_EVERY_S)
         if self._events:
             due_s = min(due_s, self._events[0][0])
+        due_s = min(due_s, self.server.next_unasked_s(now_s))
         return max(due_s, now_s)
 
     def take(self, content: bytes, now_s: float) -> None:
@@ -63,6 +64,7 @@ class WheelLine:
         junk = self._stage.junk(TO, now_s)
         if junk:
             self._push(now_s, RECEIVED, junk)
+        self._send(self.server.unasked(now_s), now_s)
         while self._events and self._events[0][0] <= now_s:
             time_s, _, kind, content = heapq.heappop(self._events)
             if kind == SEND:
@@ -82,7 +84,11 @@ class WheelLine:
 
     def _answer(self, content: bytes, time_s: float) -> None:
         """The wheel has got these bytes: its replies go on the line."""
-        for reply in self.server.handle(content, time_s):
+        self._send(self.server.handle(content, time_s), time_s)
+
+    def _send(self, replies: list[Reply], time_s: float) -> None:
+        """Put on the line what the wheel says."""
+        for reply in replies:
             end_s = max(time_s + TURNAROUND_S, self._sending_until_s) + len(reply.content) * self._byte_s
             pieces = self._stage.carry(FROM, reply.content, time_s, reply.register)
             if any(piece.late_s == 0.0 for piece in pieces):

@@ -22,6 +22,7 @@ exit status: 0 alive and TRACKING, 3 alive but not, 4 not alive"""
 
 TRACKING_STATUS, OTHER_STATUS, DEAD_STATUS = 0, 3, 4
 _STALE_S = 5.0  # the state file is replaced once a second
+_LINK_WORDS = ("state", "bus", "trouble")  # of the link, what is no number
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -154,8 +155,13 @@ def _lines(document: dict[str, Any]) -> list[str]:
     link = document["link"]
     if link is not None:
         counts = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in link.items()}
-        told = ", ".join(f"{value} {name}" for name, value in counts.items() if name != "state")
-        lines.append(f"  line {link.get('state') or 'opened'}: {told}")
+        told = ", ".join(
+            f"{value} {name}" for name, value in counts.items() if value is not None and name not in _LINK_WORDS
+        )
+        bus = f", bus {link['bus']}" if link.get("bus") else ""
+        lines.append(f"  line {link.get('state') or 'opened'}{bus}: {told}")
+        if link.get("trouble"):
+            lines.append(f"  {link['trouble']}")
     compensation = document.get("compensation")
     if compensation is not None:
         lines.append(

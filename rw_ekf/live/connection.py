@@ -54,6 +54,7 @@ class Connection:
         if not self.lost:
             self._note("link_lost", reason=str(error))
         self.lost = True
+        self.driver.link.trouble = str(error)
         self._retry_at_s = self._clock.monotonic()
 
     def is_up(self) -> bool:
@@ -66,6 +67,7 @@ class Connection:
         if not self._reopen():
             return False
         self.lost = False
+        self.driver.link.trouble = None
         self.zero()
         self._note("link_back", reconnects=self.driver.link.reconnects)
         return True

@@ -1,4 +1,4 @@
-"""When two names mean one port: a symbolic link and its device, a URL with and without options."""
+"""When two names mean one port: a symbolic link and its device, a URL with and without options, a bus and its wheel."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ from urllib.parse import urlsplit
 
 _ALIASES = ("/dev/serial/by-id", "/dev/serial/by-path")  # where udev keeps names that stay
 _WRAPPERS = ("spy", "alt")  # pyserial's URLs around a device of this machine
+_BUS, _ADAPTER = "can:", "can:slcan:"  # a bus is shared: `can:socketcan:can0#WHEEL` is the name of one wheel on it
 
 
 def own_name(port: str) -> str:
-    """The port as its configuration means it, without resolving links: an absolute path, or "tcp:host:port"."""
+    """The port as its configuration means it, without resolving links: an absolute path, "tcp:host:port", or a bus."""
+    if port.startswith(_ADAPTER):
+        port = port.removeprefix(_ADAPTER)
+    elif port.startswith(_BUS):
+        return port
     if "://" not in port:
         return os.path.abspath(port)
     try:

@@ -47,6 +47,8 @@ def unit_text(service: Service) -> str:
         f"ExecStopPost={program} stop --config {config}",
     ]
     families = "AF_UNIX AF_INET AF_INET6" if service.network or not service.devices else "AF_UNIX"
+    if not service.devices and service.port.startswith("can:"):
+        families += " AF_CAN"
     lines = [
         "[Unit]",
         f"Description=rw-ekf, reaction wheel {line(service.wheel)} at {line(service.port)}",

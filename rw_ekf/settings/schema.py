@@ -52,7 +52,9 @@ Effect = Annotated[str, matching(_EFFECT, "write an effect as ID:name=value,name
 class WheelSection(Section):
     """The wheel and the line it is on."""
 
-    port: str = Field(min_length=1, description="serial port or any URL of pyserial's serial_for_url")
+    port: str = Field(
+        min_length=1, description="serial port, any URL of pyserial's serial_for_url, or a bus: can:socketcan:can0"
+    )
     name: str = Field("wheel", min_length=1, description="what reports and logs call this wheel")
     protocol: str = Field("sunspace-wheel", min_length=1, description="wire map: a name from config/ or a path")
     inertia_kg_m2: float = Field(

@@ -20,7 +20,7 @@ import pytest
 from rw_ekf.checking.findings import Where
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.line.framing import Frame, decode, encode
-from rw_ekf.drivers.line.serial_link import Exchange
+from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap, wire_map_from_mapping

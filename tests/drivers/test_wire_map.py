@@ -65,7 +65,7 @@ SPOILT: dict[str, tuple[Callable[[Data], object], str]] = {
     "same name": (lambda d: register(d, "current").update(name="speed"), "registers.7.name speed is already used"),
     "type": (
         lambda d: field(d, "speed").update(type="i24"),
-        "6.fields.0.type must be one of u8, i8, u16, i16, u32, i32, f32; found the text 'i24'; did you mean 'i32'?",
+        "0.type must be one of u8, i8, u16, i16, u32, i32, u64, i64, f32, f64; found the text 'i24'; did you mean",
     ),
     "unit": (lambda d: field(d, "speed").update(unit="RPM"), "0.unit must be one of none, rpm, rad/s"),
     "quantity": (lambda d: field(d, "speed").update(unit="mA"), "speed in mA; its unit must be one of rpm, rad/s"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rw_ekf.commands.run import exit_status
-from tests.faults.rig import EACH_FAMILY, LineWheel
+from tests.faults.rig import EACH_FAMILY, FAMILY, LineWheel
 from tests.live.bench import FAMILIES
 
 pytestmark = pytest.mark.usefixtures("family")
@@ -53,7 +53,8 @@ def test_a_latch_opens_at_a_word(tmp_path: Path) -> None:
 @EACH_FAMILY
 def test_telemetry_that_stands_still_on_a_ramp(tmp_path: Path) -> None:
     """Row 16: values stand, the clock runs: STUCK within seconds, zero, SAFE; alive again it goes on at a word."""
-    made = wheel(tmp_path, "freeze@20s:10s", resumes_at_s=45.0)
+    which = ":speed" if FAMILY.get() == "can-wheel" else ""  # there telemetry that stands still takes no command either
+    made = wheel(tmp_path, f"freeze{which}@20s:10s", resumes_at_s=45.0)
     ran = made.run(60.0, command=SINE)
     assert ran.notes.events.count("telemetry_stuck") == ran.notes.events.count("telemetry_alive") == 1
     assert "SAFE" in ran.notes.states
@@ -65,7 +66,9 @@ def test_telemetry_that_stands_still_on_a_ramp(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("family", "current_A"), [(FAMILIES[0], 0.0), (FAMILIES[0], 0.041), (FAMILIES[1], 0.0)], indirect=["family"]
+    ("family", "current_A"),
+    [(FAMILIES[0], 0.0), (FAMILIES[0], 0.041), (FAMILIES[1], 0.0), (FAMILIES[2], 0.0)],
+    indirect=["family"],
 )
 def test_steady_telemetry_is_not_stuck(tmp_path: Path, current_A: float) -> None:
     """Row 16: 15 min at rest, or at a steady speed, without noise: readings repeat, and nobody is alarmed."""
@@ -90,3 +93,15 @@ def test_a_brown_out_is_a_new_beginning_of_the_same_wheel(tmp_path: Path) -> Non
     for name in ("motor_gain", "coulomb"):
         error = getattr(ran.outcome.belief.parameters, name) - getattr(truth, name)
         assert abs(error) < 4.0 * getattr(ran.outcome.belief.parameter_std, name)
+
+
+@pytest.mark.parametrize("family", FAMILIES[2:], indirect=True)
+def test_telemetry_that_stands_still_bears_no_command_out(tmp_path: Path) -> None:
+    """Row 16: where telemetry confirms, a frozen one takes no command: said once, zero written; then on as before."""
+    made = wheel(tmp_path, "freeze@20s:10s")
+    ran = made.run(60.0, command=SINE)
+    assert ran.notes.events.count("commands_not_taken") == 1
+    assert ran.notes.states[-1] == "TRACKING"
+    assert ran.outcome.zero_confirmed
+    assert max(map(abs, made.speeds_rad_s)) < 60.0
+    assert np.any(ran.log.current_A[ran.log.time_s > ran.log.time_s[-1] - 5.0] != 0.0)

@@ -12,8 +12,8 @@ from rw_ekf.clock import SystemClock
 from rw_ekf.driver import ControlLines
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
-from tests.faults.rig import EACH_FAMILY
-from tests.live.bench import Bench
+from tests.faults.rig import EACH_FAMILY, let_pass, port_of
+from tests.live.bench import Bench, wait_for
 
 pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
 
@@ -66,7 +66,7 @@ def test_the_modem_lines_are_set_before_opening_and_not_touched_again(
 
 def test_closing_the_port_drops_no_line(wheel: SerialWheel) -> None:
     """Row 6: HUPCL is off, so that the next opening raises nothing."""
-    assert not termios.tcgetattr(wheel._line._serial.fd)[2] & termios.HUPCL
+    assert not termios.tcgetattr(port_of(wheel)._serial.fd)[2] & termios.HUPCL
     assert wheel.read(1.0) is not None
 
 
@@ -86,7 +86,7 @@ def test_an_opening_that_resets_the_wheel_is_found(bench: Bench, wheel: SerialWh
     assert sample.current_command_A in (0.0, None)
     after = again.read(1.0)
     assert after is not None
-    assert again.identity is not None
+    wait_for(lambda: again.read(1.0) is not None and again.identity is not None)
     assert (after.news, after.segment) == (None, sample.segment)
     again.close()
 
@@ -94,6 +94,7 @@ def test_an_opening_that_resets_the_wheel_is_found(bench: Bench, wheel: SerialWh
 def test_what_comes_just_after_opening_is_let_pass(bench: Bench, wheel: SerialWheel, wire_map: WireMap) -> None:
     """Row 6: replies to whoever was here before, and noise of the plug, are no readings of the new line."""
     bench.fault("hold/from@0s:1h")
+    let_pass(wheel)
     assert wheel.read(0.05) is None  # its reply is held ...
     wheel.close()
     bench.fault("insert/from:1:60")

@@ -18,7 +18,7 @@ from rw_ekf.drivers.line import serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import DriverError
-from tests.faults.rig import EACH_FAMILY
+from tests.faults.rig import EACH_FAMILY, port_of
 from tests.live.bench import Bench, wait_for
 
 pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
@@ -43,7 +43,7 @@ def test_the_kernel_keeps_others_out_of_a_true_device(
         monkeypatch.setattr(serial_port, "_PSEUDO_TERMINALS", range(136, 144) if pseudo else range(0))
         wheel = open_serial_wheel(bench.port, wire_map, SystemClock(), 0.15)
         flag = array.array("i", [0])
-        fcntl.ioctl(wheel._line._serial.fd, TIOCGEXCL, flag)
+        fcntl.ioctl(port_of(wheel)._serial.fd, TIOCGEXCL, flag)
         assert wheel.read(1.0) is not None
         wheel.close()
         return bool(flag[0])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,10 +84,26 @@ def states_of(bench: Bench) -> list[str]:
 def wrong_map(directory: Path, field: str, scale: float, protocol: str = "sunspace-wheel") -> str:
     """A copy of the wire map in which one scale, of all registers that have the field, is multiplied."""
     content = yaml.safe_load((ROOT / "config" / f"{protocol}.yaml").read_text(encoding="utf-8"))
+    if "dbc" in content:
+        return wrong_database(directory, field, scale, content)
     for register in content["registers"]:
         for entry in register["fields"]:
             if entry["name"] == field:
                 entry["scale"] = scale * entry.get("scale", 1.0)
+    path = directory / "wrong-map.yaml"
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return str(path)
+
+
+def wrong_database(directory: Path, field: str, scale: float, content: dict[str, Any]) -> str:
+    """The same of a map of CAN messages, whose scales stand in its DBC."""
+    lines = (ROOT / "config" / content["dbc"]).read_text(encoding="utf-8").splitlines(keepends=True)
+    begins = {"speed": (" SG_ Speed ",), "current_command": (" SG_ CurrentCommand ", " SG_ Current : 0|")}[field]
+    for i, line in enumerate(lines):
+        if line.startswith(begins):
+            before, now = re.split(r"(?<=\()[^,]+(?=,)", line, maxsplit=1)
+            lines[i] = f"{before}{scale * float(line[len(before) : -len(now)]):g}{now}"
+    (directory / content["dbc"]).write_text("".join(lines), encoding="utf-8")
     path = directory / "wrong-map.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     return str(path)

@@ -112,6 +112,8 @@ def test_a_port_is_the_same_by_any_name(tmp_path: Path, monkeypatch: pytest.Monk
     assert not names_of("wheel") & names_of("wheel2")
     assert names_of("socket://LOCALHOST:7000?logging=debug") == names_of("rfc2217://127.0.0.1:7000?ign_set_control")
     assert not names_of("socket://a.invalid:1") & names_of("socket://a.invalid:2")
+    assert names_of(f"can:slcan:{tmp_path / 'wheel'}") == names_of("wheel")
+    assert not names_of("can:socketcan:can0#left") & names_of("can:socketcan:can0#right")
 
 
 @pytest.mark.parametrize(

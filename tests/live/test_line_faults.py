@@ -72,8 +72,10 @@ def test_a_zero_confirmed_in_silence_is_in_the_log_from_when_it_acted(bench: Ben
     """Only the readings are lost: the zero is confirmed, logged as a row without a speed, and nothing is re-seeded."""
     ran = run(bench, 2.4, *fault(bench, 0.7, 1.5, f"silence/{bench.registers.wire_map.speed_register.name}"))
     log = ran.log
-    assert log.segment.max() == 0
     assert ran.outcome.statistics.rejected == 0
+    if bench.protocol == "can-wheel":
+        pytest.skip("telemetry is what confirms here: no zero is confirmed without it")
+    assert log.segment.max() == 0
     gap = np.flatnonzero(np.isnan(log.speed_rad_s))
     assert log.current_A[gap[-1]] == 0.0
     assert np.any(log.current_A[: gap[0]] != 0.0)
@@ -86,7 +88,7 @@ def test_a_write_that_is_taken_but_never_confirmed_does_not_mislead_the_filter(b
     steps = {"profile": "steps", "amplitude_A": 0.3, "period_s": 1.0, "bias_A": 0.0}
     ran = run(bench, 2.4, *fault(bench, 0.9, 1.4, "silence/current_command"), command=steps)
     assert ran.outcome.statistics.rejected == 0
-    if bench.protocol != FAMILIES[0]:
+    if bench.protocol == "nsp-wheel":
         pytest.skip("this family tells no command that could be read back: each such write begins a segment")
     assert ran.log.segment.max() == 0
     told_A = ran.log.channels["current_A"]

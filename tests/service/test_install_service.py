@@ -65,6 +65,8 @@ def test_a_wheel_on_the_network_gets_the_network_and_no_device() -> None:
     unit = keys(unit_text(dataclasses.replace(SERVICE, port="socket://lab:4000", devices=())))
     assert "DeviceAllow" not in unit
     assert unit["RestrictAddressFamilies"] == ["AF_UNIX AF_INET AF_INET6"]
+    bus = keys(unit_text(dataclasses.replace(SERVICE, port="can:socketcan:can0", devices=())))
+    assert bus["RestrictAddressFamilies"] == ["AF_UNIX AF_INET AF_INET6 AF_CAN"]
 
 
 def test_a_run_that_is_asked_for_over_the_network_gets_it_beside_its_device() -> None:

@@ -28,8 +28,9 @@ from tqdm import tqdm
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import Clock, SystemClock, VirtualClock
 from rw_ekf.driver import WheelProtocol
+from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
-from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
+from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_map import wire_map_from_mapping
 from rw_ekf.drivers.sim.fault_draw import drawn_faults
 from rw_ekf.drivers.sim.faults import FaultInjector

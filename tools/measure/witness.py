@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.drivers.line.framing import decode
-from rw_ekf.drivers.line.serial_link import Exchange
+from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.sim.faults import Fault
 from rw_ekf.drivers.sim.register_server import RegisterServer, Reply
 from rw_ekf.live.stop_signal import StopSignal

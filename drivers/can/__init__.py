@@ -1,0 +1,1 @@
+"""A wheel on a CAN bus: frames, a map of messages and signals, buses, the link that gives them as registers."""

@@ -1,0 +1,103 @@
+"""What is heard on a bus, sorted: telemetry kept as it was last told, and the rest counted by why it is not taken."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from rw_ekf.drivers.can.bus_errors import BusWatch
+from rw_ekf.drivers.can.can_bus import CanBus
+from rw_ekf.drivers.can.can_cycle import Cycle, Fresh, Told
+from rw_ekf.drivers.can.can_frames import CanFrame
+from rw_ekf.drivers.can.can_map import CanMap
+from rw_ekf.records import LinkCounters
+
+_ECHO_S = 0.2  # a frame of our own that comes back does so soon
+_QUIET_S = 0.3  # behind it another wheel may speak: nothing that was told before it counts
+
+
+class Hearing:
+    """Takes in the frames of one wheel's bus."""
+
+    def __init__(self, port: str, can_map: CanMap, bus: CanBus, counters: LinkCounters, now_s: float) -> None:
+        """counters: of the link, counted on."""
+        layout = can_map.layout
+        keys = layout.file.cycle
+        within_s = 1e-3 * (keys.within_ms if keys.within_ms is not None else 0.5 * keys.period_ms)
+        self.cycle = Cycle(keys.messages, within_s, same_alive=keys.same_alive)
+        self.newest: dict[str, Told] = {}  # by message
+        self.news: tuple[str, str] | None = None
+        self.frames = self.good_frames = 0  # of any kind; of telemetry
+        self._layout = layout
+        self._bus = bus
+        self._counters = counters
+        self._watch = BusWatch(port, counters)
+        told = dict.fromkeys(m for r in can_map.readable() for m in layout.messages_of(r.name))
+        self._telling = {(layout.codecs[name].id, layout.codecs[name].extended): name for name in told}
+        self._ours = {(c.id, c.extended) for name, c in layout.codecs.items() if name not in told}
+        self._fresh: dict[str, Fresh] = {}
+        for name in told:
+            period_s = 1e-3 * layout.care(name).period_ms
+            self._fresh[name] = Fresh(period_s, layout.codecs[name].alive_span, keys.missing_after * period_s)
+        self._sent: deque[tuple[CanFrame, float]] = deque(maxlen=16)
+        self._damaged_lines = 0
+        self._cycle_at_s = now_s
+
+    def sent(self, frame: CanFrame, now_s: float) -> None:
+        """Note a frame of our own."""
+        self._sent.append((frame, now_s))
+
+    def take(self, wait_s: float) -> None:
+        """Take in what has come, waiting for something. Raises DriverError where the bus is off."""
+        dropped = self.cycle.dropped
+        for frame in self._bus.receive(wait_s):
+            self.frames += 1
+            self._note(frame)
+        self._counters.stale += self.cycle.dropped - dropped
+        lines = getattr(self._bus, "damaged", 0)
+        self._counters.damaged += lines - self._damaged_lines
+        self._damaged_lines = lines
+
+    def _note(self, frame: CanFrame) -> None:
+        """Keep one frame's content, or count why it is not taken."""
+        if frame.error:
+            self.news = self._watch.note(frame) or self.news
+            return
+        key = frame.id, frame.extended
+        if key in self._ours:
+            self._note_of_ours(frame)
+        elif key in self._telling:
+            if not frame.remote:
+                self._note_telemetry(self._telling[key], frame)
+        elif (frame.id, not frame.extended) in self._telling or (frame.id, not frame.extended) in self._ours:
+            self._counters.foreign += 1
+
+    def _note_of_ours(self, frame: CanFrame) -> None:
+        """A frame that only this program should send: an echo of it, or another master."""
+        ours = [one.data for one, at_s in self._sent if one.id == frame.id and frame.time_s - at_s < _ECHO_S]
+        if frame.data in ours:
+            self._counters.stale += 1
+            return
+        self._counters.foreign += 1
+        self.news = (
+            "other_master",
+            f"something else on the bus sends {frame.id:#x}, by which this program commands the wheel: what drives the "
+            "wheel may be another's command. Silence that sender",
+        )
+
+    def _note_telemetry(self, name: str, frame: CanFrame) -> None:
+        unpacked = self._layout.codecs[name].unpack(frame)
+        if unpacked is None:
+            self._counters.damaged += 1
+            return
+        numbers, alive = unpacked
+        if not self._fresh[name].takes(frame.data, alive, frame.time_s):
+            self._counters.stale += 1
+            return
+        self.good_frames += 1
+        self._watch.heard()
+        if name in self._layout.file.cycle.messages:
+            if frame.time_s - self._cycle_at_s > _QUIET_S:
+                self.newest.clear()
+            self._cycle_at_s = frame.time_s
+            self.cycle.add(name, numbers, alive, frame.time_s)
+        self.newest[name] = Told({name: numbers}, frame.time_s)

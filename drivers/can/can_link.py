@@ -1,0 +1,286 @@
+"""A wheel's link over a CAN bus: what it tells unasked is kept and given as registers, currents go out as messages.
+
+A register that is read is the newest whole set of its messages (can_hearing.py), each set given once where it is the
+cycle's. A current that is written is acknowledged when a cycle behind it says that it is in force.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from rw_ekf.clock import Clock
+from rw_ekf.drivers.can.can_bus import SERIAL_INTERFACE, CanBus, CanPort, PythonCanBus
+from rw_ekf.drivers.can.can_cycle import Told
+from rw_ekf.drivers.can.can_file import FLAG_BITS, Sent
+from rw_ekf.drivers.can.can_frames import CanFrame
+from rw_ekf.drivers.can.can_hearing import Hearing
+from rw_ekf.drivers.can.can_map import NOT_TAKEN, CanMap
+from rw_ekf.drivers.can.slcan import SlcanBus
+from rw_ekf.drivers.line.line import Exchange
+from rw_ekf.drivers.line.registers import decode_register
+from rw_ekf.drivers.line.serial_link import OpenPort
+from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
+from rw_ekf.drivers.line.wire_layout import Register
+from rw_ekf.errors import DriverError
+from rw_ekf.records import LinkCounters
+
+if TYPE_CHECKING:
+    from rw_ekf.drivers.can.can_map import Layout
+
+_OK = bytes((0,))
+_AGAIN_AFTER, _NOT_TAKEN_AFTER = 2, 4  # cycles that say another current is in force
+_CYCLES_WAITED = 1.5
+_F32_PART = 1.0e-6
+_AGAINST_S = 0.5
+_NO_ROOM_S = 0.5  # a bus that takes no frame for so long is lost: the wheel cannot be stopped over it
+
+
+class CanLink:
+    """An open bus, as SerialLink is an open line. Raises DriverError when it cannot be opened or fails."""
+
+    def __init__(
+        self,
+        can_map: CanMap,
+        settings: PortSettings,
+        reply_timeout_s: float,
+        clock: Clock,
+        counters: LinkCounters | None = None,
+        open_port: OpenPort = open_serial_port,
+    ) -> None:
+        """Open it. reply_timeout_s: how long a command's confirmation is waited for."""
+        layout = can_map.layout
+        self.settings = settings
+        self.name = f"can+{settings.port}"
+        self.counters = counters if counters is not None else LinkCounters()
+        self.restarts = 0
+        self.reply_timeout_s = reply_timeout_s
+        self._map = can_map
+        self._layout: Layout = layout
+        self._clock = clock
+        self._bitrate = layout.file.bus.bitrate
+        self._given: Told | None = None
+        self._alive = dict.fromkeys(layout.codecs, 0)
+        self._driving = False
+        self._no_room_since_s: float | None = None
+        self._wait_s = _CYCLES_WAITED * layout.period_s("cycle")
+        self._against_since_s: float | None = None  # telemetry says another current than the one commanded
+        self._opened_s = clock.monotonic()
+        port = CanPort.of(settings.port)
+        self.bus: CanBus
+        if port.interface == SERIAL_INTERFACE:
+            self.bus = SlcanBus(settings._replace(port=port.channel), self._bitrate, clock, open_port)
+        else:
+            self.bus = PythonCanBus(port, self._bitrate, clock)
+        self._heard = Hearing(settings.port, can_map, self.bus, self.counters, self._opened_s)
+
+    @property
+    def news(self) -> tuple[str, str] | None:
+        """An event of the bus and its sentence, until it is told."""
+        return self._heard.news
+
+    @news.setter
+    def news(self, news: tuple[str, str] | None) -> None:
+        self._heard.news = news
+
+    def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
+        """Give what a register tells, or write one, within timeout_s. Raises DriverError if the bus fails."""
+        register = self._map.register_of_id(register_id)
+        assert register is not None
+        now_s = self._clock.monotonic()
+        self._heard.take(0.0)
+        if register.access == "write":
+            limit_s = self.reply_timeout_s if timeout_s is None else min(timeout_s, self.reply_timeout_s)
+            return self._write(register, data, now_s + limit_s)
+        if register.name != "cycle":
+            return self._told(register)
+        limit_s = max(self.reply_timeout_s, self._wait_s)
+        return self._next_cycle(register, now_s + (limit_s if timeout_s is None else min(limit_s, timeout_s)))
+
+    @property
+    def answers(self) -> bool:
+        """Whether a whole cycle has come, and who the wheel is, where it says so as often as the map has it."""
+        if self._heard.cycle.newest is None:
+            return False
+        who = self._layout.messages_of("identity") if self._map.register("identity") is not None else ()
+        waited_s = self._clock.monotonic() - self._opened_s
+        return all(m in self._heard.newest or waited_s > 1.5e-3 * self._layout.care(m).period_ms for m in who)
+
+    def unanswered(self, waited_s: float) -> DriverError:
+        """What to say where no wheel tells anything."""
+        heard = self._heard
+        return DriverError(
+            f"{self.settings.port} opened but no whole cycle of telemetry in {waited_s:.1f} s ({heard.frames} frames, "
+            f"{heard.good_frames} of them this map's). Check bus.bitrate ({self._bitrate}), identifiers, termination "
+            "and wheel power, or try the simulated wheel: rw-ekf simulate --config F --link wheel0"
+        )
+
+    def close(self) -> None:
+        """Let go of the bus. Safe to call twice."""
+        self.bus.close()
+
+    # --- what is read -----------------------------------------------------------------------------------------------
+
+    def _next_cycle(self, register: Register, deadline_s: float) -> Exchange:
+        """The newest set that was not given yet, or the next one.
+
+        Where it is not known when a frame came, the next one, if it can be waited for.
+        """
+        asked_s = self._ask()
+        if not self.bus.stamps_arrival and deadline_s - self._clock.monotonic() > self._wait_s:
+            self._given = self._heard.cycle.newest
+        missing_s = self._layout.file.cycle.missing_after * self._layout.period_s("cycle")
+        while True:
+            now_s = self._clock.monotonic()
+            told = self._heard.cycle.newest
+            if told is not None and told is not self._given and (asked_s is None or told.time_s >= asked_s):
+                self._given = told
+                if now_s - told.time_s <= missing_s:
+                    return Exchange(self._packed(register, told.numbers), told.time_s, now_s)
+                self.counters.stale += 1
+            if now_s >= deadline_s:
+                self.counters.timeouts += 1
+                return Exchange(None, now_s, now_s)
+            self._heard.take(deadline_s - now_s)
+
+    def _ask(self) -> float | None:
+        """Ask for a cycle where the wheel wants to be asked; when that was."""
+        request = self._layout.file.cycle.request
+        if request is None:
+            return None
+        asked_s = self._clock.monotonic()
+        if isinstance(request, Sent):
+            self._send(request.message, request.signals)
+        else:
+            for name in self._layout.file.cycle.messages:
+                codec = self._layout.codecs[name]
+                self.bus.send(CanFrame(codec.id, b"", codec.extended, remote=True))
+        self.counters.requests += 1
+        return asked_s
+
+    def _told(self, register: Register) -> Exchange:
+        """What was told of a register at its own pace, unless that is too long ago."""
+        now_s = self._clock.monotonic()
+        messages = self._layout.messages_of(register.name)
+        told = [self._heard.newest[name] for name in messages if name in self._heard.newest]
+        oldest_s = min((one.time_s for one in told), default=now_s)
+        may_s = self._layout.file.cycle.missing_after * self._layout.period_s(register.name)
+        if len(told) < len(messages) or now_s - oldest_s > may_s:
+            return Exchange(None, now_s, now_s)
+        numbers = {name: part for one in told for name, part in one.numbers.items()}
+        return Exchange(self._packed(register, numbers), oldest_s, now_s)
+
+    def _packed(self, register: Register, numbers: Mapping[str, Mapping[str, float]]) -> bytes:
+        """What the messages say as the register's data."""
+        sources = self._layout.sources[register.name]
+        found: list[float] = []
+        for field in register.fields:
+            if field.name == "flags":
+                up = (b for flag, b in FLAG_BITS.items() if (s := sources.get(flag)) and numbers[s.message][s.signal])
+                found.append(sum(up))
+            else:
+                number = numbers[sources[field.name].message][sources[field.name].signal]
+                if field.name == "mode":  # above: 0 and 1 are modes in which a current is taken
+                    number = 1 if number in self._layout.file.telemetry["mode"].of_current else 2
+                found.append(number)
+        return register.packing.pack(*found)
+
+    # --- what is written --------------------------------------------------------------------------------------------
+
+    def _write(self, register: Register, data: bytes, deadline_s: float) -> Exchange:
+        """Send what a register's write means, and wait until a cycle bears it out."""
+        file = self._layout.file
+        sent = {"mode": file.idle, "reset": file.reset}.get(register.name)
+        current_A = 0.0
+        if sent is not None:
+            message, numbers = sent.message, dict[str, float](sent.signals)
+        else:
+            (number,) = register.packing.unpack(data)
+            current_A = register.fields[0].to_si(number)
+            message = self._layout.command.message
+            numbers = dict[str, float](file.command.constants) | {self._layout.command.signal: number}
+            if current_A != 0.0 and not self._driving and file.enable is not None:
+                self._send(file.enable.message, file.enable.signals)
+        self._driving = current_A != 0.0
+        self.counters.requests += 1
+        return self._confirmed(message, numbers, current_A, deadline_s)
+
+    def _confirmed(self, message: str, numbers: Mapping[str, float], current_A: float, deadline_s: float) -> Exchange:
+        """Send; acknowledged where a cycle behind it has this current, refused where several have another."""
+        arrived_s = self._send(message, numbers)
+        seen, against = self._heard.cycle.newest, 0
+        can_tell = self._confirming is not None
+        while arrived_s is not None and can_tell and self._clock.monotonic() < deadline_s:
+            self._heard.take(deadline_s - self._clock.monotonic())
+            told = self._heard.cycle.newest
+            if told is None or told is seen or told.time_s <= arrived_s:
+                continue
+            seen = told
+            if self._is_in_force(told, current_A):
+                self.counters.note_reply(1e3 * (told.time_s - arrived_s))
+                self._against_since_s = None
+                return Exchange(_OK, arrived_s, told.time_s)
+            against += 1
+            if against == _AGAIN_AFTER:
+                arrived_s = self._send(message, numbers)
+            elif against == _NOT_TAKEN_AFTER:
+                break
+        now_s = self._clock.monotonic()
+        if against > _AGAIN_AFTER:
+            self._note_against(now_s)
+            self.bus.forget_unsent()
+            return Exchange(bytes((NOT_TAKEN,)), arrived_s or now_s, now_s)
+        if can_tell or arrived_s is None:
+            self.counters.timeouts += 1
+            self.bus.forget_unsent()
+        return Exchange(None, now_s if arrived_s is None else arrived_s, now_s)
+
+    def _note_against(self, now_s: float) -> None:
+        """Say it once where no command is taken."""
+        if self._against_since_s is None:
+            self._against_since_s = now_s
+        elif now_s - self._against_since_s > _AGAINST_S:
+            self._against_since_s = math.inf
+            self._heard.news = (
+                "commands_not_taken",
+                "telemetry goes on saying that another current is in force than the one commanded: the wheel refuses "
+                "commands or does not hear them, something else commands it, or its telemetry stands still",
+            )
+
+    def _send(self, message: str, numbers: Mapping[str, float]) -> float | None:
+        """Send a message: when it was at the wheel [s]; None where there was no room for it."""
+        self._alive[message] += 1
+        frame = self._layout.codecs[message].pack(numbers, self._alive[message])
+        self._heard.sent(frame, self._clock.monotonic())
+        at_s = self.bus.send(frame)
+        if at_s is not None:
+            self._no_room_since_s = None
+            return at_s + frame.lasts_s(self._bitrate)
+        now_s = self._clock.monotonic()
+        if self._no_room_since_s is None:
+            self._no_room_since_s = now_s
+        elif now_s - self._no_room_since_s > _NO_ROOM_S:
+            raise DriverError(
+                f"{self.settings.port} failed: it takes no frames, its queue is full. Nobody acknowledges them, or the "
+                "adapter hangs: check the wheel's power, termination and bit rate"
+            )
+        return None
+
+    @property
+    def _confirming(self) -> str | None:
+        """What says which current is in force; None: nothing does."""
+        file = self._layout.file
+        if file.command.confirmed_by is not None:
+            return file.command.confirmed_by
+        return "current_command" if "current_command" in self._layout.sources["cycle"] else None
+
+    def _is_in_force(self, told: Told, current_A: float) -> bool:
+        register = self._map.speed_register
+        name = self._confirming or ""
+        values = decode_register(register, self._packed(register, told.numbers))
+        may_A = self._layout.file.command.tolerance
+        for field in (register.field(name), self._map.current_command.fields[0]):
+            if field is not None:
+                may_A = max(may_A, _F32_PART * abs(current_A) if field.is_float else 0.5 * field.si_per_count)
+        return abs(values[name] - current_A) <= may_A
