@@ -101,3 +101,12 @@ class WheelProtocol(Protocol):
     def serve(self, plant: Any, link_path: str, **options: Any) -> None:
         """Serve a simulated wheel of this family on a pseudo-terminal at link_path until a signal."""
         ...
+
+
+@runtime_checkable
+class StartedByWrite(Protocol):
+    """A family whose wheel waits, after power-up, for a write that starts its program."""
+
+    def reading_only(self) -> WheelProtocol:
+        """The same, but that a wheel that waits is not started: its reads raise WaitsToBeStarted."""
+        ...

@@ -1,0 +1,197 @@
+"""The first move: does a current turn the wheel forward, how strongly, and do all that telemetry tells fit together?"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rw_ekf.commissioning.bench import Bench, Row
+from rw_ekf.commissioning.dialogue import Refused
+from rw_ekf.commissioning.map_copy import write_corrected_map
+from rw_ekf.commissioning.motion_fit import MotionFit, fit_motion
+from rw_ekf.commissioning.moves import hold_speed, pulses, ramp, until_slow
+from rw_ekf.commissioning.scale import UNKNOWN, named_ratio
+from rw_ekf.commissioning.signs import READ, Ratios, is_unsigned, ratios_of, turned_signs
+from rw_ekf.commissioning.work import Work
+from rw_ekf.numbers import plus_minus
+from rw_ekf.units import rpm_from_rad_s
+
+CAUTIOUS = 0.1  # of the speed limit: a scale that is wrong by ten leads no further than to the limit itself
+_ABOVE_REST = 3.0
+_PULSES, _MOST_TRIES = 6, 3
+_BREAKS_AWAY = 2.5  # times the break-away current: a pulse that moves the wheel for certain
+_FAR_NOISES, _FAR_STEPS, _FAR_RAD_S = 40.0, 20.0, 2.0
+_SURE = 10.0  # standard deviations of the gain
+_GAINS = (0.02, 5.0e4)  # rad/s^2 per ampere: from the largest flywheels to motors without one
+_RAMP_AT_MOST_S, _REST_AT_MOST_S, _PULSES_AT_MOST_S = 40.0, 60.0, 120.0
+_HOLD_AT_MOST_S, _HELD_S = 180.0, 3.0
+_LEAST_HEADROOM = 1.5  # of the current limit over the break-away current: less shows friction only
+
+
+class Moved(NamedTuple):
+    """What one go of ramps and pulses showed."""
+
+    fit: MotionFit
+    ratios: Ratios
+    breakaway_A: tuple[float, float]  # forward, backward
+
+
+def find_sign(work: Work) -> dict[str, Any]:
+    """Move a little, mend the map where one sign stands alone, ask for the true speed. Raises Refused with the reason."""
+    found = work.progress["find"]["protocol"]
+    ratio = work.options.speed_ratio
+    factors: dict[tuple[str, str], float] = {}
+    path = found
+    moved = _moved(work, ratio)
+    turned = turned_signs(moved.fit.gain, moved.ratios)
+    if turned:
+        factors |= turned
+        path = write_corrected_map(found, factors, work.progress.directory)
+        work.dialogue.say("sign", f"{_turned_text(turned)}; moved again through {path}")
+        moved = _moved(work, ratio, path)
+        if turned_signs(moved.fit.gain, moved.ratios):
+            raise Refused(f"{_turned_text(turned)}, and with that turned the readings still contradict each other")
+    by = "the command line"
+    if ratio is None:
+        ratio, by = _held(work, moved, path), "a tachometer"
+    ratio, ratio_text = named_ratio(ratio)
+    if ratio != 1.0:
+        for name in ("speed", "angle") if moved.ratios.angle is not None else ("speed",):
+            factors[name, READ] = factors.get((name, READ), 1.0) * ratio
+        path = write_corrected_map(found, factors, work.progress.directory)
+    gain, coulomb = ratio * moved.fit.gain, ratio * max(moved.fit.coulomb, 0.0)
+    static = max(gain * min(moved.breakaway_A), coulomb)
+    unit = work.progress["limits"]["unit"]
+    work.dialogue.say(
+        "sign",
+        f"a positive current turns the wheel forward, {plus_minus(gain, ratio * moved.fit.gain_std)} rad/s^2/{unit}; it "
+        f"breaks away at {moved.breakaway_A[0]:.3g} and {-moved.breakaway_A[1]:.3g} {unit}; by {by}, {ratio_text}",
+    )
+    return {
+        "protocol": path,
+        "map_text": "as it was found" if not factors else f"{found} with scales mended: {_factors_text(factors)}",
+        "factors": [{"field": name, "access": access, "factor": value} for (name, access), value in factors.items()],
+        "speed_ratio": ratio,
+        "speed_ratio_by": by,
+        "speed_ratio_text": ratio_text,
+        "motor_gain": gain,
+        "motor_gain_std": ratio * moved.fit.gain_std,
+        "coulomb": max(coulomb, 1.0e-6),
+        "static": max(static, 1.0e-6),
+        "breakaway_A": list(moved.breakaway_A),
+        "checked": _checked(moved, unit),
+        "residual_rpm": rpm_from_rad_s(ratio * moved.fit.residual_rad_s),
+    }
+
+
+def _moved(work: Work, ratio: float | None, path: str | None = None) -> Moved:
+    """Ramps and pulses; path: of the wire map, in place of the one that was found."""
+    still, most_A = work.still, work.progress["limits"]["current_A"]
+    limit_rad_s = work.speed_limit_rad_s / (ratio or 1.0)
+    ceiling = max(CAUTIOUS * limit_rad_s, _ABOVE_REST * still.rest_rad_s)
+    if ceiling > 0.5 * limit_rad_s:
+        raise Refused(
+            f"motion shows only above {rpm_from_rad_s(still.rest_rad_s):.3g} rpm in these readings (noise and step), too "
+            "near the speed limit for a small move: give a larger --speed-limit"
+        )
+    with work.at_the_wheel(ceiling_rad_s=ceiling, path=path) as bench:
+        ways = [_ramp(bench, side, most_A, still.rest_rad_s) for side in (1.0, -1.0)]
+        if is_unsigned(*ways):
+            raise Refused(
+                "the speed reads the same way round whichever way the current drives: it has no sign, and no friction "
+                "can be told by it. Give a wire map whose speed is signed"
+            )
+        away = [max(abs(row.command_A) for row in rows if math.isfinite(row.command_A)) for rows in ways]
+        if most_A < _LEAST_HEADROOM * max(away):
+            raise Refused(
+                f"the wheel breaks away at {max(away):.3g} {work.progress['limits']['unit']}, and the current limit is "
+                f"{most_A:.3g}: give --current-limit {3.0 * max(away):.2g} or more, or look why it is so stiff"
+            )
+        far = min(0.8 * ceiling, max(_FAR_NOISES * still.noise_rad_s, _FAR_STEPS * (still.lattice_rad_s or 0.0), _FAR_RAD_S))
+        rows: list[Row] = []
+        first_A, fit = _BREAKS_AWAY * max(away), None
+        for _ in range(_MOST_TRIES):
+            new = bench.run(pulses(_PULSES, first_A, most_A, far, still.rest_rad_s), _PULSES_AT_MOST_S)
+            rows += new
+            fit = fit_motion(rows, still.rest_rad_s)
+            if fit is not None and fit.sigmas > _SURE:
+                break
+            first_A = min(2.0 * first_A, most_A)
+    return Moved(_believed(fit, still.noise_rad_s), ratios_of(rows, still.rest_rad_s), (away[0], away[1]))
+
+
+def _ramp(bench: Bench, side: float, most_A: float, rest_rad_s: float) -> list[Row]:
+    rows = bench.run(ramp(side, most_A, rest_rad_s), _RAMP_AT_MOST_S)
+    if not any(abs(row.speed_rad_s or 0.0) > rest_rad_s for row in rows[-2:]):
+        raise Refused(
+            f"{most_A:.3g} A {'forward' if side > 0.0 else 'backward'}, the current limit, did not move the wheel: is the "
+            "speed reading the wheel's, is the wheel held fast, or is the limit below what breaks it away?"
+        )
+    bench.run(until_slow(rest_rad_s), _REST_AT_MOST_S)
+    return rows
+
+
+def _believed(fit: MotionFit | None, noise_rad_s: float) -> MotionFit:
+    """The fit, where it shows a motor. Raises Refused."""
+    if fit is None or fit.sigmas < _SURE:
+        said = "none" if fit is None else f"{plus_minus(fit.gain, fit.gain_std)} rad/s^2/A"
+        raise Refused(f"pulses up to the current limit show no motion that follows from them (gain {said}): is the speed "
+                      "reading the wheel's, and does the current reach the motor?")  # fmt: skip
+    if not _GAINS[0] < abs(fit.gain) < _GAINS[1]:
+        raise Refused(f"the gain reads {fit.gain:.3g} rad/s^2/A, which no wheel has: a scale of the wire map is wrong")
+    return fit
+
+
+def _held(work: Work, moved: Moved, path: str) -> float:
+    """What a person reads from a tachometer over what the wheel tells, at a steady speed. Raises Refused."""
+    target = 0.6 * CAUTIOUS * work.speed_limit_rad_s
+    target = max(target, _ABOVE_REST * work.still.rest_rad_s)
+    poll = work.dialogue.tachometer(
+        f"the wheel is brought to a reading of {rpm_from_rad_s(target):.4g} rpm and held there: what does a tachometer say? "
+        "[rpm; Enter: nobody knows]"
+    )
+    if poll is None:
+        raise Refused(UNKNOWN)
+    answer: list[float | str | None] = [None]
+
+    def answered() -> bool:
+        answer[0] = poll()
+        return answer[0] is not None
+
+    most_A = work.progress["limits"]["current_A"]
+    with work.at_the_wheel(ceiling_rad_s=2.0 * target, path=path) as bench:
+        move = hold_speed(target, moved.fit.gain, max(moved.fit.coulomb, 0.0), most_A, answered, _HOLD_AT_MOST_S)
+        rows = bench.run(move, _HOLD_AT_MOST_S)
+    last_s = rows[-1].time_s if rows else 0.0
+    held = [row.speed_rad_s for row in rows if row.speed_rad_s is not None and row.time_s > last_s - _HELD_S]
+    told = answer[0]
+    if not isinstance(told, float) or told <= 0.0 or not held:
+        raise Refused(UNKNOWN)
+    return abs(told / rpm_from_rad_s(float(np.mean(held))))
+
+
+def _checked(moved: Moved, unit: str) -> list[str]:
+    """What was held against what, in sentences, and what could not be."""
+    ratios = moved.ratios
+    told = [f"speed against current: the gain is {moved.fit.sigmas:.0f} standard deviations from zero"]
+    for name, ratio in (
+        ("measured current over command", ratios.measured),
+        ("command as telemetry tells it, over command", ratios.echo),
+        ("rate of the angle over speed", ratios.angle),
+    ):
+        told.append(f"{name}: {'not in the telemetry' if ratio is None else f'{ratio:.3g}'}")
+    if ratios.measured is None:
+        told.append(f"nothing on the line bears out that the current is in {unit}")
+    return told
+
+
+def _turned_text(turned: dict[tuple[str, str], float]) -> str:
+    names = ", ".join(f"{name} ({access})" for name, access in turned)
+    choice = " (or those of the currents instead: what is forward is yours to say)" if ("speed", READ) in turned else ""
+    return f"the sign of {names} is turned{choice}"
+
+
+def _factors_text(factors: dict[tuple[str, str], float]) -> str:
+    return ", ".join(f"{name} ({access}) times {factor:.6g}" for (name, access), factor in factors.items())
