@@ -69,6 +69,12 @@ def fit_motion(rows: Sequence[Row], rest_rad_s: float, delay_s: float = 0.0) -> 
     )
 
 
+def fit_late_motion(rows: Sequence[Row], rest_rad_s: float) -> tuple[MotionFit | None, DelayFit | None]:
+    """Both: the motion under the delay that it shows."""
+    delay = fit_delay(rows, rest_rad_s)
+    return fit_motion(rows, rest_rad_s, 0.0 if delay is None else delay.delay_s), delay
+
+
 def fit_delay(rows: Sequence[Row], rest_rad_s: float) -> DelayFit | None:
     """The delay with the least residual, by a parabola through three steps around it; None where too little moved."""
     stretches = list(_stretches(rows, rest_rad_s))

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.commissioning.bench import Bench, Row
 from rw_ekf.commissioning.dialogue import Refused
 from rw_ekf.commissioning.map_copy import write_corrected_map
-from rw_ekf.commissioning.motion_fit import MotionFit, fit_motion
+from rw_ekf.commissioning.motion_fit import MotionFit, fit_late_motion
 from rw_ekf.commissioning.moves import hold_speed, pulses, ramp, until_slow
 from rw_ekf.commissioning.scale import UNKNOWN, named_ratio
 from rw_ekf.commissioning.signs import READ, Ratios, is_unsigned, ratios_of, turned_signs
@@ -115,7 +115,7 @@ def _moved(work: Work, ratio: float | None, path: str | None = None) -> Moved:
         for _ in range(_MOST_TRIES):
             new = bench.run(pulses(_PULSES, first_A, most_A, far, still.rest_rad_s), _PULSES_AT_MOST_S)
             rows += new
-            fit = fit_motion(rows, still.rest_rad_s)
+            fit, _ = fit_late_motion(rows, still.rest_rad_s)
             if fit is not None and fit.sigmas > _SURE:
                 break
             first_A = min(2.0 * first_A, most_A)
