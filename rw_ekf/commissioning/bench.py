@@ -61,16 +61,18 @@ class Bench:
         stop: StopSignal,
         warn: Callable[..., None],
         *,
-        rate_hz: float = 10.0,
+        rate_hz: float,
+        step_rad_s: float = 0.0,
         ceiling_rad_s: float = float("inf"),
     ) -> None:
-        """ceiling_rad_s: a speed above which nothing but zero is asked for."""
+        """step_rad_s: resolution or noise of a reading. ceiling_rad_s: above it nothing but zero is asked for."""
         self._configuration = configuration
         self._protocol = protocol
         self.clock = clock
         self._stop = stop
         self._warn = warn
         self.rate_hz = rate_hz
+        self._step = step_rad_s
         self.ceiling_rad_s = ceiling_rad_s
         self._claim = PortClaim(configuration.wheel.port, clock)
         self._live: LiveWheel | None = None
@@ -90,7 +92,7 @@ class Bench:
                 self._stop,
                 self.clock,
                 note=self._warn,
-                speed_step_rad_s=self._protocol.limits.speed_step_rad_s,
+                speed_step_rad_s=max(self._protocol.limits.speed_step_rad_s, self._step),
             )
         except BaseException:
             self._claim.release()

@@ -10,7 +10,7 @@ import numpy as np
 from rw_ekf.commissioning.bench import Row
 from rw_ekf.commissioning.dialogue import Refused
 from rw_ekf.commissioning.motion_fit import fit_late_motion
-from rw_ekf.commissioning.moves import toggled, until_slow
+from rw_ekf.commissioning.moves import to_rest, toggled
 from rw_ekf.commissioning.work import Work
 from rw_ekf.units import rpm_from_rad_s
 
@@ -29,10 +29,10 @@ def find_delay(work: Work) -> dict[str, Any]:
     change = min(gain * most_A - coulomb, (around - 1.5 * still.rest_rad_s) / _HALF_S)
     if change <= 0.0:
         raise Refused(f"the current limit, {limits['current_A']:.3g}, hardly overcomes friction: give a larger one")
-    rate_hz = min(_FASTEST_HZ, _TURNS_OF_REPLIES / (1e-3 * still.reply_ms))
+    rate_hz = min(_FASTEST_HZ, _TURNS_OF_REPLIES / (1e-3 * still.read_ms))
     with work.at_the_wheel(rate_hz=rate_hz, ceiling_rad_s=3.0 * around) as bench:
         rows = bench.run(toggled(around, change, gain, coulomb, _HALF_S, _LASTS_S), _AT_MOST_S)
-        bench.run(until_slow(still.rest_rad_s), _REST_AT_MOST_S)
+        bench.run(to_rest(still.rest_rad_s, 0.5 * limits["current_A"]), _REST_AT_MOST_S)
     fit, delay = fit_late_motion(rows, still.rest_rad_s)
     line_ms = 1e3 * float(np.median([row.delay_s for row in rows]))
     every_ms = 1e3 * _new_every_s(rows)

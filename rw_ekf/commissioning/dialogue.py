@@ -36,7 +36,9 @@ class Dialogue(Protocol):
         ...
 
     def tachometer(self, question: str) -> Callable[[], float | str | None] | None:
-        """Ask for a true speed [rpm] while the wheel turns. What is returned gives, whenever it is called, that number,
-        "" where a person leaves it open, or None as long as nothing has been answered. None: nobody is there.
+        """Ask for a true speed [rpm] while the wheel turns. None: nobody is there.
+
+        What is returned puts the question when it is called first; it gives that number, "" where a person leaves it
+        open, or None as long as nothing has been answered.
         """
         ...

@@ -6,6 +6,7 @@ finding of its own, and is started only once somebody has agreed.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ USUAL_BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 REPLY_TIMEOUT_S = 0.08  # twice what the shipped maps say: behind an adapter that holds replies back for 16 ms too
 _READS = 3  # of which one must be answered
 _READ_S = 0.3
+_LOOKS = 30  # samples that show what readings are worth before anything is written
 _FASTEST_RAD_S = rad_s_from_rpm(1.0e5)  # no wheel's rotor holds together beyond
 _HOTTEST_DEGC, _COLDEST_DEGC = 200.0, -100.0
 
@@ -40,7 +42,9 @@ class Found:
     baud: int | None  # None: the map's own
     sample: WheelSample
     identity: dict[str, Any] | None
-    reply_ms: float | None
+    reply_ms: float | None  # beyond the bytes' own time
+    read_ms: float  # a whole sample, however many replies it takes
+    scatter_rad_s: float  # of readings, as one differs from the next
     started: bool = False  # its program, by the write that was agreed to
 
     @property
@@ -66,6 +70,8 @@ class Found:
                 "bus_voltage_V": sample.bus_voltage_V,
             },
             "reply_ms": self.reply_ms,
+            "read_ms": self.read_ms,
+            "scatter_rad_s": self.scatter_rad_s,
         }
 
     def text(self) -> str:
@@ -155,7 +161,8 @@ class Search:
             wheel.close()
         known = protocol.open_wheel(port, self._clock, REPLY_TIMEOUT_S, baud=baud)  # asks who it is as well
         try:
-            return Found(port, name, baud, sample, identity_of(known), known.link.reply_ms, starts)
+            read_ms, scatter = _looked_at(known, self._clock)
+            return Found(port, name, baud, sample, identity_of(known), known.link.reply_ms, read_ms, scatter, starts)
         finally:
             known.close()
 
@@ -245,6 +252,21 @@ def _samples(wheel: WheelDriver) -> Iterator[WheelSample]:
         sample = wheel.read(_READ_S)
         if sample is not None:
             yield sample
+
+
+def _looked_at(wheel: WheelDriver, clock: Clock) -> tuple[float, float]:
+    """How long a sample takes [ms], and how far readings one after another differ, over the square root of two."""
+    speeds: list[float] = []
+    took_ms: list[float] = []
+    for _ in range(_LOOKS):
+        began_s = clock.monotonic()
+        sample = wheel.read(_READ_S)
+        if sample is not None and sample.speed_rad_s is not None:
+            took_ms.append(1e3 * (clock.monotonic() - began_s))
+            speeds.append(sample.speed_rad_s)
+    steps = [now - last for last, now in itertools.pairwise(speeds)]
+    scatter = math.sqrt(0.5 * sum(step * step for step in steps) / len(steps)) if steps else 0.0
+    return max(took_ms, default=0.0), scatter
 
 
 def _words(bauds: Sequence[int | None]) -> str:

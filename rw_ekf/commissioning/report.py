@@ -161,7 +161,7 @@ def _measured(progress: Progress) -> list[tuple[str, str, str]]:
         ("step of a reading", "none seen" if lattice is None else f"{rpm_from_rad_s(ratio * lattice):.3g} rpm", "at rest"),
         ("a reading is new every", f"{delay['new_every_ms']:.3g} ms" if delay["new_every_ms"] else "not told",
          f"asked at {delay['rate_hz']:.3g} Hz in motion"),
-        ("reply", f"{still['reply_ms']:.3g} ms, at most {still['reply_ms_max']:.3g} ms", "60 requests at rest"),
+        ("a sample takes", f"{still['read_ms']:.3g} ms, at most {still['read_ms_max']:.3g} ms", "60 of them at rest"),
         ("command delay beyond the line", "not seen" if delay["beyond_line_ms"] is None else
          f"{plus_minus(delay['beyond_line_ms'], delay['beyond_line_std_ms'])} ms", "pulses in motion"),
         ("clock", f"{still['clock_ppm']:+.3g} ppm, jitter {still['clock_jitter_ms']:.2g} ms", "against the computer's"),

@@ -30,11 +30,21 @@ UNKNOWN = (
 )
 
 
+def is_named(ratio: float) -> bool:
+    """Whether a usual mistake, or none, explains it."""
+    return min(abs(math.log(ratio / known)) for known in NAMED) < _WITHIN
+
+
+def agreed(first: float, second: float) -> float | None:
+    """The mean of two ratios measured at two speeds; None where they contradict each other."""
+    return math.sqrt(first * second) if abs(math.log(first / second)) < _WITHIN else None
+
+
 def named_ratio(ratio: float) -> tuple[float, str]:
     """The ratio that is meant by a measured one (true over read), and a sentence. Raises ValueError for no ratio."""
     if not math.isfinite(ratio) or not 1.0 / _LARGEST < ratio < _LARGEST:
         raise ValueError(f"a ratio of {ratio:g} is none")
     near = min(NAMED, key=lambda known: abs(math.log(ratio / known)))
-    if abs(math.log(ratio / near)) < _WITHIN:
+    if is_named(ratio):
         return near, NAMED[near]
     return ratio, f"the true speed is {ratio:.4g} times the reading, which is no usual mistake of units"

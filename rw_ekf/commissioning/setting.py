@@ -17,7 +17,9 @@ from rw_ekf.units import rpm_from_rad_s
 CONFIGURATION_FILE = "wheel.yaml"
 SLEW_PER_LIMIT = 12.5  # from zero to the largest current in 80 ms: as the shipped example's limits have it
 _LEAST_TIMEOUT_MS = 40.0
-_REPLIES = 3.0  # times the longest reply that was seen
+_REPLIES = 3.0  # times what a reply took beyond its bytes
+_RATES_HZ = (10.0, 5.0, 4.0, 2.0, 1.0)
+_READS_A_PERIOD = 2.2  # the loop waits half a period for a sample
 _PRIOR_SHARE = 0.3  # standard deviation of what a small move shows, of itself
 
 
@@ -29,15 +31,16 @@ def sections_of(progress: Progress) -> dict[str, dict[str, Any]]:
     if found["baud"] is not None:
         wheel["baud"] = found["baud"]
     kept = {name: limits[name] for name in ("current_A", "speed_rpm", "temperature_degC") if limits[name] is not None}
+    rate_hz = rate_for(found["read_ms"])
+    timeout_ms = max(_LEAST_TIMEOUT_MS, _REPLIES * (still or found)["reply_ms"])
     sections: dict[str, dict[str, Any]] = {
         "wheel": wheel,
         "limits": {**kept, "slew_A_per_s": SLEW_PER_LIMIT * limits["current_A"]},
+        "loop": {"rate_hz": rate_hz, "reply_timeout_ms": round(min(timeout_ms, 0.5e3 / rate_hz), 1)},
         "command": {"profile": "zero"},
     }
     if still is not None:
         ratio = 1.0 if sign is None else sign["speed_ratio"]
-        timeout_ms = max(_LEAST_TIMEOUT_MS, _REPLIES * still["reply_ms_max"])
-        sections["loop"] = {"rate_hz": 10.0, "reply_timeout_ms": round(timeout_ms, 1)}
         sections["filter"] = {"speed_noise_rpm": max(_short(rpm_from_rad_s(still["noise_rad_s"]) * ratio), 1.0e-6)}
     if sign is not None:
         sections["filter"]["prior"] = {
@@ -45,6 +48,11 @@ def sections_of(progress: Progress) -> dict[str, dict[str, Any]]:
             for name in ("motor_gain", "coulomb", "static")
         }
     return sections
+
+
+def rate_for(read_ms: float) -> float:
+    """The rate of the loop: 10 Hz, or as much as leaves a sample most of half a period on a slow line."""
+    return next((rate for rate in _RATES_HZ if _READS_A_PERIOD * read_ms < 1e3 / rate), _RATES_HZ[-1])
 
 
 def configuration_of(progress: Progress) -> Configuration:
@@ -74,7 +82,8 @@ def _text(progress: Progress, model: str | None) -> str:
         "wheel.protocol": sign["map_text"],
         "limits": f"what may never be exceeded, as {limits['by']} gave it",
         "limits.slew_A_per_s": "from zero to the limit in 80 ms",
-        "loop.reply_timeout_ms": f"the longest reply took {still['reply_ms_max']:.3g} ms",
+        "loop.reply_timeout_ms": f"a reply takes {still['reply_ms']:.3g} ms beyond its bytes",
+        "loop.rate_hz": f"a sample takes {still['read_ms']:.3g} ms",
         "filter.speed_noise_rpm": "of readings at rest",
         "filter.model": "from the identification",
         "filter.prior": "from the small move; a model takes its place",

@@ -28,8 +28,9 @@ class Still(NamedTuple):
     noise_rad_s: float  # standard deviation, at least what rounding alone makes
     lattice_rad_s: float | None  # step that all readings are multiples of; None: none is seen
     mean_rad_s: float
-    reply_ms: float  # from request to reply, median, bytes on the line included
-    reply_ms_max: float
+    read_ms: float  # a whole sample, from the first request to the last reply, median
+    read_ms_max: float
+    reply_ms: float  # of one reply, beyond its bytes' own time on the line
     clock_ppm: float  # by which the wheel's clock is fast against the computer's
     clock_jitter_ms: float
 
@@ -42,8 +43,8 @@ class Still(NamedTuple):
         """For a person."""
         step = "none seen" if self.lattice_rad_s is None else f"{rpm_from_rad_s(self.lattice_rad_s):.3g} rpm"
         return (
-            f"noise {rpm_from_rad_s(self.noise_rad_s):.3g} rpm, step {step}, reply in {self.reply_ms:.3g} ms (at most "
-            f"{self.reply_ms_max:.3g}), clock {self.clock_ppm:+.3g} ppm, jitter {self.clock_jitter_ms:.2g} ms"
+            f"noise {rpm_from_rad_s(self.noise_rad_s):.3g} rpm, step {step}, a sample in {self.read_ms:.3g} ms (at "
+            f"most {self.read_ms_max:.3g}; a reply in {self.reply_ms:.2g} beyond its bytes), clock {self.clock_ppm:+.3g} ppm, jitter {self.clock_jitter_ms:.2g} ms"
         )
 
 
@@ -70,6 +71,7 @@ def measure_still(bench: Bench, step_rad_s: float) -> Still:
         float(speeds.mean()),
         1e3 * float(np.median(replies_s)),
         1e3 * float(np.max(replies_s)),
+        bench.live.link.reply_ms or 0.0,
         ppm,
         jitter_ms,
     )

@@ -75,19 +75,25 @@ class Work:
         )
 
     @property
+    def scatter_rad_s(self) -> float:
+        """Noise of a reading, as far as it is known by now."""
+        known = self.progress["still"] is not None
+        return self.still.noise_rad_s if known else float(self.progress["find"]["scatter_rad_s"])
+
+    @property
     def speed_limit_rad_s(self) -> float:
         """What the wheel's true speed must not exceed."""
         return rad_s_from_rpm(self.progress["limits"]["speed_rpm"])
 
     @contextmanager
     def at_the_wheel(
-        self, *, rate_hz: float = 10.0, ceiling_rad_s: float = float("inf"), path: str | None = None
+        self, *, rate_hz: float | None = None, ceiling_rad_s: float = float("inf"), path: str | None = None
     ) -> Iterator[Bench]:
         """The wheel for one step; the time is counted. Raises Refused where another one answers than was found."""
         configuration = self.configuration(path)
         bench = Bench(
             configuration, self.spoken(configuration), self.clock, self.stop, self.logger.warning,
-            rate_hz=rate_hz, ceiling_rad_s=ceiling_rad_s,
+            rate_hz=rate_hz or configuration.loop.rate_hz, step_rad_s=self.scatter_rad_s, ceiling_rad_s=ceiling_rad_s,
         )  # fmt: skip
         try:
             with bench:

@@ -58,7 +58,7 @@ TURNED: tuple[tuple[tuple[str, str], ...], ...] = (
     (("current_command", "write"), ("current_command", "read"), ("current", "read")),
 )  # fmt: skip
 _FINE_STEP_S = 0.002
-_PORT = "/dev/virtual-wheel"
+
 _GAIN_WITHIN, _SIGMAS = 0.1, 5.0
 _OVER_SPEED = 1.05
 
@@ -135,12 +135,13 @@ class Person:
         """Looks for eight seconds, and reads to one percent."""
         if not self._has_tachometer:
             return None
-        began_s, last = self._clock.monotonic(), []
+        began, last = [], []
 
         def poll() -> float | None:
+            began.append(self._clock.monotonic())
             last.append(rpm_from_rad_s(self._plant.speed_rad_s))
             recent = last[-20:]
-            return 1.01 * sum(recent) / len(recent) if self._clock.monotonic() - began_s > 8.0 else None
+            return 1.01 * sum(recent) / len(recent) if began[-1] - began[0] > 8.0 else None
 
         return poll
 
@@ -148,8 +149,8 @@ class Person:
 class DeafBelow:
     """The cable at one baud: at any other nothing that comes is a frame."""
 
-    def __init__(self, cable: VirtualCable, baud: int) -> None:
-        self.cable, self.baud = cable, baud
+    def __init__(self, cable: VirtualCable, port: str, baud: int) -> None:
+        self.cable, self.port, self.baud = cable, port, baud
 
     def speaking(self, protocol: WheelProtocol) -> WheelProtocol:
         """The protocol on this line."""
@@ -157,7 +158,7 @@ class DeafBelow:
         return type(protocol)(protocol.wire_map, protocol.scale_places, protocol.fingerprint, self._open)
 
     def _open(self, settings: PortSettings, write_timeout_s: float) -> Any:
-        if settings.port != _PORT:
+        if settings.port != self.port:
             raise DriverError(f"there is no port {settings.port}")
         port = self.cable._open_port(settings, write_timeout_s)
         if settings.baud != self.baud:
@@ -200,18 +201,19 @@ def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options) -
     line = true.wire_map.link.model_copy(update={"baud": draw.baud})
     served = true.wire_map.model_copy(update={"link": line})
     server = true.electronics(served, plant, serial_number=draw.number + 1, first_uptime_s=50.0, watch=watch)
-    deaf = DeafBelow(VirtualCable(server, clock), draw.baud)
+    deaf = DeafBelow(VirtualCable(server, clock), str(directory / "wheel"), draw.baud)
     person = Person(watched, plant, clock, has_tachometer=draw.has_tachometer)
     work = Work(
         options, Progress.of(directory / "out"), person, clock, StopSignal(), _Unheard(),
-        lambda name: deaf.speaking(load_protocol(name)), lambda: [_PORT],
+        lambda name: deaf.speaking(load_protocol(name)), lambda: [deaf.port],
     )  # fmt: skip
     return work, watched, plant
 
 
 def options_of(draw: Draw, directory: Path) -> Options:
     """The options: a limit of current that the wheel can be identified within, one of speed, the map that is wrong."""
-    factors = {key: -1.0 for key in draw.turned}
+    told = {"speed", "current", *(("current_command",) if "sunspace" in draw.family else ())}
+    factors = {key: -1.0 for key in draw.turned if key[1] == "write" or key[0] in told}
     if draw.scale != 1.0:
         factors["speed", "read"] = factors.get(("speed", "read"), 1.0) * draw.scale
     protocol = write_corrected_map(draw.family, factors, directory) if factors else None
