@@ -108,5 +108,5 @@ class StartedByWrite(Protocol):
     """A family whose wheel waits, after power-up, for a write that starts its program."""
 
     def reading_only(self) -> WheelProtocol:
-        """The same, but that a wheel that waits is not started: its reads raise WaitsToBeStarted."""
+        """The same, but that a wheel that waits is not started: its reads raise NotStartedError."""
         ...

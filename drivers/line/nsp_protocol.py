@@ -17,7 +17,7 @@ from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
 from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
 from rw_ekf.drivers.line.wire_layout import Byte, IdRanges, Register
 from rw_ekf.drivers.line.wire_map import WireMap
-from rw_ekf.errors import WaitsToBeStarted
+from rw_ekf.errors import NotStartedError
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.register_server import RegisterServer
@@ -53,7 +53,7 @@ class NspLink(SerialLink):
     codec: NspCodec
 
     def __init__(self, *args: Any, init_data: bytes = b"", starts: bool = True) -> None:
-        """starts: False raises WaitsToBeStarted in place of an INIT."""
+        """starts: False raises NotStartedError in place of an INIT."""
         super().__init__(*args)
         self._init_data = init_data
         self._starts = starts
@@ -131,7 +131,7 @@ class NspLink(SerialLink):
             self._seq += 1  # B goes on between reads as if nothing had been asked
             return False
         if not self._starts:
-            raise WaitsToBeStarted(f"{self.settings.port}: the wheel answers from its boot loader and refuses reads")
+            raise NotStartedError(f"{self.settings.port}: the wheel answers from its boot loader and refuses reads")
         if super().request(INIT_ID, self._init_data, len(OK)).data != OK:
             return False
         self.restarts += 1

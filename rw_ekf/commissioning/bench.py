@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 from rw_ekf.attach import opener
 from rw_ekf.clock import Clock
-from rw_ekf.commissioning.dialogue import Refused, Stopped
+from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import PortClaim
@@ -91,7 +91,7 @@ class Bench:
                 self.rate_hz,
                 self._stop,
                 self.clock,
-                note=self._warn,
+                note=self._note,
                 speed_step_rad_s=max(self._protocol.limits.speed_step_rad_s, self._step),
             )
         except BaseException:
@@ -118,7 +118,7 @@ class Bench:
         return self._live
 
     def run(self, move: Move, at_most_s: float) -> list[Row]:
-        """Go through a move, or so much of it. Raises Stopped, Refused, DriverError; zero is written in any case."""
+        """Go through a move, or so much of it; then zero. Raises Stopped, RefusedError, DriverError."""
         rows: list[Row] = []
         try:
             next(move)
@@ -132,10 +132,15 @@ class Bench:
         finally:
             self.live.zero_now()
         if self.live.halted is not None:
-            raise Refused(self.live.halted)
+            raise RefusedError(self.live.halted)
         if self._stop.requested is not None:
             raise Stopped
         return rows
+
+    def _note(self, event: str, **context: object) -> None:
+        """What the live wheel has to tell, but for ramps: every pulse begins with one."""
+        if event != "command_changed" or context.get("reason") not in (None, "slew"):
+            self._warn(event, **context)
 
     def _turn(self, move: Move, sample: WheelSample, link: LinkState) -> Row:
         speed, asked_A = sample.speed_rad_s, 0.0
@@ -168,11 +173,11 @@ class Bench:
             )
         why = self.live.check.hold
         if why is not None:
-            raise Refused(f"the wheel must not be driven: {'; '.join(self.live.check.findings) or why}")
+            raise RefusedError(f"the wheel must not be driven: {'; '.join(self.live.check.findings) or why}")
         speed = None if reading.sample is None else reading.sample.speed_rad_s
         if speed is not None and abs(speed) > _RUNS_AWAY * self.ceiling_rad_s:
-            raise Refused(
-                f"the wheel reads {rpm_from_rad_s(speed):.4g} rpm, far beyond what this step may reach: zero was written"
+            raise RefusedError(
+                f"the wheel reads {rpm_from_rad_s(speed):.4g} rpm, beyond what this step may reach: zero is written"
             )
 
 
@@ -187,4 +192,3 @@ def zero() -> Move:
     """Ask for no current."""
     while True:
         yield 0.0
-

@@ -1,14 +1,15 @@
-"""How late a command acts, from pulses under which the wheel goes on turning one way; and how often readings are new."""
+"""How late a command acts, by pulses in which the wheel goes on turning one way; how often readings are new."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from rw_ekf.commissioning.bench import Row
-from rw_ekf.commissioning.dialogue import Refused
+from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.motion_fit import fit_late_motion
 from rw_ekf.commissioning.moves import to_rest, toggled
 from rw_ekf.commissioning.work import Work
@@ -22,13 +23,15 @@ _HALF_S, _LASTS_S, _AT_MOST_S, _REST_AT_MOST_S = 0.6, 15.0, 60.0, 90.0
 
 
 def find_delay(work: Work) -> dict[str, Any]:
-    """Drive pulses; what they show. Raises Refused where the current limit leaves nothing beside friction."""
+    """Drive pulses; what they show. Raises RefusedError where the current limit leaves nothing beside friction."""
     still, sign, limits = work.still, work.progress["sign"], work.progress["limits"]
     gain, coulomb, most_A = sign["motor_gain"], sign["coulomb"], _MOST_SHARE * limits["current_A"]
     around = max(min(_SHARE_OF_LIMIT * work.speed_limit_rad_s, _AROUND_RAD_S), 4.0 * still.rest_rad_s)
     change = min(gain * most_A - coulomb, (around - 1.5 * still.rest_rad_s) / _HALF_S)
     if change <= 0.0:
-        raise Refused(f"the current limit, {limits['current_A']:.3g}, hardly overcomes friction: give a larger one")
+        raise RefusedError(
+            f"the current limit, {limits['current_A']:.3g}, hardly overcomes friction: give a larger one"
+        )
     rate_hz = min(_FASTEST_HZ, _TURNS_OF_REPLIES / (1e-3 * still.read_ms))
     with work.at_the_wheel(rate_hz=rate_hz, ceiling_rad_s=3.0 * around) as bench:
         rows = bench.run(toggled(around, change, gain, coulomb, _HALF_S, _LASTS_S), _AT_MOST_S)
@@ -56,7 +59,7 @@ def find_delay(work: Work) -> dict[str, Any]:
 
 
 def _new_every_s(rows: Sequence[Row]) -> float:
-    """Median time between readings that differ: the period at which the wheel measures, or of the loop where shorter."""
+    """Median time between readings that differ: how often the wheel measures, as far as it was asked so often."""
     told = [(row.time_s, row.speed_rad_s) for row in rows if row.speed_rad_s is not None]
-    changes = [now[0] for last, now in zip(told, told[1:], strict=False) if now[1] != last[1]]
+    changes = [now[0] for last, now in itertools.pairwise(told) if now[1] != last[1]]
     return float(np.median(np.diff(changes))) if len(changes) > 2 else float("nan")

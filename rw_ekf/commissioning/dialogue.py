@@ -12,7 +12,7 @@ class Stopped(Exception):  # noqa: N818 - an outcome, not an error
     """A signal asked for the end."""
 
 
-class Refused(RwEkfError):
+class RefusedError(RwEkfError):
     """The wheel, or what is known of it, does not allow to go on; what was found so far is kept."""
 
 

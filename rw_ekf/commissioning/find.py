@@ -15,9 +15,9 @@ from typing import Any
 from rw_ekf.attach import load_protocol
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import Clock
-from rw_ekf.commissioning.dialogue import Dialogue, Refused, Stopped
+from rw_ekf.commissioning.dialogue import Dialogue, RefusedError, Stopped
 from rw_ekf.driver import StartedByWrite, WheelDriver, WheelProtocol
-from rw_ekf.errors import DriverError, WaitsToBeStarted
+from rw_ekf.errors import DriverError, NotStartedError
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.records import WheelSample
@@ -96,16 +96,6 @@ def shipped_maps() -> list[str]:
     return names
 
 
-def serial_ports() -> list[str]:
-    """Serial ports of this machine, adapters before what is built in, each by the name that stays where it has one."""
-    from serial.tools.list_ports import comports
-
-    from rw_ekf.live.port_name import aliases_of, device_of
-
-    ports = sorted(comports(), key=lambda port: (port.vid is None, port.device))
-    return [next(iter(aliases_of(device_of(port.device))), port.device) for port in ports]
-
-
 class Search:
     """Goes through ports, maps and bauds, and keeps what was tried."""
 
@@ -127,7 +117,7 @@ class Search:
                     for name in names:
                         try:
                             answer = self._ask(port, name, baud)
-                        except WaitsToBeStarted:
+                        except NotStartedError:
                             waiting = waiting or (name, baud)
                             continue
                         found += [] if answer is None else [answer]
@@ -203,7 +193,7 @@ def find_wheel(
 ) -> Found:
     """The wheel that is meant. may_start: asks whether a boot loader may be told to start the wheel's program.
 
-    Raises Refused with what was tried where none answers, or where several do and nobody can say which.
+    Raises RefusedError with what was tried where none answers, or where several do and nobody can say which.
     """
     found: list[Found] = []
     waiting: list[_Waiting] = []
@@ -212,20 +202,26 @@ def find_wheel(
             found += _best(search.answers(port, names, bauds))
         except _Waiting as boot:
             waiting.append(boot)
-    for boot in waiting if not found else ():
-        question = f"{boot.port}: a boot loader answers through {boot.name}. Start the wheel's program? It moves nothing"
+    for loader in waiting if not found else ():
+        question = (
+            f"{boot.port}: a boot loader answers through {boot.name}. Start the wheel's program? It moves nothing"
+        )
         if not may_start(question):
-            raise Refused(f"{boot.port}: a boot loader answers through {boot.name}: starting its program is a write; "
-                          "agree to it, or give --yes")  # fmt: skip
-        found += _started(search, boot, names)
+            raise RefusedError(
+                f"{loader.port}: a boot loader answers through {loader.name}: what starts the program is a write: agree to "
+                "it, or give --yes"
+            )
+        found += _started(search, loader, names)
     if not found:
         tried = "; ".join(search.tried) or "there is no serial port on this machine"
-        raise Refused(f"no wheel answers. Tried: {tried}. Give --port, --protocol with the wheel's wire map, or --baud")
+        raise RefusedError(
+            f"no wheel answers. Tried: {tried}. Give --port, --protocol with the wheel's wire map, or --baud"
+        )
     if len(found) == 1:
         return found[0]
     number = dialogue.choose("several answers; which one is the wheel?", [one.text() for one in found])
     if number is None:
-        raise Refused("several answers, give --port and --protocol: " + "; ".join(one.text() for one in found))
+        raise RefusedError("several answers, give --port and --protocol: " + "; ".join(one.text() for one in found))
     return found[number]
 
 
@@ -271,4 +267,3 @@ def _looked_at(wheel: WheelDriver, clock: Clock) -> tuple[float, float]:
 
 def _words(bauds: Sequence[int | None]) -> str:
     return ", ".join("the map's baud" if baud is None else str(baud) for baud in bauds)
-

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rw_ekf.commissioning.bench import NOT_CONFIRMED
-from rw_ekf.commissioning.dialogue import Refused, Stopped
+from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.commissioning.setting import SLEW_PER_LIMIT, write_configuration
 from rw_ekf.commissioning.work import Work
 from rw_ekf.control.commanders import Commander, ProfileController
@@ -26,7 +26,7 @@ DIRECTORY = "identification"
 
 
 def identify(work: Work) -> dict[str, Any]:
-    """Drive the wheel and log it. Raises Stopped, Refused with what the run found, DriverError where the line was lost."""
+    """Drive the wheel and log it. Raises Stopped, RefusedError with what the run found, DriverError for a lost line."""
     path = write_configuration(work.progress)
     configuration = load_configuration(path)
     output = configuration.output.model_copy(update={"directory": str(work.progress.directory / DIRECTORY)})
@@ -46,17 +46,17 @@ def identify(work: Work) -> dict[str, Any]:
         raise DriverError(NOT_CONFIRMED)
     if outcome.lost:
         raise DriverError(
-            "the wheel stopped answering during the identification; zero was written. Look at its supply and its cable, "
+            "the wheel stopped answering during the identification; zero was written. Look at its supply and cable, "
             "then start again: what was found until here is kept"
         )
     if outcome.halted is not None:
-        raise Refused(outcome.halted)
+        raise RefusedError(outcome.halted)
     if outcome.state.state is RunState.SAFE:
-        raise Refused(f"the identification was held at zero: {outcome.state.reason}")
+        raise RefusedError(f"the identification was held at zero: {outcome.state.reason}")
     if outcome.stopped_by is not None:
         raise Stopped
-    if outcome.unwritten:
-        raise Refused(f"the log of the identification has gaps: {outcome.unwritten.text()}")
+    if outcome.unwritten.log_rows:
+        raise RefusedError(f"the log of the identification has gaps: {outcome.unwritten.text()}")
     text = f"{outcome.statistics.samples} samples in {outcome.statistics.duration_s:.0f} s: {outcome.files.log}"
     work.dialogue.say("identification", text)
     return {

@@ -8,16 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.checking.yaml_loader import load_yaml
-from rw_ekf.commissioning.dialogue import Refused
+from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.settings.resources import protocol_path
 
-Factors = Mapping[tuple[str, str], float]  # (name of the field, "read" or "write") -> by how much its values are multiplied
+Factors = Mapping[
+    tuple[str, str], float
+]  # (name of the field, "read" or "write") -> by how much its values are multiplied
 MAP_FILE = "wheel-map.yaml"
 
 
 def write_corrected_map(name: str, factors: Factors, directory: Path) -> str:
-    """Write the map `name` with these factors into directory; its path. Raises Refused where the file has no such field."""
+    """Write the map `name` with these factors into directory; its path. Raises RefusedError for a field it has not."""
     import yaml
 
     source = protocol_path(name)
@@ -25,7 +27,9 @@ def write_corrected_map(name: str, factors: Factors, directory: Path) -> str:
     missing = {key for key in factors if not any(_matches(key, field, access) for field, access in _fields(data))}
     if missing:
         named = ", ".join(sorted(field for field, _ in missing))
-        raise Refused(f"the wire map {name} must have another scale of {named}, and its file has no such key to change")
+        raise RefusedError(
+            f"the wire map {name} must have another scale of {named}, and its file has no such key to change"
+        )
     for field, access in list(_fields(data)):
         factor = math.prod(value for key, value in factors.items() if _matches(key, field, access))
         if factor != 1.0:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.batch_fit import Fit, fit_record
-from rw_ekf.commissioning.dialogue import Refused
+from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.identification import DIRECTORY
 from rw_ekf.commissioning.report import PAGE, write_page
 from rw_ekf.commissioning.setting import CONFIGURATION_FILE, write_configuration
@@ -28,7 +28,7 @@ DIAGNOSIS = "diagnosis"
 
 
 def make_model(work: Work, advance: Callable[[str], object]) -> dict[str, Any]:
-    """Fit, diagnose, write all that is left behind. Raises Refused where the log gives no model."""
+    """Fit, diagnose, write all that is left behind. Raises RefusedError where the log gives no model."""
     directory = work.progress.directory
     path = Path(work.progress["identification"]["log"])
     log, wheel = read_log(path), _wheel_of(path)
@@ -36,7 +36,7 @@ def make_model(work: Work, advance: Callable[[str], object]) -> dict[str, Any]:
     advance("fitting")
     fit = fit_record(log, configuration, with_noise=True, wheel=wheel)
     if fit.refusal is not None:
-        raise Refused(f"{path}: no model was written, because {fit.refusal}")
+        raise RefusedError(f"{path}: no model was written, because {fit.refusal}")
     fit.save(directory / MODEL_FILE)
     found = diagnose_log(log, configuration, advance=advance)
     if found.model is not None:
@@ -60,14 +60,24 @@ def _document(fit: Fit, found: Diagnosis, model: str) -> dict[str, Any]:
         "parameters": fit.document()["parameters"],
         "noise": fit.document()["noise"],
         "residual_rms_rpm": fit.quality.get("residual_rms_rpm"),
-        "verdict": {"kind": kind, "name": name, "effects": list(found.verdict.get("effects") or ()), "statement": statement},
+        "verdict": {
+            "kind": kind,
+            "name": name,
+            "effects": list(found.verdict.get("effects") or ()),
+            "statement": statement,
+        },
         "warnings": list(dict.fromkeys((*fit.warnings, *map(str, found.document().get("warnings") or ())))),
     }
 
 
 def _files(work: Work, model: str) -> dict[str, str]:
     directory = work.progress.directory
-    names = {"configuration": CONFIGURATION_FILE, "model": model, "report": PAGE, "diagnosis": f"{DIAGNOSIS}/report.html"}
+    names = {
+        "configuration": CONFIGURATION_FILE,
+        "model": model,
+        "report": PAGE,
+        "diagnosis": f"{DIAGNOSIS}/report.html",
+    }
     files = {what: str(directory / name) for what, name in names.items()}
     log = work.progress["identification"]["log"]
     protocol = work.progress["sign"]["protocol"]

@@ -1,12 +1,13 @@
 """Gain, friction and command delay from the readings of a move: linear least squares along stretches of motion.
 
-Integrated once, with the current known as steps in time, the speed of a wheel that turns one way is (docs/model.md eq. 1)
+Integrated once, with the current known as steps in time, the speed of a wheel that turns one way is (docs/model.md
+eq. 1)
 
-    omega(t) = omega_0 + k Q(t) - sgn(omega) c (t - t_0) - b int omega dt,     Q = int I dt,                          (1)
+    omega(t) = omega_0 + k Q(t) - sgn(omega) c (t - t_0) - b int omega dt,   Q = int I dt,                           (1)
 
-linear in k, c, b and an omega_0 for each stretch. Readings are independent, so their own noise is the residual. Stretches
-in which the wheel stands, or might, are left out. A delay of the command beyond what the line takes shifts Q in time: the
-one with the least residual is taken, its standard deviation from the curvature there.
+linear in k, c, b and an omega_0 for each stretch. Readings are independent, so their own noise is the residual.
+Stretches in which the wheel stands, or might, are left out. A delay of the command beyond what the line takes shifts
+Q in time: the one with the least residual is taken, its standard deviation from the curvature there.
 """
 
 from __future__ import annotations

@@ -11,7 +11,9 @@ from collections.abc import Callable
 from rw_ekf.commissioning.bench import Move
 
 _RAMP_S = 25.0
-_RAMP_DECADES = 6.0  # e-folds over the ramp: slow where a small wheel breaks away, and as slow, by share, for a large one
+_RAMP_DECADES = (
+    6.0  # e-folds over the ramp: slow where a small wheel breaks away, and as slow, by share, for a large one
+)
 _AT_LIMIT_S = 2.0
 _MOVED_READINGS = 2
 _PULSE_S = 4.0
@@ -71,7 +73,7 @@ def pulses(number: int, first_A: float, most_A: float, far_rad_s: float, slow_ra
 def hold_speed(
     target_rad_s: float, gain: float, coulomb: float, most_A: float, answered: Callable[[], bool], longest_s: float
 ) -> Move:
-    """Turn steadily, and then until somebody has answered: friction as it was found, and what is missing over a second."""
+    """Turn steadily, and then until somebody has answered: friction as it was found, and what is missing beside it."""
     sample = yield 0.0
     began_s, believed = sample.time_s, sample.speed_rad_s or 0.0
     sum_rad = 0.0
@@ -90,7 +92,9 @@ def hold_speed(
     yield 0.0
 
 
-def toggled(around_rad_s: float, change_rad_s2: float, gain: float, coulomb: float, half_s: float, lasts_s: float) -> Move:
+def toggled(
+    around_rad_s: float, change_rad_s2: float, gain: float, coulomb: float, half_s: float, lasts_s: float
+) -> Move:
     """Up to a speed, then faster and slower in turn, always turning one way.
 
     Halves vary in length, so that no multiple of the sampling period comes again and again.

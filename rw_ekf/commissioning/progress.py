@@ -24,7 +24,7 @@ class Progress:
     def __init__(self, directory: Path, content: Mapping[str, Any] | None = None) -> None:
         self.directory = directory
         self._content: dict[str, Any] = {"schema": SCHEMA, "wheel_s": 0.0, "done": False, "files": {}}
-        self._content |= {step: None for step in STEPS} | dict(content or {})
+        self._content |= dict.fromkeys(STEPS) | dict(content or {})
 
     @classmethod
     def of(cls, directory: Path) -> Progress:
@@ -32,7 +32,9 @@ class Progress:
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise BadInputError(f"{directory}: cannot be made ({error.strerror or error}): name another place") from None
+            raise BadInputError(
+                f"{directory}: cannot be made ({error.strerror or error}): name another place"
+            ) from None
         path = directory / DOCUMENT
         if not path.exists():
             return cls(directory)

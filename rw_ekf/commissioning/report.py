@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -59,8 +60,8 @@ def friction_curve(log: WheelLog, model: WheelModel) -> FrictionCurve:
 
 
 def _seen(log: WheelLog, gain: float, fastest: float) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Speed, friction and two standard errors by bins of speed, from windows of a second in which no direction changes."""
-    step = max(int(round(_WINDOW_S / max(float(np.median(np.diff(log.time_s))), 1.0e-6))), 1)
+    """Speed, friction and two standard errors by bins of speed, from seconds in which the direction stays."""
+    step = max(round(_WINDOW_S / max(float(np.median(np.diff(log.time_s))), 1.0e-6)), 1)
     first = np.arange(0, len(log) - step, step)
     last = first + step
     lasts = log.time_s[last] - log.time_s[first]
@@ -74,7 +75,7 @@ def _seen(log: WheelLog, gain: float, fastest: float) -> tuple[Float64Array, Flo
     good = np.isfinite(friction) & (ends[0] * ends[1] > 0.0) & (log.segment[first] == log.segment[last])
     edges = np.linspace(-fastest, fastest, _BINS + 1)
     rows = []
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high in itertools.pairwise(edges):
         inside = good & (speed >= low) & (speed < high)
         if np.count_nonzero(inside) >= _LEAST_IN_BIN:
             values = friction[inside]
@@ -152,13 +153,14 @@ def _measured(progress: Progress) -> list[tuple[str, str, str]]:
     forward, backward = sign["breakaway_A"]
     heat = "" if limits["temperature_degC"] is None else f", {limits['temperature_degC']:.3g} degC"
     return [
-        ("limits", f"{limits['current_A']:.4g} {unit}, {limits['speed_rpm']:.4g} rpm{heat}", f"as {limits['by']} gave them"),
+        ("limits", f"{limits['current_A']:.4g} {unit}, {limits['speed_rpm']:.4g} rpm{heat}", f"by {limits['by']}"),
         ("sign and scales", sign["map_text"], "the first move"),
         ("speed scale", sign["speed_ratio_text"], f"by {sign['speed_ratio_by']}; the line alone cannot tell it"),
-        ("gain", f"{plus_minus(sign['motor_gain'], sign['motor_gain_std'])} rad/s^2/{unit}", "pulses; the fit says it better"),
+        ("gain", f"{plus_minus(sign['motor_gain'], sign['motor_gain_std'])} rad/s^2/{unit}", "pulses"),
         ("break-away", f"{forward:.3g} {unit} forward, {backward:.3g} backward", "slow ramps from rest"),
         ("noise of a reading", f"{rpm_from_rad_s(ratio * still['noise_rad_s']):.3g} rpm", "20 s at rest"),
-        ("step of a reading", "none seen" if lattice is None else f"{rpm_from_rad_s(ratio * lattice):.3g} rpm", "at rest"),
+        ("step of a reading", "none seen" if lattice is None else f"{rpm_from_rad_s(ratio * lattice):.3g} rpm",
+         "at rest"),
         ("a reading is new every", f"{delay['new_every_ms']:.3g} ms" if delay["new_every_ms"] else "not told",
          f"asked at {delay['rate_hz']:.3g} Hz in motion"),
         ("a sample takes", f"{still['read_ms']:.3g} ms, at most {still['read_ms_max']:.3g} ms", "60 of them at rest"),
@@ -170,10 +172,16 @@ def _measured(progress: Progress) -> list[tuple[str, str, str]]:
 
 def _steps(progress: Progress, made: Mapping[str, Any]) -> list[str]:
     path = progress.directory / CONFIGURATION_FILE
-    steps = [f"`rw-ekf check-config {path}`, then `rw-ekf run --config {path}`: it holds zero until `command` says more."]
+    steps = [
+        f"`rw-ekf check-config {path}`, then `rw-ekf run --config {path}`: it holds zero until `command` says more."
+    ]
     if made["verdict"]["kind"] == "unexplained":
-        steps.append("The model lacks something: the diagnosis' own report says where it sits, and what record would show it.")
+        steps.append(
+            "The model lacks something: the diagnosis' own report says where it sits, and what record would show it."
+        )
     if any(factor["field"] == "speed" and factor["factor"] < 0.0 for factor in progress["sign"]["factors"]):
-        steps.append("Forward is now where a positive current turns the wheel. If your attitude control means it the other "
-                     "way round, turn the signs of speed and of the currents in the wire map together.")  # fmt: skip
+        steps.append(
+            "Forward is now where a positive current turns the wheel. If your attitude control means it the other way "
+            "round, turn the signs of speed and of the currents in the wire map together."
+        )
     return [*steps, "`diagnosis/report.html` beside this page has the residual, and what else was thought of."]

@@ -1,8 +1,9 @@
 """The true speed against the reading: what no line can tell by itself, and who does.
 
 Every number on the line goes with the scale of speed: twice the speed is twice the gain and twice the friction, of a
-wheel that might exist. So a person holds a tachometer against the wheel while it turns steadily, or says beforehand what
-true speed is per reading; else nothing faster than a tenth of the limit is done, and no model is written.
+wheel that might exist. So a person holds a tachometer against the wheel while it turns steadily, or says beforehand
+what true speed is per reading; else nothing faster than a tenth of the limit is done, and no model is written. Where
+nobody can be asked it is refused before anything moves.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ _WITHIN = 0.04  # of a named ratio: a tachometer held by hand, a reading with no
 _LARGEST = 1.0e4
 
 UNKNOWN = (
-    "the scale of the speed cannot be known from the line alone: every reading would fit a wheel of another gain. Nothing "
-    "faster than a tenth of the speed limit was done. Start again and hold a tachometer against the wheel when asked, or "
-    "say what true speed is per reading: --speed-ratio 1 if the wire map is known to be right"
+    "the scale of the speed cannot be known from the line alone: every reading would fit a wheel of another gain. Say "
+    "what true speed is per reading (--speed-ratio 1 where the wire map is known to be right), or start on a terminal "
+    "and hold a tachometer against the wheel when asked. Nothing faster than a tenth of the speed limit was done"
 )
 
 

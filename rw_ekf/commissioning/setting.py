@@ -91,7 +91,9 @@ def _text(progress: Progress, model: str | None) -> str:
     }
     identity = found["identity"] or {}
     who = f" with serial number {identity['serial_number']}" if identity.get("serial_number") is not None else ""
-    lines = [f"# Written by `rw-ekf commission` for the wheel{who}. What was measured, and how: report.html beside this."]
+    lines = [
+        f"# Written by `rw-ekf commission` for the wheel{who}. What was measured, and how: report.html beside this."
+    ]
     for section, keys in sections.items():
         lines += ["", f"{section}:{_comment(about.get(section))}"]
         for key, value in keys.items():

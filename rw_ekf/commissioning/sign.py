@@ -1,4 +1,4 @@
-"""The first move: does a current turn the wheel forward, how strongly, and do all that telemetry tells fit together?"""
+"""The first move: which way a current turns the wheel, how strongly, and whether its readings fit together."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.commissioning.bench import Bench, Row
-from rw_ekf.commissioning.dialogue import Refused
+from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.commissioning.motion_fit import MotionFit, fit_late_motion
 from rw_ekf.commissioning.moves import hold_speed, pulses, ramp, to_rest
@@ -40,7 +40,7 @@ class Moved(NamedTuple):
 
 
 def find_sign(work: Work) -> dict[str, Any]:
-    """Move a little, mend the map where one sign stands alone, ask for the true speed. Raises Refused with the reason."""
+    """Move a little, mend the map where one sign stands alone, ask for the true speed. Raises RefusedError."""
     found = work.progress["find"]["protocol"]
     ratio = work.options.speed_ratio
     factors: dict[tuple[str, str], float] = {}
@@ -51,9 +51,9 @@ def find_sign(work: Work) -> dict[str, Any]:
         factors |= turned
         path = write_corrected_map(found, factors, work.progress.directory)
         work.dialogue.say("sign", f"{_turned_text(turned)}; moved again through {path}")
-        moved = _moved(work, ratio, path)
+        moved = _moved(work, ratio, path, moved.breakaway_A)
         if turned_signs(moved.fit.gain, moved.ratios):
-            raise Refused(f"{_turned_text(turned)}, and with that turned the readings still contradict each other")
+            raise RefusedError(f"{_turned_text(turned)}, and with that turned the readings still contradict each other")
     by = "the command line"
     if ratio is None:
         ratio, by = _by_tachometer(work, moved, path), "a tachometer"
@@ -67,8 +67,8 @@ def find_sign(work: Work) -> dict[str, Any]:
     unit = work.progress["limits"]["unit"]
     work.dialogue.say(
         "sign",
-        f"a positive current turns the wheel forward, {plus_minus(gain, ratio * moved.fit.gain_std)} rad/s^2/{unit}; it "
-        f"breaks away at {moved.breakaway_A[0]:.3g} and {-moved.breakaway_A[1]:.3g} {unit}; by {by}, {ratio_text}",
+        f"a positive current turns the wheel forward, {plus_minus(gain, ratio * moved.fit.gain_std)} rad/s^2/{unit}; "
+        f"it breaks away at {moved.breakaway_A[0]:.3g} and {-moved.breakaway_A[1]:.3g} {unit}; by {by}, {ratio_text}",
     )
     return {
         "protocol": path,
@@ -87,30 +87,28 @@ def find_sign(work: Work) -> dict[str, Any]:
     }
 
 
-def _moved(work: Work, ratio: float | None, path: str | None = None) -> Moved:
-    """Ramps and pulses; path: of the wire map, in place of the one that was found."""
+def _moved(work: Work, ratio: float | None, path: str | None = None, away: tuple[float, float] | None = None) -> Moved:
+    """Ramps and pulses. path: of the wire map, in place of the one found. away: what the ramps showed before."""
     still, most_A = work.still, work.progress["limits"]["current_A"]
     limit_rad_s = work.speed_limit_rad_s / (ratio or 1.0)
     ceiling = max(CAUTIOUS * limit_rad_s, _ABOVE_REST * still.rest_rad_s)
     if ceiling > 0.5 * limit_rad_s:
-        raise Refused(
-            f"motion shows only above {rpm_from_rad_s(still.rest_rad_s):.3g} rpm in these readings (noise and step), too "
-            "near the speed limit for a small move: give a larger --speed-limit"
+        raise RefusedError(
+            f"motion shows only above {rpm_from_rad_s(still.rest_rad_s):.3g} rpm in these readings (noise and step), "
+            "too near the speed limit for a small move: give a larger --speed-limit"
         )
     with work.at_the_wheel(ceiling_rad_s=ceiling, path=path) as bench:
-        ways = [_ramp(bench, side, most_A, still.rest_rad_s) for side in (1.0, -1.0)]
-        if is_unsigned(*ways):
-            raise Refused(
-                "the speed reads the same way round whichever way the current drives: it has no sign, and no friction "
-                "can be told by it. Give a wire map whose speed is signed"
-            )
-        away = [max(abs(row.command_A) for row in rows if math.isfinite(row.command_A)) for rows in ways]
+        if away is None:
+            away = _broken_away(bench, most_A, still.rest_rad_s)
+        bench.run(to_rest(still.rest_rad_s), _REST_AT_MOST_S)
         if most_A < _LEAST_HEADROOM * max(away):
-            raise Refused(
+            raise RefusedError(
                 f"the wheel breaks away at {max(away):.3g} {work.progress['limits']['unit']}, and the current limit is "
                 f"{most_A:.3g}: give --current-limit {3.0 * max(away):.2g} or more, or look why it is so stiff"
             )
-        far = min(0.8 * ceiling, max(_FAR_NOISES * still.noise_rad_s, _FAR_STEPS * (still.lattice_rad_s or 0.0), _FAR_RAD_S))
+        far = min(
+            0.8 * ceiling, max(_FAR_NOISES * still.noise_rad_s, _FAR_STEPS * (still.lattice_rad_s or 0.0), _FAR_RAD_S)
+        )
         rows: list[Row] = []
         first_A, fit = _BREAKS_AWAY * max(away), None
         for _ in range(_MOST_TRIES):
@@ -120,33 +118,49 @@ def _moved(work: Work, ratio: float | None, path: str | None = None) -> Moved:
             if fit is not None and fit.sigmas > _SURE:
                 break
             first_A = min(2.0 * first_A, most_A)
-    return Moved(_believed(fit, still.noise_rad_s), ratios_of(rows, still.rest_rad_s), (away[0], away[1]))
+    return Moved(_believed(fit), ratios_of(rows, still.rest_rad_s), away)
+
+
+def _broken_away(bench: Bench, most_A: float, rest_rad_s: float) -> tuple[float, float]:
+    """The currents at which the wheel began to move, forward and backward. Raises RefusedError."""
+    ways = [_ramp(bench, side, most_A, rest_rad_s) for side in (1.0, -1.0)]
+    if is_unsigned(*ways):
+        raise RefusedError(
+            "the speed reads the same way round whichever way the current drives: it has no sign, and no friction can "
+            "be told by it. Give a wire map whose speed is signed"
+        )
+    forward, backward = (max(abs(row.command_A) for row in rows if math.isfinite(row.command_A)) for rows in ways)
+    return forward, backward
 
 
 def _ramp(bench: Bench, side: float, most_A: float, rest_rad_s: float) -> list[Row]:
     bench.run(to_rest(rest_rad_s), _REST_AT_MOST_S)
     rows = bench.run(ramp(side, most_A, rest_rad_s), _RAMP_AT_MOST_S)
     if not any(abs(row.speed_rad_s or 0.0) > rest_rad_s for row in rows[-2:]):
-        raise Refused(
-            f"{most_A:.3g} A {'forward' if side > 0.0 else 'backward'}, the current limit, did not move the wheel: is the "
-            "speed reading the wheel's, is the wheel held fast, or is the limit below what breaks it away?"
+        raise RefusedError(
+            f"{most_A:.3g} A {'forward' if side > 0.0 else 'backward'}, the current limit, did not move the wheel: is "
+            "the speed reading the wheel's, is the wheel held fast, or is the limit below what breaks it away?"
         )
     return rows
 
 
-def _believed(fit: MotionFit | None, noise_rad_s: float) -> MotionFit:
-    """The fit, where it shows a motor. Raises Refused."""
+def _believed(fit: MotionFit | None) -> MotionFit:
+    """The fit, where it shows a motor. Raises RefusedError."""
     if fit is None or fit.sigmas < _SURE:
         said = "none" if fit is None else f"{plus_minus(fit.gain, fit.gain_std)} rad/s^2/A"
-        raise Refused(f"pulses up to the current limit show no motion that follows from them (gain {said}): is the speed "
-                      "reading the wheel's, and does the current reach the motor?")  # fmt: skip
+        raise RefusedError(
+            f"pulses up to the current limit show no motion that follows from them (gain {said}): is the speed reading "
+            "the wheel's, and does the current reach the motor?"
+        )
     if not _GAINS[0] < abs(fit.gain) < _GAINS[1]:
-        raise Refused(f"the gain reads {fit.gain:.3g} rad/s^2/A, which no wheel has: a scale of the wire map is wrong")
+        raise RefusedError(
+            f"the gain reads {fit.gain:.3g} rad/s^2/A, which no wheel has: a scale of the wire map is wrong"
+        )
     return fit
 
 
 def _by_tachometer(work: Work, moved: Moved, path: str) -> float:
-    """True speed over reading; one that no usual mistake explains must come out at two speeds. Raises Refused."""
+    """True speed over reading; one that no usual mistake explains must come out at two speeds. Raises RefusedError."""
     target = max(_HELD_SHARE * CAUTIOUS * work.speed_limit_rad_s, _ABOVE_REST * work.still.rest_rad_s)
     ratio = _held(work, moved, path, target)
     if is_named(ratio):
@@ -154,19 +168,21 @@ def _by_tachometer(work: Work, moved: Moved, path: str) -> float:
     again = _held(work, moved, path, 1.4 * target)
     mean = agreed(ratio, again)
     if mean is None:
-        raise Refused(f"the tachometer says {ratio:.4g} times the reading at one speed and {again:.4g} times at another: is "
-                      "the speed reading the wheel's?")  # fmt: skip
+        raise RefusedError(
+            f"the tachometer says {ratio:.4g} times the reading at one speed and {again:.4g} times at another: is the "
+            "speed reading the wheel's?"
+        )
     return mean
 
 
 def _held(work: Work, moved: Moved, path: str, target: float) -> float:
-    """What a person reads from a tachometer over what the wheel tells, at a steady speed. Raises Refused."""
+    """What a person reads from a tachometer over what the wheel tells, at a steady speed. Raises RefusedError."""
     poll = work.dialogue.tachometer(
         f"the wheel reads {rpm_from_rad_s(target):.4g} rpm and is held there: what does a tachometer say? [rpm; Enter: "
         "nobody knows]"
     )
     if poll is None:
-        raise Refused(UNKNOWN)
+        raise RefusedError(UNKNOWN)
     answer: list[float | str | None] = [None]
 
     def answered() -> bool:
@@ -182,7 +198,7 @@ def _held(work: Work, moved: Moved, path: str, target: float) -> float:
     held = [row.speed_rad_s for row in rows if row.speed_rad_s is not None and row.time_s > last_s - _HELD_S]
     told = answer[0]
     if not isinstance(told, float) or told <= 0.0 or not held:
-        raise Refused(UNKNOWN)
+        raise RefusedError(UNKNOWN)
     return abs(told / rpm_from_rad_s(float(np.mean(held))))
 
 

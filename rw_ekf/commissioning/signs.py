@@ -1,9 +1,9 @@
 """Which sign or scale of a wire map the readings of a move contradict, and what becomes of it.
 
-The command, its echo, the measured current, the speed and the angle tell of one motion. A sign that stands alone against
-the others is the wrong one. Where the speed alone contradicts the command, which of the two is turned is a matter of what
-one calls forward: the speed is, so that a positive current turns the wheel forward; and that is said. A size that two of
-them contradict cannot be laid on either: that is refused.
+The command, its echo, the measured current, the speed and the angle tell of one motion. A sign that stands alone
+against the others is the wrong one. Where the speed alone contradicts the command, which of the two is turned is a
+matter of what one calls forward: the speed is, so that a positive current turns the wheel forward; and that is said.
+A size that two of them contradict cannot be laid on either: that is refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rw_ekf.commissioning.bench import Row
-from rw_ekf.commissioning.dialogue import Refused
+from rw_ekf.commissioning.dialogue import RefusedError
 
 _SIZE = 1.25  # by which a measured current may differ from the command: sensors and their offsets
 _ECHO_SIZE = 1.03
@@ -40,13 +40,17 @@ def ratios_of(rows: Sequence[Row], rest_rad_s: float) -> Ratios:
     largest = max((abs(row.command_A) for row in rows if math.isfinite(row.command_A)), default=0.0)
     measured, echo, angle = [], [], []
     for before, last, row in zip(rows, rows[1:], rows[2:], strict=False):
-        if abs(last.command_A) > _SMALL * largest and abs(before.command_A - last.command_A) < 0.2 * abs(last.command_A):
+        if abs(last.command_A) > _SMALL * largest and abs(before.command_A - last.command_A) < 0.2 * abs(
+            last.command_A
+        ):
             measured += [] if row.current_A is None else [row.current_A / last.command_A]
         if abs(last.command_A) > _SMALL * largest:
             echo += [] if row.echo_A is None else [row.echo_A / last.command_A]
         turned = _turned(last, row, rest_rad_s)
         angle += [] if turned is None else [turned]
-    return Ratios(*(float(np.median(found)) if len(found) >= _LEAST_RATIOS else None for found in (measured, echo, angle)))
+    return Ratios(
+        *(float(np.median(found)) if len(found) >= _LEAST_RATIOS else None for found in (measured, echo, angle))
+    )
 
 
 def _turned(last: Row, row: Row, rest_rad_s: float) -> float | None:
@@ -67,7 +71,7 @@ def is_unsigned(forward: Sequence[Row], backward: Sequence[Row]) -> bool:
 
 
 def turned_signs(gain: float, ratios: Ratios) -> dict[tuple[str, str], float]:
-    """Which fields are to be multiplied by -1, by whether they are read or written. Raises Refused for odd sizes."""
+    """Which fields are to be multiplied by -1, of those read and written. Raises RefusedError for odd sizes."""
     _refuse_sizes(ratios)
     against = {
         "speed": gain < 0.0,
@@ -97,7 +101,7 @@ def _refuse_sizes(ratios: Ratios) -> None:
     ):
         if ratio is not None and not 1.0 / most < abs(ratio) < most:
             beside = "the speed" if "angle" in fields else "what was commanded"
-            raise Refused(
-                f"{name} is {abs(ratio):.3g} times {beside}: one scale of the wire map is wrong, that of {fields}, and the "
-                "line does not tell which. Mend it (or leave out the field, if it is another quantity) and start again"
+            raise RefusedError(
+                f"{name} is {abs(ratio):.3g} times {beside}: one scale of the wire map is wrong, that of {fields}, and "
+                "the line does not tell which. Mend it, or leave the field out if it is another quantity, and start again"
             )

@@ -57,7 +57,7 @@ def commission(
         with interruptible():
             computing()
             progress.keep("model", make_model(work, advance))
-    progress.keep("done", True)  # noqa: FBT003 - a key of the document
+    progress.keep("done", True)
 
 
 @contextmanager
@@ -89,8 +89,8 @@ def _take_up(work: Work) -> None:
         ):
             if given is not None and given != kept:
                 raise BadInputError(
-                    f"{option} {given}: {progress.directory} holds what was found of the wheel on {found['port']} through "
-                    f"{found['protocol']}: name another --out, or remove commission.json there"
+                    f"{option} {given}: {progress.directory} holds what was found of the wheel on {found['port']} "
+                    f"through {found['protocol']}: name another --out, or remove commission.json there"
                 )
     given_limits = {
         "current_A": options.current_limit_A,
@@ -101,7 +101,9 @@ def _take_up(work: Work) -> None:
         progress.forget_from("limits")
     elif sign is not None and ratio is not None and ratio != sign["speed_ratio"]:
         progress.forget_from("sign")
-    done = [step for step in ("find", "limits", "still", "sign", "delay", "identification") if progress[step] is not None]
+    done = [
+        step for step in ("find", "limits", "still", "sign", "delay", "identification") if progress[step] is not None
+    ]
     if done:
         work.dialogue.say("resumed", f"{progress.directory} has {', '.join(done)} already; it goes on behind that")
 
@@ -116,7 +118,8 @@ def _find(work: Work) -> dict[str, Any]:
     work.dialogue.say("find", f"reading only, on {', '.join(ports) or 'no port'}, through {', '.join(names)}")
 
     def may_start(question: str) -> bool:
-        return work.options.yes or bool(work.dialogue.agree(question))
+        with interruptible():
+            return work.options.yes or bool(work.dialogue.agree(question))
 
     search = Search(work.clock, work.stop, work.protocol_of)
     found = find_wheel(search, ports, names, bauds, work.dialogue, may_start)
@@ -127,5 +130,3 @@ def _find(work: Work) -> dict[str, Any]:
 def _whole(protocol: str) -> str:
     """A path that still leads there from another folder."""
     return os.path.abspath(os.path.expanduser(protocol)) if is_path(protocol) else protocol
-
-

@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.commissioning.bench import Bench, Move, Row, zero
-from rw_ekf.commissioning.dialogue import Refused
+from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
 
 _REST_S = 180.0  # that a wheel may take to come to rest by itself
@@ -44,16 +44,17 @@ class Still(NamedTuple):
         step = "none seen" if self.lattice_rad_s is None else f"{rpm_from_rad_s(self.lattice_rad_s):.3g} rpm"
         return (
             f"noise {rpm_from_rad_s(self.noise_rad_s):.3g} rpm, step {step}, a sample in {self.read_ms:.3g} ms (at "
-            f"most {self.read_ms_max:.3g}; a reply in {self.reply_ms:.2g} beyond its bytes), clock {self.clock_ppm:+.3g} ppm, jitter {self.clock_jitter_ms:.2g} ms"
+            f"most {self.read_ms_max:.3g}; a reply in {self.reply_ms:.2g} beyond its bytes), clock "
+            f"{self.clock_ppm:+.3g} ppm, jitter {self.clock_jitter_ms:.2g} ms"
         )
 
 
 def measure_still(bench: Bench, step_rad_s: float) -> Still:
-    """Wait for rest, then read. step_rad_s: resolution by the wire map. Raises Refused where the wheel does not rest."""
+    """Wait for rest, then read. step_rad_s: resolution by the wire map. Raises RefusedError where it does not rest."""
     waited = bench.run(_until_rest(), _REST_S)
     if not _rests([row.speed_rad_s for row in waited[-_LOOKED_AT:] if row.speed_rad_s is not None]):
         last = next((row.speed_rad_s for row in reversed(waited) if row.speed_rad_s is not None), math.nan)
-        raise Refused(
+        raise RefusedError(
             f"the speed still reads {rpm_from_rad_s(last):.4g} rpm after {_REST_S:g} s of zero current: let the wheel "
             "come to rest, or mend the offset of speed in the wire map, then start again"
         )
@@ -61,7 +62,7 @@ def measure_still(bench: Bench, step_rad_s: float) -> Still:
     replies_s = _polled(bench)
     speeds = np.array([row.speed_rad_s for row in rows if row.speed_rad_s is not None])
     if speeds.size < _LOOKED_AT or len(replies_s) < _POLLS // 2:
-        raise Refused(f"only {speeds.size} of {len(rows)} readings came: look at the line before anything moves")
+        raise RefusedError(f"only {speeds.size} of {len(rows)} readings came: look at the line before anything moves")
     lattice = lattice_of(speeds)
     rounding = max(step_rad_s, lattice or 0.0) / math.sqrt(12.0)
     ppm, jitter_ms = _clock(rows)

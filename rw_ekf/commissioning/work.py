@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 from rw_ekf.attach import beyond_wire, load_protocol
 from rw_ekf.clock import Clock
 from rw_ekf.commissioning.bench import Bench
-from rw_ekf.commissioning.dialogue import Dialogue, Refused
-from rw_ekf.commissioning.find import identity_of, serial_ports
+from rw_ekf.commissioning.dialogue import Dialogue, RefusedError
+from rw_ekf.commissioning.find import identity_of
 from rw_ekf.commissioning.progress import Progress
 from rw_ekf.commissioning.setting import configuration_of
 from rw_ekf.commissioning.still import Still
 from rw_ekf.driver import WheelProtocol
 from rw_ekf.errors import ConfigError
+from rw_ekf.live.port_name import serial_ports
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.units import rad_s_from_rpm
@@ -89,7 +90,7 @@ class Work:
     def at_the_wheel(
         self, *, rate_hz: float | None = None, ceiling_rad_s: float = float("inf"), path: str | None = None
     ) -> Iterator[Bench]:
-        """The wheel for one step; the time is counted. Raises Refused where another one answers than was found."""
+        """The wheel for one step; the time is counted. Raises RefusedError where another one answers than was found."""
         configuration = self.configuration(path)
         bench = Bench(
             configuration, self.spoken(configuration), self.clock, self.stop, self.logger.warning,
@@ -106,7 +107,7 @@ class Work:
         known = self.progress["find"]["identity"]
         if known is None or identity is None or identity["serial_number"] == known["serial_number"]:
             return
-        raise Refused(
+        raise RefusedError(
             f"another wheel answers: serial number {identity['serial_number']}, and {known['serial_number']} was found "
             "before. Name another --out for it"
         )

@@ -3,13 +3,13 @@
 python -m tools.measure.commission [--wheels 20] [--seed 1] [--jobs 2] [--first N]
 
 Each draw is a whole `rw-ekf commission` over the real serial driver on a virtual clock: a wheel of either family with
-its gain and friction a third to three times [CK13]'s, signs of its wire map turned or not, the scale of speed right, or
-off by 60/2 pi, 2 or 10 either way, noise 0.1 to 5 rpm, any usual baud, a delay of the command. A person with a tachometer
-is there in two of three draws; in the third there is none, and what is right then is to refuse.
+its gain and friction a third to three times [CK13]'s, signs of its wire map turned or not, the scale of speed right,
+or off by 60/2 pi, 2 or 10 either way, noise 0.1 to 5 rpm, any usual baud, a delay of the command. A person with a
+tachometer is there in two of three draws; in the third there is none, and what is right then is to refuse.
 
-right: a model was written, gain and friction are the wheel's within 10 % or five of their sigmas, and a positive current
-turns the wheel forward through the map that was written. wrong: written, and not so; or a current other than zero before
-anybody had agreed, one above the limit, a true speed above 1.05 of the limit, or a current left on.
+right: a model was written, and its gain, and its friction at 30, 300 and 1500 rpm both ways, are the wheel's within
+10 % in units of true speed through the map that was written. wrong: written, and not so; or a current other than zero
+before anybody had agreed, one above the limit, a true speed above 1.05 of the limit, or a current left on.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from rw_ekf.attach import load_protocol
@@ -34,6 +35,7 @@ from rw_ekf.clock import VirtualClock
 from rw_ekf.commissioning.dialogue import Stopped
 from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.commissioning.progress import Progress
+from rw_ekf.commissioning.report import friction_curve
 from rw_ekf.commissioning.steps import commission
 from rw_ekf.commissioning.work import Options, Work
 from rw_ekf.driver import WheelProtocol
@@ -44,9 +46,10 @@ from rw_ekf.drivers.line.serial_port import PortSettings
 from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
-from rw_ekf.drivers.sim.virtual_line import VirtualCable
+from rw_ekf.drivers.sim.virtual_line import VirtualCable, VirtualPort
 from rw_ekf.errors import DriverError, RwEkfError
 from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.logs.reader import read_log
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from rw_ekf.wheel.model_file import read_model
 
@@ -59,7 +62,7 @@ TURNED: tuple[tuple[tuple[str, str], ...], ...] = (
 )  # fmt: skip
 _FINE_STEP_S = 0.002
 
-_GAIN_WITHIN, _SIGMAS = 0.1, 5.0
+_WITHIN = 0.1
 _OVER_SPEED = 1.05
 
 
@@ -146,8 +149,16 @@ class Person:
         return poll
 
 
-class DeafBelow:
-    """The cable at one baud: at any other nothing that comes is a frame."""
+class _Deaf(VirtualPort):
+    """The port at another baud than the wheel's: nothing that is sent is understood."""
+
+    def write(self, content: bytes) -> int:
+        """Send bytes that arrive as others."""
+        return len(content)
+
+
+class Line:
+    """The cable at the wheel's baud."""
 
     def __init__(self, cable: VirtualCable, port: str, baud: int) -> None:
         self.cable, self.port, self.baud = cable, port, baud
@@ -160,10 +171,9 @@ class DeafBelow:
     def _open(self, settings: PortSettings, write_timeout_s: float) -> Any:
         if settings.port != self.port:
             raise DriverError(f"there is no port {settings.port}")
-        port = self.cable._open_port(settings, write_timeout_s)
-        if settings.baud != self.baud:
-            port.write = len
-        return port
+        if settings.baud == self.baud:
+            return self.cable._open_port(settings, write_timeout_s)
+        return _Deaf(self.cable, write_timeout_s)
 
 
 def draw_wheel(number: int, seed: int) -> Draw:
@@ -184,7 +194,11 @@ def draw_wheel(number: int, seed: int) -> Draw:
 def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options) -> tuple[Work, Watched, PlantRunner]:
     """A commissioning of the drawn wheel, and what reaches the wheel. stop is still to be set."""
     parameters = PlantParameters(
-        motor_gain=draw.gain, viscous=draw.viscous, coulomb=draw.coulomb, static=draw.static, transport_delay_s=draw.delay_s
+        motor_gain=draw.gain,
+        viscous=draw.viscous,
+        coulomb=draw.coulomb,
+        static=draw.static,
+        transport_delay_s=draw.delay_s,
     )
     noise = PlantNoise(draw.noise_rpm * RAD_S_PER_RPM)
     plant = PlantRunner(parameters, noise, draw.number, PlantState(), _FINE_STEP_S, compiled_advance)
@@ -201,7 +215,7 @@ def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options) -
     line = true.wire_map.link.model_copy(update={"baud": draw.baud})
     served = true.wire_map.model_copy(update={"link": line})
     server = true.electronics(served, plant, serial_number=draw.number + 1, first_uptime_s=50.0, watch=watch)
-    deaf = DeafBelow(VirtualCable(server, clock), str(directory / "wheel"), draw.baud)
+    deaf = Line(VirtualCable(server, clock), str(directory / "wheel"), draw.baud)
     person = Person(watched, plant, clock, has_tachometer=draw.has_tachometer)
     work = Work(
         options, Progress.of(directory / "out"), person, clock, StopSignal(), _Unheard(),
@@ -238,7 +252,11 @@ def carry_out(draw: Draw) -> Told:
             refused = str(error)
         limit_rad_s, limit_A = 4000.0 * RAD_S_PER_RPM, options.current_limit_A or 0.0
         told = Told(
-            draw, "refused", refused or "", work.progress.document()["wheel_s"] / 60.0, watched.fastest_rad_s / limit_rad_s
+            draw,
+            "refused",
+            refused or "",
+            work.progress.document()["wheel_s"] / 60.0,
+            watched.fastest_rad_s / limit_rad_s,
         )
         broken = [
             words
@@ -260,15 +278,30 @@ def carry_out(draw: Draw) -> Told:
 def _judge(told: Told, work: Work) -> None:
     draw, model = told.draw, read_model(Path(work.progress["files"]["model"]))
     told.model = work.progress["model"]["verdict"]["kind"]
-    wrong = []
-    for index, (name, truth) in enumerate((("motor_gain", draw.gain), ("coulomb", draw.coulomb))):
-        value = getattr(model.parameters, name)
-        sigma = math.sqrt(model.covariance[(0, 2)[index]][(0, 2)[index]])
-        if name == "motor_gain":
-            told.gain_off = value / truth - 1.0
-        if abs(value - truth) > max(_GAIN_WITHIN * truth, _SIGMAS * sigma):
-            wrong.append(f"{name} {value:.4g} +- {sigma:.2g}, truly {truth:.4g}")
+    told.gain_off = model.parameters.motor_gain / draw.gain - 1.0
+    wrong = [] if abs(told.gain_off) < _WITHIN else [f"gain {model.parameters.motor_gain:.4g}"]
+    curve = friction_curve(read_log(work.progress["identification"]["log"]), model)
+    for rpm in (-1500.0, -300.0, -30.0, 30.0, 300.0, 1500.0):
+        speed = rpm * RAD_S_PER_RPM
+        stribeck = math.exp(-((speed / PlantParameters().stribeck_speed_rad_s) ** 2))
+        truth = math.copysign(draw.coulomb + (draw.static - draw.coulomb) * stribeck, speed) + draw.viscous * speed
+        believed = float(np.interp(speed, curve.speed_rad_s, curve.friction_rad_s2))
+        if abs(believed / truth - 1.0) > _WITHIN:
+            wrong.append(f"friction at {rpm:g} rpm {believed:.4g}, truly {truth:.4g}")
+    turned = _turns_backward(work, draw)
+    wrong += [turned] if turned else []
     told.verdict, told.reason = ("wrong", "; ".join(wrong)) if wrong else ("right", "")
+
+
+def _turns_backward(work: Work, draw: Draw) -> str | None:
+    """What is wrong with the signs and the scale of the map that was written, held against the true one."""
+    true: Any = load_protocol(draw.family)
+    made: Any = load_protocol(work.progress["sign"]["protocol"])
+    speed = made.wire_map.speed_field.scale / true.wire_map.speed_field.scale
+    current = made.wire_map.current_command.fields[0].scale / true.wire_map.current_command.fields[0].scale
+    if speed * current < 0.0:
+        return "a positive current turns the wheel backward"
+    return None if abs(abs(speed) - 1.0) < 0.05 else f"the scale of speed is off by {abs(speed):.4g}"
 
 
 class _Unheard:
@@ -298,9 +331,11 @@ def main() -> None:
             minutes += [told.wheel_minutes] if told.verdict == "right" else []
             turned = "+".join(f"{name[:7]}.{way[0]}" for name, way in d.turned) or "-"
             tqdm.write(
-                f"{d.number:3d} {d.family:15s} k {d.gain:5.1f} c {d.coulomb:4.2f} scale {d.scale:6.3f} turned {turned:30s} "
+                f"{d.number:3d} {d.family:15s} k {d.gain:5.1f} c {d.coulomb:4.2f} scale {d.scale:6.3f} "
+                f"turned {turned:30s} "
                 f"{d.noise_rpm:4.1f} rpm {d.baud:6d} {'tacho' if d.has_tachometer else '  -  '} {told.verdict:8s} "
-                f"{told.wheel_minutes:4.1f} min gain {told.gain_off:+.1%} top {told.fastest:.2f} {told.model} {told.reason[:150]}"
+                f"{told.wheel_minutes:4.1f} min gain {told.gain_off:+.1%} top {told.fastest:.2f} {told.model} "
+                f"{told.reason[:150]}"
             )
     print(f"{dict(counts)}; wheel-minutes {min(minutes, default=0):.1f} to {max(minutes, default=0):.1f}")
 

@@ -10,8 +10,9 @@ creep       slow ramps through break-away in both directions: static friction, S
 bursts      short strong currents: saturation, actuator lag, delay
 coast-downs from about 2000 rpm in both directions, current zero: viscous friction, windage, drag polynomials
 
-A wheel whose gain and friction are known by about gets the same motion by currents of its own (`law_for`): what drives is
-shifted by its friction, what balances friction is scaled with it, and the coast-downs begin where its speed limit allows.
+A wheel whose gain and friction are known by about gets the same motion by currents of its own (`law_for`): what
+drives is shifted by its friction, what balances friction is scaled with it, and the coast-downs begin where its speed
+limit allows.
 """
 
 from __future__ import annotations
