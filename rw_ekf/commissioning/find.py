@@ -203,14 +203,9 @@ def find_wheel(
         except _Waiting as boot:
             waiting.append(boot)
     for loader in waiting if not found else ():
-        question = (
-            f"{boot.port}: a boot loader answers through {boot.name}. Start the wheel's program? It moves nothing"
-        )
-        if not may_start(question):
-            raise RefusedError(
-                f"{loader.port}: a boot loader answers through {loader.name}: what starts the program is a write: agree to "
-                "it, or give --yes"
-            )
+        place = f"{loader.port}: a boot loader answers through {loader.name}"
+        if not may_start(f"{place}. Start the wheel's program? It moves nothing"):
+            raise RefusedError(f"{place}: what starts the program is a write: agree to it, or give --yes")
         found += _started(search, loader, names)
     if not found:
         tried = "; ".join(search.tried) or "there is no serial port on this machine"

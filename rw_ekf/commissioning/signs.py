@@ -103,5 +103,5 @@ def _refuse_sizes(ratios: Ratios) -> None:
             beside = "the speed" if "angle" in fields else "what was commanded"
             raise RefusedError(
                 f"{name} is {abs(ratio):.3g} times {beside}: one scale of the wire map is wrong, that of {fields}, and "
-                "the line does not tell which. Mend it, or leave the field out if it is another quantity, and start again"
+                "the line does not tell which. Mend it, or leave out a field of another quantity, and start again"
             )
