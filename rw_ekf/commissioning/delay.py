@@ -13,6 +13,7 @@ from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.motion_fit import fit_late_motion
 from rw_ekf.commissioning.moves import to_rest, toggled
 from rw_ekf.commissioning.work import Work
+from rw_ekf.numbers import plus_minus
 from rw_ekf.units import rpm_from_rad_s
 
 _FASTEST_HZ = 40.0
@@ -42,7 +43,7 @@ def find_delay(work: Work) -> dict[str, Any]:
     text = (
         "the pulses do not show how late a command acts"
         if delay is None
-        else f"a command acts {1e3 * delay.delay_s:.0f} +- {1e3 * delay.std_s:.0f} ms later than the line takes "
+        else f"a command acts {plus_minus(1e3 * delay.delay_s, 1e3 * delay.std_s)} ms later than the line takes "
         f"({line_ms:.0f} ms after the reading)"
     )
     text += f"; at {rate_hz:.3g} Hz a reading is new every {every_ms:.3g} ms"

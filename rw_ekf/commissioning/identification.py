@@ -60,7 +60,7 @@ def identify(work: Work) -> dict[str, Any]:
     text = f"{outcome.statistics.samples} samples in {outcome.statistics.duration_s:.0f} s: {outcome.files.log}"
     work.dialogue.say("identification", text)
     return {
-        "log": str(outcome.files.log),
+        "log": str(outcome.files.log.absolute()),
         "samples": outcome.statistics.samples,
         "duration_s": outcome.statistics.duration_s,
         "alarms": list(outcome.alarms),

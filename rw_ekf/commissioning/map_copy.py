@@ -40,7 +40,7 @@ def write_corrected_map(name: str, factors: Factors, directory: Path) -> str:
     path = directory / MAP_FILE
     head = f"# {source.name}, with scales as `rw-ekf commission` found them: {said}. Comments stand in the original.\n"
     write_text(path, head + str(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=120)))
-    return str(path)
+    return str(path.absolute())
 
 
 def _matches(key: tuple[str, str], field: Mapping[str, Any], access: str) -> bool:

@@ -20,7 +20,7 @@ from rw_ekf.errors import ConfigError
 from rw_ekf.logs.reader import read_log
 from rw_ekf.logs.run_directory import DIAGNOSED_MODEL, model_path
 from rw_ekf.settings.load import load_configuration
-from rw_ekf.wheel.model_file import read_model
+from rw_ekf.wheel.model_file import WheelModel, read_model
 from rw_ekf.wheel.wheel_tag import WheelTag
 
 MODEL_FILE = "wheel.model.yaml"
@@ -46,18 +46,25 @@ def make_model(work: Work, advance: Callable[[str], object]) -> dict[str, Any]:
     better = found.model is not None and found.verdict["kind"] == "effect"
     name = f"{DIAGNOSIS}/{DIAGNOSED_MODEL}" if better else MODEL_FILE
     write_configuration(work.progress, name)
-    content = _document(fit, found, name)
+    used = read_model(directory / name)
+    content = _document(fit, found, name, used)
     work.dialogue.say("model", f"{verdict_of(found.document())[2]} Model: {directory / name}")
     work.progress.keep("files", _files(work, name))
-    write_page(work.progress, log, read_model(directory / name), content)
+    write_page(work.progress, log, used, content)
     return content
 
 
-def _document(fit: Fit, found: Diagnosis, model: str) -> dict[str, Any]:
+def _document(fit: Fit, found: Diagnosis, name_of_model: str, model: WheelModel) -> dict[str, Any]:
+    told = {item.name: item.identifiable for item in fit.reports}
+    better = name_of_model != MODEL_FILE
+    said = () if better else fit.warnings  # the four parameters alone lack what the better model has
     kind, name, statement = verdict_of(found.document())
     return {
-        "file": model,
-        "parameters": fit.document()["parameters"],
+        "file": name_of_model,
+        "parameters": {
+            key: {"value": value, "std": std, "unit": unit, "identifiable": told.get(key, True)}
+            for key, (value, std, unit) in model.numbers.items()
+        },
         "noise": fit.document()["noise"],
         "residual_rms_rpm": fit.quality.get("residual_rms_rpm"),
         "verdict": {
@@ -66,7 +73,7 @@ def _document(fit: Fit, found: Diagnosis, model: str) -> dict[str, Any]:
             "effects": list(found.verdict.get("effects") or ()),
             "statement": statement,
         },
-        "warnings": list(dict.fromkeys((*fit.warnings, *map(str, found.document().get("warnings") or ())))),
+        "warnings": list(dict.fromkeys((*said, *map(str, found.document().get("warnings") or ())))),
     }
 
 
@@ -79,10 +86,8 @@ def _files(work: Work, model: str) -> dict[str, str]:
         "diagnosis": f"{DIAGNOSIS}/report.html",
     }
     files = {what: str(directory / name) for what, name in names.items()}
-    log = work.progress["identification"]["log"]
-    protocol = work.progress["sign"]["protocol"]
-    made = {"wire_map": protocol} if work.progress["sign"]["factors"] else {}
-    return files | made | {"log": log, "runs": str(directory / DIRECTORY)}
+    log, wire_map = work.progress["identification"]["log"], work.progress["sign"]["protocol"]
+    return files | {"wire_map": wire_map, "log": log, "runs": str(directory / DIRECTORY)}
 
 
 def _wheel_of(log: Path) -> WheelTag | None:

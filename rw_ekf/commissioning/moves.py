@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from rw_ekf.commissioning.bench import Move
 
-_RAMP_S = 25.0
+_RAMP_S = 18.0
 _RAMP_DECADES = (
     6.0  # e-folds over the ramp: slow where a small wheel breaks away, and as slow, by share, for a large one
 )

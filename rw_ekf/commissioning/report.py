@@ -184,4 +184,7 @@ def _steps(progress: Progress, made: Mapping[str, Any]) -> list[str]:
             "Forward is now where a positive current turns the wheel. If your attitude control means it the other way "
             "round, turn the signs of speed and of the currents in the wire map together."
         )
+    steps.append(
+        "Torques need the rotor's inertia: give `wheel.inertia_kg_m2` if you know it, else 1.5e-3 kg m^2 is taken."
+    )
     return [*steps, "`diagnosis/report.html` beside this page has the residual, and what else was thought of."]

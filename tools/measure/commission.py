@@ -25,7 +25,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -46,6 +46,7 @@ from rw_ekf.drivers.line.serial_port import PortSettings
 from rw_ekf.drivers.sim.plant_batch import compiled_advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable, VirtualPort
 from rw_ekf.errors import DriverError, RwEkfError
 from rw_ekf.live.stop_signal import StopSignal
@@ -103,11 +104,21 @@ class Watched:
     """What reached the wheel."""
 
     agreed: bool = False
+    writes: int = 0
     before_agreed: int = 0
     largest_A: float = 0.0
     fastest_rad_s: float = 0.0
     last_A: float = 0.0
     said: list[tuple[str, str]] = field(default_factory=list)
+
+
+class Rig(NamedTuple):
+    """A commissioning in this process."""
+
+    work: Work
+    watched: Watched
+    plant: PlantRunner
+    server: RegisterServer
 
 
 class Person:
@@ -142,7 +153,7 @@ class Person:
 
         def poll() -> float | None:
             began.append(self._clock.monotonic())
-            last.append(rpm_from_rad_s(self._plant.speed_rad_s))
+            last.append(abs(rpm_from_rad_s(self._plant.speed_rad_s)))
             recent = last[-20:]
             return 1.01 * sum(recent) / len(recent) if began[-1] - began[0] > 8.0 else None
 
@@ -191,8 +202,8 @@ def draw_wheel(number: int, seed: int) -> Draw:
     )  # fmt: skip
 
 
-def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options) -> tuple[Work, Watched, PlantRunner]:
-    """A commissioning of the drawn wheel, and what reaches the wheel. stop is still to be set."""
+def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options, stop: StopSignal) -> Rig:
+    """A commissioning of the drawn wheel, that goes on where one in this directory stopped."""
     parameters = PlantParameters(
         motor_gain=draw.gain,
         viscous=draw.viscous,
@@ -209,6 +220,7 @@ def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options) -
         watched.fastest_rad_s = max(watched.fastest_rad_s, abs(plant.speed_rad_s))
         if frame.id == command.id:
             current = decode_register(command, frame.data)["current_command"]
+            watched.writes += 1
             watched.before_agreed += current != 0.0 and not watched.agreed
             watched.largest_A, watched.last_A = max(watched.largest_A, abs(current)), current
 
@@ -218,10 +230,10 @@ def rig_of(draw: Draw, directory: Path, clock: VirtualClock, options: Options) -
     deaf = Line(VirtualCable(server, clock), str(directory / "wheel"), draw.baud)
     person = Person(watched, plant, clock, has_tachometer=draw.has_tachometer)
     work = Work(
-        options, Progress.of(directory / "out"), person, clock, StopSignal(), _Unheard(),
+        options, Progress.of(directory / "out"), person, clock, stop, _Unheard(),
         lambda name: deaf.speaking(load_protocol(name)), lambda: [deaf.port],
     )  # fmt: skip
-    return work, watched, plant
+    return Rig(work, watched, plant, server)
 
 
 def options_of(draw: Draw, directory: Path) -> Options:
@@ -243,8 +255,7 @@ def carry_out(draw: Draw) -> Told:
     with tempfile.TemporaryDirectory() as folder, StopSignal() as stop:
         directory, clock = Path(folder), VirtualClock()
         options = options_of(draw, directory)
-        work, watched, plant = rig_of(draw, directory, clock, options)
-        work.stop = stop
+        work, watched, plant, _ = rig_of(draw, directory, clock, options, stop)
         refused = None
         try:
             commission(work)

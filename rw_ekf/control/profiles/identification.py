@@ -31,7 +31,7 @@ GAIN, VISCOUS, COULOMB = 15.205, 0.00322, 0.5863  # [CK13]
 COULOMB_A = COULOMB / GAIN  # the current that balances Coulomb friction
 _FASTEST_RAD_S = 209.0  # 2000 rpm
 _COAST_S = 81.0
-_SPIN_UP_S, _BRAKE_S = (6.0, 60.0), (3.0, 30.0)  # shortest and longest, of another wheel
+_SPIN_UP_S, _BRAKE_S = (6.0, 45.0), (3.0, 30.0)  # shortest and longest, of another wheel
 
 
 class Sizes(NamedTuple):
