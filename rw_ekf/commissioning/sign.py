@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +29,7 @@ _SURE = 10.0  # standard deviations of the gain
 _GAINS = (0.02, 5.0e4)  # rad/s^2 per ampere: from the largest flywheels to motors without one
 _RAMP_AT_MOST_S, _REST_AT_MOST_S, _PULSES_AT_MOST_S = 40.0, 60.0, 120.0
 _HOLD_AT_MOST_S, _HELD_S = 180.0, 3.0
-_HELD_SHARE = 0.6  # of the cautious speed
+_HELD_SHARE = 0.3  # of the cautious speed
 _LEAST_HEADROOM = 1.5  # of the current limit over the break-away current: less shows friction only
 
 
@@ -36,7 +38,13 @@ class Moved(NamedTuple):
 
     fit: MotionFit
     ratios: Ratios
-    breakaway_A: tuple[float, float]  # forward, backward
+    ways: tuple[list[Row], list[Row]]  # the ramps, forward and backward
+
+    @property
+    def breakaway_A(self) -> tuple[float, float]:
+        """The currents at which the wheel began to move, forward and backward."""
+        forward, backward = (breakaway_of(rows, abs(self.fit.gain), max(self.fit.coulomb, 0.0)) for rows in self.ways)
+        return forward, backward
 
 
 def find_sign(work: Work) -> dict[str, Any]:
@@ -51,7 +59,7 @@ def find_sign(work: Work) -> dict[str, Any]:
         factors |= turned
         path = write_corrected_map(found, factors, work.progress.directory)
         work.dialogue.say("sign", f"{_turned_text(turned)}; moved again through {path}")
-        moved = _moved(work, ratio, path, moved.breakaway_A)
+        moved = _moved(work, ratio, path, moved.ways)
         if turned_signs(moved.fit.gain, moved.ratios):
             raise RefusedError(f"{_turned_text(turned)}, and with that turned the readings still contradict each other")
     by = "the command line"
@@ -87,8 +95,13 @@ def find_sign(work: Work) -> dict[str, Any]:
     }
 
 
-def _moved(work: Work, ratio: float | None, path: str | None = None, away: tuple[float, float] | None = None) -> Moved:
-    """Ramps and pulses. path: of the wire map, in place of the one found. away: what the ramps showed before."""
+def _moved(
+    work: Work,
+    ratio: float | None,
+    path: str | None = None,
+    ways: tuple[list[Row], list[Row]] | None = None,
+) -> Moved:
+    """Ramps and pulses. path: of the wire map, in place of the one found. ways: the ramps of before."""
     still, most_A = work.still, work.progress["limits"]["current_A"]
     limit_rad_s = work.speed_limit_rad_s / (ratio or 1.0)
     ceiling = max(CAUTIOUS * limit_rad_s, _ABOVE_REST * still.rest_rad_s)
@@ -98,8 +111,9 @@ def _moved(work: Work, ratio: float | None, path: str | None = None, away: tuple
             "too near the speed limit for a small move: give a larger --speed-limit"
         )
     with work.at_the_wheel(ceiling_rad_s=ceiling, path=path) as bench:
-        if away is None:
-            away = _broken_away(bench, most_A, still.rest_rad_s)
+        if ways is None:
+            ways = _broken_away(bench, most_A, still.rest_rad_s)
+        away = [max(abs(row.command_A) for row in rows if math.isfinite(row.command_A)) for rows in ways]
         bench.run(to_rest(still.rest_rad_s), _REST_AT_MOST_S)
         if most_A < _LEAST_HEADROOM * max(away):
             raise RefusedError(
@@ -118,19 +132,29 @@ def _moved(work: Work, ratio: float | None, path: str | None = None, away: tuple
             if fit is not None and fit.sigmas > _SURE:
                 break
             first_A = min(2.0 * first_A, most_A)
-    return Moved(_believed(fit), ratios_of(rows, still.rest_rad_s), away)
+    return Moved(_believed(fit), ratios_of(rows, still.rest_rad_s), ways)
 
 
-def _broken_away(bench: Bench, most_A: float, rest_rad_s: float) -> tuple[float, float]:
-    """The currents at which the wheel began to move, forward and backward. Raises RefusedError."""
-    ways = [_ramp(bench, side, most_A, rest_rad_s) for side in (1.0, -1.0)]
+def breakaway_of(rows: Sequence[Row], gain: float, coulomb: float) -> float:
+    """The current at which a wheel began to move in a ramp: its speed at the end, taken back under the known motion."""
+    speed = float(np.mean([abs(row.speed_rad_s) for row in rows[-2:] if row.speed_rad_s is not None]))
+    for row, following in reversed(list(itertools.pairwise(rows))):
+        current_A = abs(row.command_A) if math.isfinite(row.command_A) else 0.0
+        speed -= (gain * current_A - coulomb) * (following.time_s - row.time_s)
+        if current_A > 0.0 and (speed <= 0.0 or gain * current_A <= coulomb):
+            return current_A
+    return max(abs(row.command_A) for row in rows if math.isfinite(row.command_A))
+
+
+def _broken_away(bench: Bench, most_A: float, rest_rad_s: float) -> tuple[list[Row], list[Row]]:
+    """Ramps until the wheel moves, forward and backward. Raises RefusedError."""
+    ways = _ramp(bench, 1.0, most_A, rest_rad_s), _ramp(bench, -1.0, most_A, rest_rad_s)
     if is_unsigned(*ways):
         raise RefusedError(
             "the speed reads the same way round whichever way the current drives: it has no sign, and no friction can "
             "be told by it. Give a wire map whose speed is signed"
         )
-    forward, backward = (max(abs(row.command_A) for row in rows if math.isfinite(row.command_A)) for rows in ways)
-    return forward, backward
+    return ways
 
 
 def _ramp(bench: Bench, side: float, most_A: float, rest_rad_s: float) -> list[Row]:

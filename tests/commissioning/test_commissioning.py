@@ -1,4 +1,4 @@
-"""Whole commissionings of simulated wheels over the real driver, on a virtual clock: ended, broken off, gone on with."""
+"""Whole commissionings of simulated wheels over the real driver, on a virtual clock: ended, broken off, resumed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def rig(draw: Draw, directory: Path, clock: VirtualClock, stop: StopSignal) -> R
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2])
 def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int) -> None:
-    """Either family, a scale that is wrong by 60/2 pi or ten, a current's sign turned: the model is the true wheel's."""
+    """Either family, a scale wrong by 60/2 pi or ten, a current's sign turned: the model is the true wheel's."""
     draw = draw_wheel(number, seed=1)
     assert draw.scale != 1.0
     assert draw.turned
@@ -113,18 +113,20 @@ def test_a_signal_at_any_time_leaves_zero_and_the_next_call_goes_on(tmp_path: Pa
 
 @pytest.mark.parametrize("at_s", [60.0, 90.0])
 def test_a_wheel_that_dies_is_said_in_a_sentence(tmp_path: Path, at_s: float) -> None:
-    """Its line is pulled at rest or in the first move, or it says nothing any more: a DriverError, what was found is kept."""
+    """Its line is pulled at rest or in the first move, or it falls silent: a DriverError, what was found is kept."""
     for fault in ("hangup", "drop:1"):
         with StopSignal() as stop:
-            made = rig(USUAL, tmp_path / fault[:4], VirtualClock(), stop)
+            directory = tmp_path / fault[:4]
+            directory.mkdir()
+            made = rig(USUAL, directory, VirtualClock(), stop)
             put_faults(made.server, f"{fault}@{at_s:g}s")
-            with pytest.raises(DriverError, match="stopped answering|did not confirm zero|failed|there is no port"):
+            with pytest.raises(DriverError, match=r"stopped answering|did not confirm zero|failed|there is no port"):
                 commission(made.work)
             assert made.work.progress["find"] is not None
 
 
 def test_limits_that_do_not_move_the_wheel_are_refused_with_what_it_takes(tmp_path: Path) -> None:
-    """A current limit below break-away: refused, and zero in force; a wheel that reads no sign: refused as that."""
+    """A current limit below break-away: refused, and zero in force."""
     with StopSignal() as stop:
         made = rig(USUAL, tmp_path, VirtualClock(), stop)
         made.work.options = made.work.options._replace(current_limit_A=0.04)

@@ -16,7 +16,7 @@ REST_RAD_S = 1.0
 
 
 def moved(delay_s: float, noise_rad_s: float, seed: int, sign: float = 1.0) -> list[Row]:
-    """Pulses around a steady speed, read and commanded at 25 Hz; a command acts 4 ms and the delay after its reading."""
+    """Pulses around a steady speed at 25 Hz; a command acts 4 ms and the delay after its reading."""
     rng = np.random.default_rng(seed)
     rows, speed, pending, current = [], 0.0, [], 0.0
     for index in range(25 * 16):
@@ -47,7 +47,7 @@ def moved(delay_s: float, noise_rad_s: float, seed: int, sign: float = 1.0) -> l
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_gain_and_friction_are_the_wheel_s(sign: float) -> None:
-    """Within five of the sigmas that are told, which are below 3 %; a reading the other way round has the gain below zero."""
+    """Within five of the sigmas told, which are below 3 %; a reading the other way round has the gain below zero."""
     found = fit_motion(moved(0.0, 0.05, seed=1, sign=sign), REST_RAD_S)
     assert found is not None
     assert found.gain == pytest.approx(sign * GAIN, abs=5.0 * found.gain_std)

@@ -48,7 +48,7 @@ def test_a_size_is_never_laid_on_either_of_two(ratios: Ratios) -> None:
 
 
 def test_a_mended_map_carries_what_was_meant(tmp_path: pytest.TempPathFactory) -> None:
-    """Scales of the copy are those of the original times the factors, read or written as named; all else is as it was."""
+    """Scales of the copy are the original's times the factors, read or written as named; all else is as it was."""
     factors = {("speed", READ): -2.0, ("current_command", WRITE): -1.0}
     made = protocol_named(write_corrected_map("sunspace-wheel", factors, tmp_path))  # type: ignore[arg-type]
     true = protocol_named("sunspace-wheel")
