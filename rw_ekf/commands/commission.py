@@ -9,6 +9,10 @@ import select
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rw_ekf.live.stop_signal import StopSignal
 
 HELP = "from an unknown wheel on a port to its configuration, its model and a page about it"
 EXAMPLE = """example:
@@ -43,6 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
+    from rw_ekf.live.stop_signal import StopSignal
+
+    with StopSignal() as stop:  # from here on: loading the rest takes a second
+        return _commissioned(args, stop)
+
+
+def _commissioned(args: argparse.Namespace, stop: StopSignal) -> int:
     from rw_ekf.clock import SystemClock
     from rw_ekf.commands.first_use import make_ready
     from rw_ekf.commands.undrawn import drawn
@@ -54,7 +65,6 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.console import logger, progress, shown_path
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
-    from rw_ekf.live.stop_signal import StopSignal
 
     if args.baud is not None and not 50 <= args.baud <= 4_000_000:
         raise BadInputError(f"--baud {args.baud}: give one from 50 to 4000000")
@@ -64,23 +74,19 @@ def execute(args: argparse.Namespace) -> int:
     )  # fmt: skip
     found = Progress.of(Path(args.out))
     dialogue = Terminal(as_json=args.json)
-    stopped, whole = False, True
-    with StopSignal() as stop:
-        work = Work(options, found, dialogue, SystemClock(), stop, logger())
-        try:
-            with progress("model", None) as bar:
+    work = Work(options, found, dialogue, SystemClock(), stop, logger())
+    whole = True
+    try:
+        with progress("model", None) as bar:
 
-                def advance(text: str) -> None:
-                    bar.set_description(text)
-                    bar.update(1)
+            def advance(text: str) -> None:
+                bar.set_description(text)
+                bar.update(1)
 
-                whole = drawn(lambda: commission(work, lambda: make_ready(DIAGNOSIS), advance))
-        except Stopped:
-            stopped = True
-    if stopped:
-        dialogue.say(
-            "stopped", f"by a signal, with zero current; the same command with --out {shown_path(args.out)} goes on"
-        )
+            whole = drawn(lambda: commission(work, lambda: make_ready(DIAGNOSIS), advance))
+    except Stopped:
+        out = shown_path(args.out)
+        dialogue.say("stopped", f"by a signal, with zero current; the same command with --out {out} goes on")
     if args.json:
         print_json(found.document())
     elif found["done"]:

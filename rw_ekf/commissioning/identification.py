@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rw_ekf.clock import Clock
 from rw_ekf.commissioning.bench import NOT_CONFIRMED
 from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.commissioning.setting import SLEW_PER_LIMIT, write_configuration
@@ -14,7 +15,9 @@ from rw_ekf.control.profiles.make_profile import Profile
 from rw_ekf.errors import DriverError
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
-from rw_ekf.records import Controller, RunState, Tick
+from rw_ekf.live.oversight import Oversight
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.records import Controller, RunState, StateNow, Tick
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.units import rpm_from_rad_s
 
@@ -22,6 +25,7 @@ _MOST_SHARE = 0.95  # of the current limit: the guard clamps nothing
 _FASTEST_SHARE = 0.6  # of the speed limit, that coast-downs begin at
 _HELD_SHARE = 0.8  # of it, above which no current that makes the wheel faster is asked for
 _SLEW_SHARE = 0.8
+_WAITS_S = 10.0  # for a line that is lost, or for zero to be over
 DIRECTORY = "identification"
 
 
@@ -38,17 +42,18 @@ def identify(work: Work) -> dict[str, Any]:
     try:
         outcome = run_daemon(
             configuration, work.spoken(configuration), GivenModel(fresh=True), None, work.logger, work.stop, work.clock,
-            planned=commander,
+            oversight=Oversight((_Impatience(work.stop, work.clock),)), planned=commander,
         )  # fmt: skip
     finally:
         work.progress.spent(work.clock.monotonic() - began_s)
-    if not outcome.zero_confirmed:
-        raise DriverError(NOT_CONFIRMED)
     if outcome.lost:
         raise DriverError(
-            "the wheel stopped answering during the identification; zero was written. Look at its supply and cable, "
-            "then start again: what was found until here is kept"
+            "the wheel stopped answering during the identification; zero was tried"
+            f"{'' if outcome.zero_confirmed else f': {NOT_CONFIRMED}'}. Look at its supply and cable, then start again: "
+            "what was found until here is kept"
         )
+    if not outcome.zero_confirmed:
+        raise DriverError(NOT_CONFIRMED)
     if outcome.halted is not None:
         raise RefusedError(outcome.halted)
     if outcome.state.state is RunState.SAFE:
@@ -84,6 +89,28 @@ def _noise_rpm(work: Work) -> float:
     late_s = 1e-3 * abs(delay["beyond_line_ms"] or 0.0)
     by_delay_rpm = rpm_from_rad_s(late_s * sign["motor_gain"] * work.progress["limits"]["current_A"])
     return max(rpm_from_rad_s(work.still.noise_rad_s), delay["noise_moving_rpm"] or 0.0, by_delay_rpm)
+
+
+class _Impatience:
+    """Ends a run that no longer drives the wheel: a daemon waits for a person or a cable, a commissioning does not."""
+
+    def __init__(self, stop: StopSignal, clock: Clock) -> None:
+        self._stop = stop
+        self._clock = clock
+        self._since_s: float | None = None
+
+    def turned(self, state: StateNow | None) -> None:
+        """A turn has been completed."""
+        if state is None or state.state not in (RunState.LOST, RunState.SAFE):
+            self._since_s = None
+            return
+        now_s = self._clock.monotonic()
+        self._since_s = now_s if self._since_s is None else self._since_s
+        if now_s - self._since_s > _WAITS_S:
+            self._stop.request(state.reason)
+
+    def over(self) -> None:
+        """Nothing to be told."""
 
 
 class _Held:

@@ -28,7 +28,8 @@ from rw_ekf.wheel.model_file import WheelModel
 PAGE, PICTURE = "report.html", "friction.png"
 _TEMPLATES = Path(__file__).parent / "templates"
 _WINDOW_S = 1.0
-_BINS, _LEAST_IN_BIN, _POINTS = 40, 4, 401
+_BINS, _LEAST_IN_BIN, _POINTS = 40, 4, 200
+_SLOWEST_RAD_S = 1.0e-3
 _USUAL_NOISE_RAD_S, _USUAL_TORQUE_NOISE, _PERIOD_S = 0.1, 0.003, 0.1
 
 
@@ -51,7 +52,10 @@ def friction_curve(log: WheelLog, model: WheelModel) -> FrictionCurve:
         WheelSample(0.0, 0.0)
     )
     fastest = float(np.nanmax(np.abs(log.speed_rad_s)))
-    speeds = np.linspace(-fastest, fastest, _POINTS)
+    forward = np.append(
+        _SLOWEST_RAD_S, np.geomspace(10.0 * _SLOWEST_RAD_S, fastest, _POINTS)
+    )  # dense where it is steep
+    speeds = np.concatenate((-forward[::-1], forward))
     believed = [first.friction_torque_rad_s2(float(speed)) for speed in speeds]
     at, seen, error = _seen(log, model.parameters.motor_gain, fastest)
     return FrictionCurve(

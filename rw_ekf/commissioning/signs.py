@@ -79,16 +79,13 @@ def turned_signs(gain: float, ratios: Ratios) -> dict[tuple[str, str], float]:
         "echo": ratios.echo is not None and ratios.echo < 0.0,
     }
     told = [name for name, ratio in (("measured", ratios.measured), ("echo", ratios.echo)) if ratio is not None]
-    if against["speed"] and told and all(against[name] for name in told):
-        return {("current_command", WRITE): -1.0}  # the command stands alone
     factors = {}
-    if against["speed"]:
-        factors["speed", READ] = -1.0
-    if against["measured"]:
-        factors["current", READ] = -1.0
-    if against["echo"]:
-        factors["current_command", READ] = -1.0
-    if ratios.angle is not None and (ratios.angle < 0.0) != against["speed"]:
+    if against["speed"] and told and all(against[name] for name in told):
+        factors["current_command", WRITE] = -1.0  # the command stands alone
+    else:
+        keys = {"speed": "speed", "measured": "current", "echo": "current_command"}
+        factors = {(keys[name], READ): -1.0 for name, is_so in against.items() if is_so}
+    if ratios.angle is not None and (ratios.angle < 0.0) != (("speed", READ) in factors):
         factors["angle", READ] = -1.0
     return factors
 

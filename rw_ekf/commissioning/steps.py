@@ -36,6 +36,8 @@ def commission(
     Raises Stopped for a signal, and whatever a step refuses by; what was found is kept.
     """
     progress = work.progress
+    if work.stop.requested is not None:
+        raise Stopped
     _take_up(work)
     if progress["find"] is None:
         progress.keep("find", _find(work))
