@@ -9,7 +9,7 @@ import select
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rw_ekf.live.stop_signal import StopSignal
@@ -76,17 +76,22 @@ def _commissioned(args: argparse.Namespace, stop: StopSignal) -> int:
     dialogue = Terminal(as_json=args.json)
     work = Work(options, found, dialogue, SystemClock(), stop, logger())
     whole = True
-    try:
-        with progress("model", None) as bar:
+    with contextlib.ExitStack() as shown:
+        bars: list[Any] = []
 
-            def advance(text: str) -> None:
-                bar.set_description(text)
-                bar.update(1)
+        def computing() -> None:
+            make_ready(DIAGNOSIS)
+            bars.append(shown.enter_context(progress("model", None)))
 
-            whole = drawn(lambda: commission(work, lambda: make_ready(DIAGNOSIS), advance))
-    except Stopped:
-        out = shown_path(args.out)
-        dialogue.say("stopped", f"by a signal, with zero current; the same command with --out {out} goes on")
+        def advance(text: str) -> None:
+            bars[0].set_description(text)
+            bars[0].update(1)
+
+        try:
+            whole = drawn(lambda: commission(work, computing, advance))
+        except Stopped:
+            out = shown_path(args.out)
+            dialogue.say("stopped", f"by a signal, with zero current; the same command with --out {out} goes on")
     if args.json:
         print_json(found.document())
     elif found["done"]:

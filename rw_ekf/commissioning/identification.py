@@ -49,7 +49,7 @@ def identify(work: Work) -> dict[str, Any]:
     if outcome.lost:
         raise DriverError(
             "the wheel stopped answering during the identification; zero was tried"
-            f"{'' if outcome.zero_confirmed else f': {NOT_CONFIRMED}'}. Look at its supply and cable, then start again: "
+            f"{'' if outcome.zero_confirmed else f': {NOT_CONFIRMED}'}. Look at supply and cable, then start again: "
             "what was found until here is kept"
         )
     if not outcome.zero_confirmed:

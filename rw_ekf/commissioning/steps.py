@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -69,7 +70,8 @@ def interruptible() -> Iterator[None]:
     def stop(number: int, frame: FrameType | None) -> None:
         raise Stopped
 
-    before = {number: signal.signal(number, stop) for number in stops_heeded()}
+    heeded = stops_heeded() if threading.current_thread() is threading.main_thread() else []
+    before = {number: signal.signal(number, stop) for number in heeded}
     try:
         yield
     finally:
