@@ -23,7 +23,7 @@ class Progress:
 
     def __init__(self, directory: Path, content: Mapping[str, Any] | None = None) -> None:
         self.directory = directory
-        self._content: dict[str, Any] = {"schema": SCHEMA, "wheel_s": 0.0, "done": False, "files": {}}
+        self._content: dict[str, Any] = {"schema": SCHEMA, "wheel_s": 0.0, "done": False, "files": None}
         self._content |= dict.fromkeys(STEPS) | dict(content or {})
 
     @classmethod
@@ -56,7 +56,7 @@ class Progress:
 
     def forget_from(self, step: str) -> None:
         """What was found from that step on no longer holds."""
-        self._content |= dict.fromkeys(STEPS[STEPS.index(step) :]) | {"done": False}
+        self._content |= dict.fromkeys(STEPS[STEPS.index(step) :]) | {"done": False, "files": None}
 
     def spent(self, seconds: float) -> None:
         """Count the time at the wheel."""
@@ -72,4 +72,4 @@ def _is_ours(content: object) -> bool:
         return False
     steps = all(content.get(step) is None or isinstance(content[step], dict) for step in STEPS)
     number = isinstance(content.get("wheel_s"), int | float)
-    return steps and number and isinstance(content.get("files"), dict) and isinstance(content.get("done"), bool)
+    return steps and number and isinstance(content.get("files"), dict | None) and isinstance(content.get("done"), bool)
