@@ -21,6 +21,7 @@ VERBS = {
     "fit": "fit",
     "diagnose": "diagnose",
     "compare": "compare",
+    "commission": "commission",
     "init": "init",
     "check-config": "check_config",
     "columns": "columns",

@@ -145,3 +145,12 @@ class DescribedProtocol(Protocol):
     def packets(self) -> tuple[WirePacket, ...]:
         """Requests and replies."""
         ...
+
+
+@runtime_checkable
+class StartedByWrite(Protocol):
+    """A family whose wheel waits, after power-up, for a write that starts its program."""
+
+    def reading_only(self) -> WheelProtocol:
+        """The same, but that a wheel that waits is not started: its reads raise NotStartedError."""
+        ...

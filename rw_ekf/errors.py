@@ -7,6 +7,7 @@ RwEkfError              exit status 1: the work failed
 │   └── LogError        a log that cannot be read or used (EmptyLogError: because there is no row in it)
 ├── PictureError        a picture that matplotlib cannot draw; what it shows is there without it
 ├── DriverError         the wheel's link: cannot be opened, lost, answers garbage
+│   └── NotStartedError     its boot loader answers, and nobody has allowed the write that starts its program
 └── FilterError         the filter was given something that is not a number, or its covariance broke
 EndOfRecord             not an error: a replayed record has no more samples
 
@@ -66,6 +67,10 @@ class DriverError(RwEkfError):
     """The link to the wheel failed."""
 
     kind = "driver"
+
+
+class NotStartedError(DriverError):
+    """A wheel's boot loader answers; what starts its program is a write that was not allowed."""
 
 
 class FilterError(RwEkfError):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import Field as Key
-from pydantic import field_validator, model_validator
+from pydantic import PrivateAttr, field_validator, model_validator
 
 from rw_ekf.checking.findings import Where
 from rw_ekf.checking.section import Mistake, Section, refuse
@@ -18,6 +18,7 @@ from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import Byte, IdRanges, Register
 from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.errors import NotStartedError
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.register_server import RegisterServer
@@ -52,9 +53,11 @@ class NspLink(SerialLink):
 
     codec: NspCodec
 
-    def __init__(self, *args: Any, init_data: bytes = b"") -> None:
+    def __init__(self, *args: Any, init_data: bytes = b"", starts: bool = True) -> None:
+        """starts: False raises NotStartedError in place of an INIT."""
         super().__init__(*args)
         self._init_data = init_data
+        self._starts = starts
         self._start_again_s = self._clock.monotonic()
         self._in_vain = 0  # requests running that brought nothing
         self._runs = False  # its program, and not the boot loader, as far as it is known
@@ -128,6 +131,8 @@ class NspLink(SerialLink):
         if super().request(PING_ID, b"", _TEXT_BYTES).data is None:
             self._seq += 1  # B goes on between reads as if nothing had been asked
             return False
+        if not self._starts:
+            raise NotStartedError(f"{self.settings.port}: the wheel answers from its boot loader and refuses reads")
         if super().request(INIT_ID, self._init_data, len(OK)).data != OK:
             return False
         self.restarts += 1
@@ -150,6 +155,7 @@ class NspLink(SerialLink):
 class NspMap(WireMap):
     """A wire map of such a wheel."""
 
+    _starts: bool = PrivateAttr(default=True)
     framing: NspFraming = NspFraming()  # type: ignore[assignment]
     ids: IdRanges = IdRanges(write=(0, INIT_ID - 1), read=(FIRST_READ, PING_ID))
 
@@ -175,7 +181,7 @@ class NspMap(WireMap):
     def open_line(self, *line: Any) -> Line:
         """A line on which it is spoken."""
         settings, *more = line
-        return NspLink(settings, self.codec(), *more, init_data=self.init_data)
+        return NspLink(settings, self.codec(), *more, init_data=self.init_data, starts=self._starts)
 
     @property
     def init_data(self) -> bytes:
@@ -187,6 +193,12 @@ class NspProtocol(RegisterProtocol):
     """A WheelProtocol over such a map."""
 
     wire_map: NspMap
+
+    def reading_only(self) -> NspProtocol:
+        """As StartedByWrite has it."""
+        held = self.wire_map.model_copy()
+        held._starts = False
+        return type(self)(held, self.scale_places, self.fingerprint, self._open_port)
 
     @property
     def electronics(self) -> type[RegisterServer]:

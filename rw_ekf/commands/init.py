@@ -26,8 +26,9 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises BadInputError where the file is there already or cannot be written."""
     from rw_ekf.console import shown_path
     from rw_ekf.json_output import print_json
+    from rw_ekf.live.port_name import serial_ports
 
-    found = [] if args.port is not None else _ports()
+    found = [] if args.port is not None else serial_ports()
     port = args.port or (found[0] if found else _PLACEHOLDER)
     _write_new(args.out, _text(port, found[1:]))
     if args.json:
@@ -41,16 +42,6 @@ def execute(args: argparse.Namespace) -> int:
     out = shown_path(args.out)
     sys.stdout.write(f"{out} written; {said}\nlook at it, limits above all; then: rw-ekf check-config {out}\n")
     return 0
-
-
-def _ports() -> list[str]:
-    """Serial ports of this machine, adapters before what is built in, each by the name that stays where it has one."""
-    from serial.tools.list_ports import comports
-
-    from rw_ekf.live.port_name import aliases_of, device_of
-
-    ports = sorted(comports(), key=lambda port: (port.vid is None, port.device))
-    return [next(iter(aliases_of(device_of(port.device))), port.device) for port in ports]
 
 
 def _text(port: str, others: list[str]) -> str:

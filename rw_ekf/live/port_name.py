@@ -101,3 +101,11 @@ def aliases_of(device: str | None) -> list[str]:
         except OSError:
             continue
     return found
+
+
+def serial_ports() -> list[str]:
+    """Serial ports of this machine, adapters before what is built in, each by the name that stays where it has one."""
+    from serial.tools.list_ports import comports
+
+    ports = sorted(comports(), key=lambda port: (port.vid is None, port.device))
+    return [next(iter(aliases_of(device_of(port.device))), port.device) for port in ports]

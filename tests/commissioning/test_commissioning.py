@@ -1,0 +1,167 @@
+"""Whole commissionings of simulated wheels over the real driver, on a virtual clock: ended, broken off, resumed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rw_ekf.clock import VirtualClock
+from rw_ekf.commissioning.dialogue import RefusedError, Stopped
+from rw_ekf.commissioning.progress import STEPS, Progress
+from rw_ekf.commissioning.steps import commission
+from rw_ekf.errors import BadInputError, DriverError
+from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.settings.load import load_configuration
+from tests.contract import check_document
+from tests.injecting import put_faults
+from tools.measure.commission import Draw, Rig, carry_out, draw_wheel, options_of, rig_of
+
+USUAL = Draw(
+    0, "sunspace-wheel", gain=12.0, viscous=0.003, coulomb=0.5, static=0.6, scale=1.0, turned=(("speed", "read"),),
+    noise_rpm=0.5, baud=57600, delay_s=0.0, has_tachometer=True,
+)  # fmt: skip
+
+
+def rig(draw: Draw, directory: Path, clock: VirtualClock, stop: StopSignal) -> Rig:
+    """A commissioning of a drawn wheel in this directory."""
+    return rig_of(draw, directory, clock, options_of(draw, directory), stop)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int) -> None:
+    """Either family, a scale wrong by 60/2 pi or ten, a current's sign turned: the model is the true wheel's."""
+    draw = draw_wheel(number, seed=1)
+    assert draw.scale != 1.0
+    assert draw.turned
+    told = carry_out(draw)
+    assert (told.verdict, told.reason) == ("right", "")
+    assert told.wheel_minutes < 15.0
+
+
+@pytest.mark.slow
+def test_what_is_written_is_in_the_contract_and_can_be_run(tmp_path: Path) -> None:
+    """The document has the contract's keys, wheel.yaml loads with the mended map and the model, the page holds all."""
+    with StopSignal() as stop:
+        made = rig(USUAL, tmp_path, VirtualClock(), stop)
+        commission(made.work)
+    document = made.work.progress.document()
+    check_document(document)
+    assert document["done"]
+    configuration = load_configuration(tmp_path / "out" / "wheel.yaml")
+    assert configuration.wheel.protocol == document["sign"]["protocol"]
+    assert Path(configuration.filter.model or "").is_file()
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "data:image/png" in page
+    assert 'src="http' not in page
+    assert document["model"]["verdict"]["name"] in page
+
+
+def test_nothing_but_reads_reaches_a_wheel_before_somebody_agreed(tmp_path: Path) -> None:
+    """Nobody agrees: the wheel got no write at all, and the reason is said; without limits it says which to give."""
+    with StopSignal() as stop:
+        made = rig(replace(USUAL, yes=False), tmp_path, VirtualClock(), stop)
+        with pytest.raises(BadInputError, match="--yes"):
+            commission(made.work)
+        assert made.watched.writes == 0
+        made.work.progress.forget_from("limits")
+        made.work.options = made.work.options._replace(current_limit_A=None)
+        with pytest.raises(BadInputError, match="--current-limit: give the limits"):
+            commission(made.work)
+        assert made.watched.writes == 0
+
+
+def test_a_boot_loader_is_not_told_to_start_before_somebody_agreed(tmp_path: Path) -> None:
+    """An NSP wheel that has just been powered: without --yes no INIT reaches it; with it the wheel is found."""
+    draw = replace(USUAL, family="nsp-wheel", yes=False)
+    with StopSignal() as stop:
+        made = rig(draw, tmp_path, VirtualClock(), stop)
+        with pytest.raises(RefusedError, match="boot loader answers"):
+            commission(made.work)
+        assert not made.server.started  # type: ignore[attr-defined]
+        made.work.options = made.work.options._replace(yes=True, current_limit_A=None)
+        with pytest.raises(BadInputError, match="--current-limit"):
+            commission(made.work)
+        assert made.work.progress["find"]["started"]
+        assert made.watched.writes == 0
+
+
+@pytest.mark.slow
+def test_a_signal_at_any_time_leaves_zero_and_the_next_call_goes_on(tmp_path: Path) -> None:
+    """Every 11 s of its time a signal: zero in force each time, nothing found is lost, and it comes to its end."""
+    lasts_s = 11.0
+    done: set[str] = set()
+    for _ in range(60):
+        clock = VirtualClock()
+        with StopSignal() as stop:
+            made = rig(USUAL, tmp_path, clock, stop)
+            clock.at(lasts_s, lambda stop=stop: stop.request("SIGTERM"))  # type: ignore[misc]
+            try:
+                commission(made.work)
+                break
+            except Stopped:
+                lasts_s *= 1.3  # longer than any step, in the end
+            assert made.plant.current_A == made.watched.last_A == 0.0
+        now = {step for step in STEPS if Progress.of(tmp_path / "out")[step] is not None}
+        assert done <= now
+        done = now
+    assert {"find", "limits", "still", "sign", "delay"} <= done
+    assert made.work.progress["done"]
+
+
+@pytest.mark.parametrize("at_s", [60.0, 90.0])
+def test_a_wheel_that_dies_is_said_in_a_sentence(tmp_path: Path, at_s: float) -> None:
+    """Its line is pulled at rest or in the first move, or it falls silent: a DriverError, what was found is kept."""
+    for fault in ("hangup", "drop:1"):
+        with StopSignal() as stop:
+            directory = tmp_path / fault[:4]
+            directory.mkdir()
+            made = rig(USUAL, directory, VirtualClock(), stop)
+            put_faults(made.server, f"{fault}@{at_s:g}s")
+            with pytest.raises(DriverError, match=r"stopped answering|did not confirm zero|failed|there is no port"):
+                commission(made.work)
+            assert made.work.progress["find"] is not None
+
+
+def test_limits_that_do_not_move_the_wheel_are_refused_with_what_it_takes(tmp_path: Path) -> None:
+    """A current limit below break-away: refused, and zero in force."""
+    with StopSignal() as stop:
+        made = rig(USUAL, tmp_path, VirtualClock(), stop)
+        made.work.options = made.work.options._replace(current_limit_A=0.04)
+        with pytest.raises(RefusedError, match="did not move the wheel"):
+            commission(made.work)
+        assert made.plant.current_A == 0.0
+
+
+def test_another_wheel_needs_another_directory(tmp_path: Path) -> None:
+    """What was found of one port is not gone on with at another, nor with another wheel behind the same."""
+    with StopSignal() as stop:
+        made = rig(replace(USUAL, yes=False), tmp_path, VirtualClock(), stop)
+        with pytest.raises(BadInputError, match="--yes"):
+            commission(made.work)
+        made.work.options = made.work.options._replace(port="/dev/other")
+        with pytest.raises(BadInputError, match="name another --out"):
+            commission(made.work)
+        again = rig(replace(USUAL, number=7), tmp_path, VirtualClock(), stop)
+        with pytest.raises(RefusedError, match="another wheel answers: serial number 8"):
+            commission(again.work)
+
+
+def test_without_a_tachometer_and_a_word_nothing_moves(tmp_path: Path) -> None:
+    """The scale cannot be known: refused before any write, with the option that says it."""
+    with StopSignal() as stop:
+        made = rig(replace(USUAL, has_tachometer=False), tmp_path, VirtualClock(), stop)
+        with pytest.raises(BadInputError, match="--speed-ratio"):
+            commission(made.work)
+        assert made.watched.writes == 0
+
+
+def test_no_port_says_what_was_tried(tmp_path: Path) -> None:
+    """Nobody answers: ports, maps and bauds stand in the message."""
+    with StopSignal() as stop:
+        made = rig(replace(USUAL, turned=()), tmp_path, VirtualClock(), stop)
+        put_faults(made.server, "drop:1")
+        with pytest.raises(RefusedError, match=r"no valid reply through nsp-wheel.* at the map's baud, 9600"):
+            commission(made.work)
