@@ -97,6 +97,14 @@ class SerialLink:
         return False
 
     @property
+    def hint(self) -> str:
+        """Why what has come may be no answer; empty where nothing is known."""
+        return ""
+
+    def note_restart(self) -> None:
+        """The wheel has restarted, as its clock says."""
+
+    @property
     def answers(self) -> bool:
         """Whether a good frame has come since it was opened."""
         return self.good_frames > 0

@@ -20,7 +20,6 @@ from rw_ekf.drivers.line.wheel_registers import (
 )
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
-from rw_ekf.errors import DriverError
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
@@ -58,6 +57,7 @@ class SerialWheel:
         self._opened_s = self._host.monotonic()
         self._restarts = 0
         self._speed: tuple[float, float] | None = None  # the last reading [rad/s], and when it came [s]
+        self._doubted: tuple[float, float] | None = None  # the reading just before, where it was not believed
         self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
 
     def read(self, timeout_s: float) -> WheelSample | None:
@@ -67,7 +67,7 @@ class SerialWheel:
         beside = not self._crowded_out and self._read_beside(deadline_s)
         exchange = self._exchange(self._main, deadline_s)
         values = self._values(self._main, exchange)
-        if values is not None and self._has_wrapped(values["speed"], exchange.replied_s):
+        if values is not None and self._has_jumped(values["speed"], exchange.replied_s):
             self.link.damaged += 1
             values = None
         self._crowded_out = beside and values is None
@@ -79,7 +79,10 @@ class SerialWheel:
         self._quiet_since_s = None
         if self._line.restarts != self._restarts:
             self._restarts = self._line.restarts
-            self.clock.begin_segment("wheel_restarted", "the wheel was in its boot loader and has been started")
+            if self._uptime_field is not None:
+                self.clock.note_restart()
+            else:
+                self.clock.begin_segment("wheel_restarted", "the wheel restarted, and has been made ready again")
             self.doubt_identity()
         for register in self._others:
             values = (self._values(register, self._exchange(register, deadline_s)) or {}) | values
@@ -89,6 +92,7 @@ class SerialWheel:
         segment = self.clock.segment
         time_s = self._time_s(values, exchange)
         if self.clock.segment != segment:
+            self._line.note_restart()
             self.doubt_identity()
             self._read_identity_if_due(deadline_s)
         news, self.clock.news = self.clock.news, None
@@ -144,12 +148,10 @@ class SerialWheel:
                 self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
             if self._host.monotonic() >= deadline_s:
                 break
-        if self._line.good_frames == 0:
-            raise silent_error(self._line.settings.port, self._line.settings.baud, within_s, self._line.received_bytes)
         if not self._line.answers:
-            raise DriverError(
-                f"{self.source}: the wheel answers and refuses every read: it may wait in its boot loader for another "
-                "framing.init_address than that of the wire map"
+            line = self._line
+            raise silent_error(
+                line.settings.port, line.settings.baud, within_s, line.received_bytes, line.good_frames, line.hint
             )
         self._restarts = self._line.restarts  # one that had to be started to be attached has not restarted
         soon_s = self._host.monotonic() + 4.0 * self._line.reply_timeout_s
@@ -182,13 +184,16 @@ class SerialWheel:
             return None
         return values
 
-    def _has_wrapped(self, speed_rad_s: float, came_s: float) -> bool:
-        """Whether the number on the wire went round its end: no wheel changes its speed so much in a second."""
-        field, last = self._map.speed_field, self._speed
-        known = field.type != "f32" and last is not None and came_s - last[1] < WRAP_WITHIN_S
-        if known and last is not None and abs(speed_rad_s - last[0]) > 0.5 * field.si_span:
-            return True
-        self._speed = speed_rad_s, came_s
+    def _has_jumped(self, speed_rad_s: float, came_s: float) -> bool:
+        """Whether the speed changed by more than a wheel can: its number went round its end, or lost a digit."""
+        field, last, reading = self._map.speed_field, self._speed, (speed_rad_s, came_s)
+        doubted, self._doubted = self._doubted, None
+        if last is not None and came_s - last[1] < WRAP_WITHIN_S:
+            believed = [last] if doubted is None or not field.is_believed_twice else [last, doubted]
+            if all(abs(speed_rad_s - rad_s) > field.most_change_si(came_s - at_s) for rad_s, at_s in believed):
+                self._doubted = reading
+                return True
+        self._speed = reading
         return False
 
     def _time_s(self, values: dict[str, float], exchange: Exchange) -> float:
@@ -199,7 +204,7 @@ class SerialWheel:
             return round(host_s - self._opened_s, _PLACES)
         if "uptime" not in values:  # its register was lost: where the clock would be
             return self.clock.between_s(host_s)
-        counts = field.type != "f32"
+        counts = not field.is_float
         span_s, count_s = (field.si_span, field.si_per_count) if counts else (None, 0.0)
         return self.clock.time_s(values["uptime"], host_s, span_s, exchange.replied_s, count_s)
 

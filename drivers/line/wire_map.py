@@ -14,7 +14,7 @@ from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import TORQUE_UNITS, Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
 STATUS_OK = 0
-_STATUSES = {STATUS_OK: "ok", 1: "unknown_id", 2: "wrong_length", 3: "out_of_range", 4: "refused_in_this_mode"}
+STATUSES = {STATUS_OK: "ok", 1: "unknown_id", 2: "wrong_length", 3: "out_of_range", 4: "refused_in_this_mode"}
 
 
 class WireMap(Section):
@@ -24,10 +24,10 @@ class WireMap(Section):
     framing: Framing = Framing()
     link: LineSettings = LineSettings()
     ids: IdRanges = IdRanges()
-    statuses: dict[Byte, Name] = Key(_STATUSES, description="number: name, of the byte that answers a write")
+    statuses: dict[Byte, Name] = Key(STATUSES, description="number: name, of the byte that answers a write")
     registers: tuple[Register, ...] = Key(strict=False, description="what can be read and written")
 
-    @field_validator("statuses")
+    @field_validator("statuses", check_fields=False)
     @classmethod
     def _ok(cls, statuses: dict[int, str]) -> dict[int, str]:
         if statuses.get(STATUS_OK) != "ok":
@@ -124,7 +124,7 @@ class WireMap(Section):
     @property
     def speed_step_rad_s(self) -> float:
         """Resolution of a speed reading [rad/s]; 0 where it is a floating-point number."""
-        return 0.0 if self.speed_field.type == "f32" else self.speed_field.si_per_count
+        return 0.0 if self.speed_field.is_float else self.speed_field.si_per_count
 
     def status_name(self, status: int) -> str:
         """The map's word for a status byte."""
