@@ -10,6 +10,7 @@ older one can come.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import reduce
 from operator import xor
@@ -19,7 +20,8 @@ from rw_ekf.drivers.line.ascii_template import LONGEST_LINE
 from rw_ekf.drivers.line.framing import CRCS, Decoded, Frame, crc16
 from rw_ekf.drivers.line.wire_map import STATUS_OK
 
-CUT = b"\x00"  # before a line whose beginning was given up: what still comes of it is none
+_CUT = b"\x00"  # before the rest of a line that is too long: none such holds
+_ENDS = re.compile(rb"[\r\n]+")
 STARTUP_ID = 0x100  # and the number of the line; beyond all registers
 _NOT_OURS = Frame(-1, -1, b"")  # a good line, and none that answers what was asked
 _NOTHING = Frame(-2, -1, b"")  # a line that the map knows to say nothing
@@ -41,7 +43,6 @@ class AsciiCodec:
         self._map = wire_map
         self._framing = wire_map.framing
         self._line_end = TERMINATORS[self._framing.terminator]
-        self._reply_end = TERMINATORS[self._framing.reply_terminator]
         self._prompt = self._framing.prompt.strip().encode()
         self.overhead_bytes = 0  # of the last reply; what is left of it beside its numbers' own bytes
         self.refused: str | None = None  # the line by which the last request was refused
@@ -69,7 +70,7 @@ class AsciiCodec:
 
     def replies(self, buffer: bytes) -> Decoded:
         """Frames of what came back; one that answers the last request has its seq and id."""
-        return self._decoded(buffer, self._reply_end, self._replied)
+        return self._decoded(buffer, self._replied)
 
     def _replied(self, text: str) -> Frame | None:
         """The frame of a line; None where the map has none such."""
@@ -102,7 +103,7 @@ class AsciiCodec:
 
     def requests(self, buffer: bytes) -> Decoded:
         """Frames at the wheel's end."""
-        return self._decoded(buffer, self._line_end, self._requested)
+        return self._decoded(buffer, self._requested)
 
     def _requested(self, text: str) -> Frame | None:
         self._asked = (0, None, text)
@@ -128,12 +129,12 @@ class AsciiCodec:
             text = refused.get(answer.data[0], next(iter(refused.values()), None))
         elif register is not None and register._answers is not None:
             text = register._answers.printed(_numbers(register, self._heard.get(register.id, bytes(register.size))))
-        around = self._line(self._asked[2], self._reply_end) if self._framing.echoes else b"", self._prompt
-        return (b"" if text is None else self._line(text, self._reply_end)).join(around)
+        around = self._line(self._asked[2], self._line_end) if self._framing.echoes else b"", self._prompt
+        return (b"" if text is None else self._line(text, self._line_end)).join(around)
 
     def said(self, text: str) -> bytes:
         """A line of the wheel's own."""
-        return self._line(text, self._reply_end)
+        return self._line(text, self._line_end)
 
     # --- lines --------------------------------------------------------------------------------------------------
 
@@ -147,9 +148,9 @@ class AsciiCodec:
             content += b"*" + checksum_of(content, self._framing.checksum).encode()
         return content + end
 
-    def _decoded(self, buffer: bytes, end: bytes, meaning: Callable[[str], Frame | None]) -> Decoded:
+    def _decoded(self, buffer: bytes, meaning: Callable[[str], Frame | None]) -> Decoded:
         """Every whole line of a buffer by its meaning; what is left is bounded, and marked where it is cut."""
-        *lines, rest = buffer.split(end)
+        *lines, rest = _ENDS.split(buffer)
         frames: list[Frame] = []
         damaged = 0
         for content in lines:
@@ -163,7 +164,7 @@ class AsciiCodec:
             elif frame is not _NOTHING:
                 frames.append(frame)
         if len(rest) > LONGEST_LINE:
-            rest = CUT + rest[-len(end) :]
+            rest = _CUT
             damaged += 1
         return Decoded(tuple(frames), damaged, b"" if self._prompt and rest.strip() == self._prompt else rest)
 

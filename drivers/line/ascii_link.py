@@ -1,17 +1,19 @@
-"""A line of text in both directions: no late answer is taken for a fresh one, no wheel is driven before it is made ready.
+"""A line of text in both directions: no late answer is a fresh one, no wheel is driven before it is made ready.
 
 An answer has no number. Behind a request that was given up its answer may still come, and would be taken for that of
 the next one. So the next one is kept a gap apart, and its answer is checked: the same is asked again at once, and only
-if that is answered in time as well, by one line, is the second answer believed. On a line that keeps every answer for
-longer than a reply may take the check fails, however long it keeps them: answers come as far apart as the requests were
-sent, and those were a reply's time and the gap apart. A command waits for nothing; a question behind it is its check.
+if that is answered in time as well, and no third line comes for half the time of a reply, is the second answer
+believed. On a line that keeps every answer for longer than a reply may take the check fails, however long it keeps
+them: answers come as far apart as the requests were sent, and those were a reply's time and the gap apart. On one that
+keeps some, and lets others overtake them, the answer that was overtaken is the third line, or is older than the first
+by the wheel's clock. A command waits for nothing; a question behind it is its check.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from rw_ekf.drivers.line.ascii_codec import CUT, AsciiCodec
+from rw_ekf.drivers.line.ascii_codec import AsciiCodec
 from rw_ekf.drivers.line.ascii_map import AsciiMap, AsciiRegister
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from rw_ekf.drivers.line.registers import decode_register, encode_register
@@ -22,6 +24,7 @@ from rw_ekf.drivers.line.wire_map import STATUS_OK
 from rw_ekf.errors import DriverError
 
 _RESTART_S = 0.5  # silent for so long, a wheel that says nothing of it may have restarted
+_LISTEN_SHARE = 0.5  # of a reply's time: how long an answer that is checked must be the last
 _GAP_SHARE, _LEAST_GAP_S = 0.25, 0.010  # of a reply's time: by how much two requests in vain are apart beside it
 
 
@@ -76,7 +79,7 @@ class AsciiLink(SerialLink):
         doubted = self._gave_up_s is not None
         exchange = self._noted(super().request(register_id, data, reply_bytes, left_s))
         if doubted and exchange.data is not None:
-            exchange = self._checked(register, exchange.replied_s)
+            exchange = self._checked(register, exchange)
         if exchange.data is not None:
             self._note_answer()
         return exchange
@@ -121,16 +124,19 @@ class AsciiLink(SerialLink):
                 self._gave_up_s = self._clock.monotonic()
         self._is_ready = True
 
-    def _checked(self, register: Register, since_s: float | None = None) -> Exchange:
-        """The answer to a question, where it comes by itself and in the time of a reply since since_s [s]."""
+    def _checked(self, register: Register, first: Exchange | None = None) -> Exchange:
+        """The answer to a question, where it comes by itself; and in time, and as the younger, behind a first answer."""
         answers, now_s = self.codec.answers, self._clock.monotonic()
-        left_s = None if since_s is None else max(since_s + self.reply_timeout_s - now_s, 0.0)
+        left_s = None if first is None else max(first.replied_s + self.reply_timeout_s - now_s, 0.0)
         exchange = self._noted(super().request(register.id, b"", register.size, left_s))
-        if exchange.data is not None and self.codec.answers - answers > 1:
+        if exchange.data is None:
+            return exchange
+        self._listen(exchange.replied_s + _LISTEN_SHARE * self.reply_timeout_s)
+        older = first is not None and _uptime_s(register, exchange) < _uptime_s(register, first)
+        if older or self.codec.answers - answers > 1:
             self._gave_up_s = exchange.replied_s
             return exchange._replace(data=None)
-        if exchange.data is not None:
-            self._gave_up_s = None
+        self._gave_up_s = None
         return exchange
 
     def _noted(self, exchange: Exchange) -> Exchange:
@@ -174,7 +180,14 @@ class AsciiLink(SerialLink):
         return Exchange(bytes((STATUS_OK,)) if is_sent else None, arrived_s, self._clock.monotonic())
 
     def _drop_unfinished(self, now_s: float) -> None:
-        """Give up a line whose end has not come in the time of a reply: what still comes of it is none."""
-        if len(self._rest) > 1 and not self._rest.startswith(CUT) and now_s - self._came_s > self.reply_timeout_s:
-            self.counters.damaged += 1
-            self._rest = CUT
+        """As of a frame; what still comes of the line may look like an answer."""
+        damaged = self.counters.damaged
+        super()._drop_unfinished(now_s)
+        if self.counters.damaged != damaged:
+            self._gave_up_s = now_s
+
+
+def _uptime_s(register: Register, exchange: Exchange) -> float:
+    """When the wheel answered, by its clock [s]; 0 where it tells none."""
+    assert exchange.data is not None
+    return decode_register(register, exchange.data).get("uptime", 0.0)

@@ -24,8 +24,9 @@ _UPTIME_WRAPS = 2.0**32  # millis() and micros() of an Arduino
 class AsciiFraming(Section):
     """What is around every line."""
 
-    terminator: Literal["lf", "crlf", "cr"] = Key("lf", description="what ends a request: \\n, \\r\\n or \\r")
-    reply_terminator: Literal["lf", "crlf", "cr"] = Key("lf", description="what ends a reply")
+    terminator: Literal["lf", "crlf", "cr"] = Key(
+        "lf", description="what ends a request: \\n, \\r\\n or \\r; a reply may end in any of them"
+    )
     checksum: Literal["none", "xor", "xor-decimal", "crc16-mcrf4xx", "crc16-x25", "crc16-kermit", "crc16-modbus"] = Key(
         "none", description="what follows a * behind each line"
     )

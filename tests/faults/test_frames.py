@@ -140,6 +140,8 @@ def test_a_reply_of_another_id_seq_or_length_is_rejected(
     bench: Bench, wheel: SerialWheel, text: str, counter: str
 ) -> None:
     """Row 13: with a good checksum, and counted."""
+    if text == "seq" and bench.protocol == "ascii-wheel":
+        pytest.skip("a line of text has no seq: what is late is told otherwise (tests/drivers/test_ascii_link.py)")
     bench.fault(text)
     assert not any(samples_of(bench, wheel, 3))
     assert getattr(wheel.link, counter) >= 3
@@ -158,6 +160,8 @@ def test_a_reply_of_another_id_seq_or_length_is_rejected(
 )
 def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, bad: str, counter: str) -> None:
     """Row 8, 10, 13: every third reply to the daemon is bad: nothing wrong reaches the filter or the wheel."""
+    if "seq" in bad and bench.protocol == "ascii-wheel":
+        pytest.skip("a line of text has no seq")
     ran = run(bench, 2.0, *fault(bench, 0.4, 1.4, bad))
     assert getattr(ran.outcome.link, counter) >= 3
     assert ran.outcome.statistics.rejected == 0
