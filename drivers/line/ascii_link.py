@@ -1,16 +1,17 @@
 """A line of text in both directions: no late answer is a fresh one, no wheel is driven before it is made ready.
 
 An answer has no number. Behind a request that was given up its answer may still come, and would be taken for that of
-the next one. So the next one is kept a gap apart, and its answer is checked: the same is asked again at once, and only
-if that is answered in time as well, and no third line comes for half the time of a reply, is the second answer
-believed. On a line that keeps every answer for longer than a reply may take the check fails, however long it keeps
-them: answers come as far apart as the requests were sent, and those were a reply's time and the gap apart. On one that
-keeps some, and lets others overtake them, the answer that was overtaken is the third line, or is older than the first
-by the wheel's clock. A command waits for nothing; a question behind it is its check.
+the next one. So for a second requests are kept a gap apart and every answer is checked: the same is asked again at
+once, and only if that is answered in time as well, and no third line comes soon, is the second answer believed. On a
+line that keeps every answer for longer than a reply may take the check fails, however long it keeps them: answers come
+as far apart as the requests were sent, and those were a reply's time and the gap apart. On one that keeps some, and
+lets others overtake them, the answer that was overtaken is the third line, or is older than the first by the wheel's
+clock. A command waits for nothing; a question behind it is its check.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from rw_ekf.drivers.line.ascii_codec import AsciiCodec
@@ -24,7 +25,8 @@ from rw_ekf.drivers.line.wire_map import STATUS_OK
 from rw_ekf.errors import DriverError
 
 _RESTART_S = 0.5  # silent for so long, a wheel that says nothing of it may have restarted
-_LISTEN_SHARE = 0.5  # of a reply's time: how long an answer that is checked must be the last
+_LATEST_S = 1.0  # behind a request that was given up no answer is believed unchecked for so long
+_LISTEN_SHARE, _LISTEN_S = 0.5, 0.020  # of a reply's time, at most: how long a checked answer must be the last
 _GAP_SHARE, _LEAST_GAP_S = 0.25, 0.010  # of a reply's time: by how much two requests in vain are apart beside it
 
 
@@ -36,7 +38,7 @@ class AsciiLink(SerialLink):
     def __init__(self, settings: Any, wire_map: AsciiMap, *more: Any) -> None:
         self._map = wire_map
         self._is_ready = not wire_map.startup  # to be driven, as far as it is known
-        self._gave_up_s: float | None = None  # when a request was given up whose answer may still come
+        self._gave_up_s = -math.inf  # when a request was given up whose answer may still come
         self._answered_s: float | None = None
         self._telling = telling_register(wire_map)
         self._tells_restart = wire_map.restarted is not None or any(r.field("uptime") for r in wire_map.readable())
@@ -69,14 +71,14 @@ class AsciiLink(SerialLink):
         if register.access == "write":
             return self._command(register, data, timeout_s)
         began_s = self._clock.monotonic()
-        if self._gave_up_s is not None:
+        if self._is_in_doubt:
             until_s = self._gave_up_s + max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
             self._listen(until_s if timeout_s is None else min(until_s, began_s + timeout_s))
         now_s = self._clock.monotonic()
         left_s = None if timeout_s is None else timeout_s - (now_s - began_s)
         if left_s is not None and left_s <= 0.0:
             return Exchange(None, now_s, now_s)
-        doubted = self._gave_up_s is not None
+        doubted = self._is_in_doubt
         exchange = self._noted(super().request(register_id, data, reply_bytes, left_s))
         if doubted and exchange.data is not None:
             exchange = self._checked(register, exchange)
@@ -90,7 +92,7 @@ class AsciiLink(SerialLink):
             self.note_restart()  # idle, or reset
         elif not self._is_ready and decode_register(register, data)["current_command"] != 0.0:
             self._begin(register)
-        doubted = self._gave_up_s is not None
+        doubted = self._is_in_doubt
         if register.reply is not None:
             exchange = self._noted(super().request(register.id, data, 1, timeout_s))
         else:
@@ -125,19 +127,23 @@ class AsciiLink(SerialLink):
         self._is_ready = True
 
     def _checked(self, register: Register, first: Exchange | None = None) -> Exchange:
-        """The answer to a question, where it comes by itself; and in time, and as the younger, behind a first answer."""
+        """The answer to a question, where it comes by itself; behind a first one in its time, and as the younger."""
         answers, now_s = self.codec.answers, self._clock.monotonic()
         left_s = None if first is None else max(first.replied_s + self.reply_timeout_s - now_s, 0.0)
         exchange = self._noted(super().request(register.id, b"", register.size, left_s))
         if exchange.data is None:
             return exchange
-        self._listen(exchange.replied_s + _LISTEN_SHARE * self.reply_timeout_s)
+        self._listen(exchange.replied_s + min(_LISTEN_SHARE * self.reply_timeout_s, _LISTEN_S))
         older = first is not None and _uptime_s(register, exchange) < _uptime_s(register, first)
         if older or self.codec.answers - answers > 1:
             self._gave_up_s = exchange.replied_s
             return exchange._replace(data=None)
-        self._gave_up_s = None
         return exchange
+
+    @property
+    def _is_in_doubt(self) -> bool:
+        """Whether an answer may be another request's."""
+        return self._clock.monotonic() - self._gave_up_s < _LATEST_S
 
     def _noted(self, exchange: Exchange) -> Exchange:
         """An exchange; given up, its answer may still come."""
