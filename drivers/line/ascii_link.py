@@ -38,7 +38,7 @@ class AsciiLink(SerialLink):
     def __init__(self, settings: Any, wire_map: AsciiMap, *more: Any) -> None:
         self._map = wire_map
         self._is_ready = not wire_map.startup  # to be driven, as far as it is known
-        self._gave_up_s = -math.inf  # when a request was given up whose answer may still come
+        self._gave_up_s = {"read": -math.inf, "write": -math.inf}  # when a request was whose answer may still come
         self._answered_s: float | None = None
         self._telling = telling_register(wire_map)
         self._tells_restart = wire_map.restarted is not None or any(r.field("uptime") for r in wire_map.readable())
@@ -71,15 +71,15 @@ class AsciiLink(SerialLink):
         if register.access == "write":
             return self._command(register, data, timeout_s)
         began_s = self._clock.monotonic()
-        if self._is_in_doubt:
-            until_s = self._gave_up_s + max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
+        doubted = self._is_in_doubt("read")
+        if doubted:
+            until_s = self._gave_up_s["read"] + max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
             self._listen(until_s if timeout_s is None else min(until_s, began_s + timeout_s))
         now_s = self._clock.monotonic()
         left_s = None if timeout_s is None else timeout_s - (now_s - began_s)
         if left_s is not None and left_s <= 0.0:
             return Exchange(None, now_s, now_s)
-        doubted = self._is_in_doubt
-        exchange = self._noted(super().request(register_id, data, reply_bytes, left_s))
+        exchange = self._noted(register, super().request(register_id, data, reply_bytes, left_s))
         if doubted and exchange.data is not None:
             exchange = self._checked(register, exchange)
         if exchange.data is not None:
@@ -92,9 +92,9 @@ class AsciiLink(SerialLink):
             self.note_restart()  # idle, or reset
         elif not self._is_ready and decode_register(register, data)["current_command"] != 0.0:
             self._begin(register)
-        doubted = self._is_in_doubt
+        doubted = self._is_in_doubt("write")
         if register.reply is not None:
-            exchange = self._noted(super().request(register.id, data, 1, timeout_s))
+            exchange = self._noted(register, super().request(register.id, data, 1, timeout_s))
         else:
             exchange = self._say(self.codec.request(0, register.id, data))
             if self._telling is not None and register.name == "current_command":
@@ -123,32 +123,31 @@ class AsciiLink(SerialLink):
                     "its wire map: hold the map against the firmware"
                 )
             if self.good_frames == good:
-                self._gave_up_s = self._clock.monotonic()
+                self._gave_up_s["write"] = self._clock.monotonic()
         self._is_ready = True
 
     def _checked(self, register: Register, first: Exchange | None = None) -> Exchange:
         """The answer to a question, where it comes by itself; behind a first one in its time, and as the younger."""
         answers, now_s = self.codec.answers, self._clock.monotonic()
         left_s = None if first is None else max(first.replied_s + self.reply_timeout_s - now_s, 0.0)
-        exchange = self._noted(super().request(register.id, b"", register.size, left_s))
+        exchange = self._noted(register, super().request(register.id, b"", register.size, left_s))
         if exchange.data is None:
             return exchange
         self._listen(exchange.replied_s + min(_LISTEN_SHARE * self.reply_timeout_s, _LISTEN_S))
         older = first is not None and _uptime_s(register, exchange) < _uptime_s(register, first)
         if older or self.codec.answers - answers > 1:
-            self._gave_up_s = exchange.replied_s
+            self._gave_up_s["read"] = exchange.replied_s
             return exchange._replace(data=None)
         return exchange
 
-    @property
-    def _is_in_doubt(self) -> bool:
-        """Whether an answer may be another request's."""
-        return self._clock.monotonic() - self._gave_up_s < _LATEST_S
+    def _is_in_doubt(self, access: str) -> bool:
+        """Whether an answer may be that of another request of this kind: those of the two kinds have other words."""
+        return self._clock.monotonic() - self._gave_up_s[access] < _LATEST_S
 
-    def _noted(self, exchange: Exchange) -> Exchange:
+    def _noted(self, register: Register, exchange: Exchange) -> Exchange:
         """An exchange; given up, its answer may still come."""
         if exchange.data is None and not self.is_refused:
-            self._gave_up_s = exchange.replied_s
+            self._gave_up_s[register.access] = exchange.replied_s
         return exchange
 
     def _note_answer(self) -> None:
@@ -190,7 +189,7 @@ class AsciiLink(SerialLink):
         damaged = self.counters.damaged
         super()._drop_unfinished(now_s)
         if self.counters.damaged != damaged:
-            self._gave_up_s = now_s
+            self._gave_up_s["read"] = now_s
 
 
 def _uptime_s(register: Register, exchange: Exchange) -> float:

@@ -96,7 +96,8 @@ def test_what_comes_just_after_opening_is_let_pass(bench: Bench, wheel: SerialWh
     bench.fault("hold/from@0s:1h")
     assert wheel.read(0.05) is None  # its reply is held ...
     wheel.close()
-    bench.fault("insert/from:1:60")
+    if bench.protocol != "ascii-wheel":  # a line has no mark by which its beginning is found behind junk
+        bench.fault("insert/from:1:60")
     again = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15)
     bench.fault("")
     assert again.read(1.0) is not None
