@@ -26,7 +26,7 @@ from rw_ekf.errors import DriverError
 
 _RESTART_S = 0.5  # silent for so long, a wheel that says nothing of it may have restarted
 _LATEST_S = 1.0  # behind a request that was given up no answer is believed unchecked for so long
-_LISTEN_SHARE, _LISTEN_S = 0.5, 0.020  # of a reply's time, at most: how long a checked answer must be the last
+_LISTEN_LINES, _LISTEN_S = 1.5, 0.005  # how long a checked answer must be the last, in answers' lengths, and beside it
 _GAP_SHARE, _LEAST_GAP_S = 0.25, 0.010  # of a reply's time: by how much two requests in vain are apart beside it
 
 
@@ -38,7 +38,8 @@ class AsciiLink(SerialLink):
     def __init__(self, settings: Any, wire_map: AsciiMap, *more: Any) -> None:
         self._map = wire_map
         self._is_ready = not wire_map.startup  # to be driven, as far as it is known
-        self._gave_up_s = {"read": -math.inf, "write": -math.inf}  # when a request was whose answer may still come
+        self._gave_up_s: dict[int, float] = {}  # when a request of that id was whose answer may still come
+        self._alike = {register.id: _alike(register, wire_map.registers) for register in wire_map.registers}
         self._answered_s: float | None = None
         self._telling = telling_register(wire_map)
         self._tells_restart = wire_map.restarted is not None or any(r.field("uptime") for r in wire_map.readable())
@@ -71,9 +72,9 @@ class AsciiLink(SerialLink):
         if register.access == "write":
             return self._command(register, data, timeout_s)
         began_s = self._clock.monotonic()
-        doubted = self._is_in_doubt("read")
+        doubted = self._is_in_doubt(register)
         if doubted:
-            until_s = self._gave_up_s["read"] + max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
+            until_s = self._doubted_since_s(register) + max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
             self._listen(until_s if timeout_s is None else min(until_s, began_s + timeout_s))
         now_s = self._clock.monotonic()
         left_s = None if timeout_s is None else timeout_s - (now_s - began_s)
@@ -92,7 +93,7 @@ class AsciiLink(SerialLink):
             self.note_restart()  # idle, or reset
         elif not self._is_ready and decode_register(register, data)["current_command"] != 0.0:
             self._begin(register)
-        doubted = self._is_in_doubt("write")
+        doubted = self._is_in_doubt(register)
         if register.reply is not None:
             exchange = self._noted(register, super().request(register.id, data, 1, timeout_s))
         else:
@@ -123,7 +124,7 @@ class AsciiLink(SerialLink):
                     "its wire map: hold the map against the firmware"
                 )
             if self.good_frames == good:
-                self._gave_up_s["write"] = self._clock.monotonic()
+                self._gave_up_s[command.id] = self._clock.monotonic()
         self._is_ready = True
 
     def _checked(self, register: Register, first: Exchange | None = None) -> Exchange:
@@ -133,21 +134,26 @@ class AsciiLink(SerialLink):
         exchange = self._noted(register, super().request(register.id, b"", register.size, left_s))
         if exchange.data is None:
             return exchange
-        self._listen(exchange.replied_s + min(_LISTEN_SHARE * self.reply_timeout_s, _LISTEN_S))
+        line_s = self.transmit_s(self.codec.overhead_bytes + register.size)
+        self._listen(exchange.replied_s + min(_LISTEN_LINES * line_s + _LISTEN_S, self.reply_timeout_s))
         older = first is not None and _uptime_s(register, exchange) < _uptime_s(register, first)
         if older or self.codec.answers - answers > 1:
-            self._gave_up_s["read"] = exchange.replied_s
+            self._gave_up_s[register.id] = exchange.replied_s
             return exchange._replace(data=None)
         return exchange
 
-    def _is_in_doubt(self, access: str) -> bool:
-        """Whether an answer may be that of another request of this kind: those of the two kinds have other words."""
-        return self._clock.monotonic() - self._gave_up_s[access] < _LATEST_S
+    def _doubted_since_s(self, register: Register) -> float:
+        """When a request was given up last whose answer looks like one of this register's."""
+        return max(self._gave_up_s.get(other, -math.inf) for other in self._alike[register.id])
+
+    def _is_in_doubt(self, register: Register) -> bool:
+        """Whether what answers a request may be the answer to another."""
+        return self._clock.monotonic() - self._doubted_since_s(register) < _LATEST_S
 
     def _noted(self, register: Register, exchange: Exchange) -> Exchange:
         """An exchange; given up, its answer may still come."""
         if exchange.data is None and not self.is_refused:
-            self._gave_up_s[register.access] = exchange.replied_s
+            self._gave_up_s[register.id] = exchange.replied_s
         return exchange
 
     def _note_answer(self) -> None:
@@ -189,10 +195,18 @@ class AsciiLink(SerialLink):
         damaged = self.counters.damaged
         super()._drop_unfinished(now_s)
         if self.counters.damaged != damaged:
-            self._gave_up_s["read"] = now_s
+            self._gave_up_s[self._map.speed_register.id] = now_s
 
 
 def _uptime_s(register: Register, exchange: Exchange) -> float:
     """When the wheel answered, by its clock [s]; 0 where it tells none."""
     assert exchange.data is not None
     return decode_register(register, exchange.data).get("uptime", 0.0)
+
+
+def _alike(register: AsciiRegister, registers: tuple[AsciiRegister, ...]) -> tuple[int, ...]:
+    """Ids of those whose answers have a form that this one's may have, itself among them."""
+    read = register._answers.read if register._answers is not None else lambda line: None
+    ones = dict.fromkeys((field.name for other in registers for field in other.fields), 1.0)
+    printed = {other.id: other._answers.printed(ones) for other in registers if other._answers is not None}
+    return (register.id, *(number for number, line in printed.items() if read(line) is not None))
