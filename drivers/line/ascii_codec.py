@@ -11,7 +11,8 @@ older one can come.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import xor
 
@@ -39,19 +40,22 @@ def checksum_of(content: bytes, kind: str) -> str:
 class AsciiCodec:
     """One end of a line. It remembers what was asked or heard last, for a line says less than a frame."""
 
-    def __init__(self, wire_map: AsciiMap) -> None:
+    def __init__(self, wire_map: AsciiMap, forms: Mapping[int, int] | None = None) -> None:
+        """forms: by id of a register a number for the form of its answers, by which `heard` counts them."""
         self._map = wire_map
+        self._forms = forms if forms is not None else {register.id: register.id for register in wire_map.registers}
         self._framing = wire_map.framing
         self._line_end = TERMINATORS[self._framing.terminator]
         self._prompt = self._framing.prompt.strip().encode()
         self.overhead_bytes = 0  # of the last reply; what is left of it beside its numbers' own bytes
         self.refused: str | None = None  # the line by which the last request was refused
-        self.answers = 0  # lines of the form that was asked for; the same again is not counted
+        self.heard: Counter[int] = Counter()  # lines by form; the same line again is not counted
         self.has_restarted = False  # the wheel said so
         self.odd = ""  # the last line that says nothing of the map
         self._asked: tuple[int, AsciiRegister | None, str] = (0, None, "")
-        self._answer = ""
-        self._heard: dict[int, bytes] = {}  # what was written last, at the wheel's end
+        self._last = ""
+        self._sent: deque[str] = deque(maxlen=4)  # whose echoes may come
+        self._written: dict[int, bytes] = {}  # what was written last, at the wheel's end
 
     # --- this end -----------------------------------------------------------------------------------------------
 
@@ -65,7 +69,8 @@ class AsciiCodec:
     def plain(self, text: str, seq: int = 0, register: AsciiRegister | None = None) -> bytes:
         """A line that is sent as it stands; without a register no answer to it is of any meaning but a refusal."""
         self._asked = (seq, register, text)
-        self.refused, self._answer = None, ""
+        self._sent.append(text)
+        self.refused = None
         return self._line(text, self._line_end)
 
     def replies(self, buffer: bytes) -> Decoded:
@@ -79,10 +84,9 @@ class AsciiCodec:
             return _NOTHING
         numbers = None if register is None or register._answers is None else register._answers.read(text)
         if register is not None and numbers is not None:
+            self._count(register, text)
             self.overhead_bytes = len(text) + 2 - 8 * len(register.fields)
             if register.access == "read":
-                self.answers += text != self._answer
-                self._answer = text
                 return Frame(seq, register.id, _data(register, numbers))
             sent = register._asks.read(asked) or {}
             same = all(numbers[name] == sent[name] for name in numbers)
@@ -92,12 +96,20 @@ class AsciiCodec:
                 self.refused = text
                 write = register is not None and register.access == "write"
                 return Frame(seq, register.id, bytes((status,))) if write and register else _NOT_OURS
-        if text == asked and self._framing.echoes:
+        if text in self._sent and self._framing.echoes:
             return _NOTHING
-        others = (other._answers for other in self._map.registers)
-        if text == asked or register is None or any(other is not None and other.read(text) for other in others):
-            return _NOT_OURS  # an echo; what answers a line of the start; a reply that was given up
+        if text in self._sent or register is None:
+            return _NOT_OURS  # an echo; what answers a line of the start
+        for other in self._map.registers:
+            if other._answers is not None and other._answers.read(text) is not None:
+                self._count(other, text)
+                return _NOT_OURS  # the answer to a request that was given up
         return None
+
+    def _count(self, register: AsciiRegister, text: str) -> None:
+        """Count an answer by its form."""
+        self.heard[self._forms[register.id]] += text != self._last
+        self._last = text
 
     # --- the wheel's end ----------------------------------------------------------------------------------------
 
@@ -112,8 +124,8 @@ class AsciiCodec:
         for register in self._map.registers:
             numbers = register._asks.read(text)
             if numbers is not None:
-                self._heard[register.id] = _data(register, numbers) if register.access == "write" else b""
-                return Frame(0, register.id, self._heard[register.id])
+                self._written[register.id] = _data(register, numbers) if register.access == "write" else b""
+                return Frame(0, register.id, self._written[register.id])
         return None
 
     def reply(self, answer: Frame) -> bytes:
@@ -128,7 +140,7 @@ class AsciiCodec:
             refused = self._map.refused
             text = refused.get(answer.data[0], next(iter(refused.values()), None))
         elif register is not None and register._answers is not None:
-            text = register._answers.printed(_numbers(register, self._heard.get(register.id, bytes(register.size))))
+            text = register._answers.printed(_numbers(register, self._written.get(register.id, bytes(register.size))))
         around = self._line(self._asked[2], self._line_end) if self._framing.echoes else b"", self._prompt
         return (b"" if text is None else self._line(text, self._line_end)).join(around)
 

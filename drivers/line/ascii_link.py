@@ -1,17 +1,17 @@
 """A line of text in both directions: no late answer is a fresh one, no wheel is driven before it is made ready.
 
 An answer has no number. Behind a request that was given up its answer may still come, and would be taken for that of
-the next one. So for a second requests are kept a gap apart and every answer is checked: the same is asked again at
-once, and only if that is answered in time as well, and no third line comes soon, is the second answer believed. On a
-line that keeps every answer for longer than a reply may take the check fails, however long it keeps them: answers come
-as far apart as the requests were sent, and those were a reply's time and the gap apart. On one that keeps some, and
-lets others overtake them, the answer that was overtaken is the third line, or is older than the first by the wheel's
-clock. A command waits for nothing; a question behind it is its check.
+the next one. So the first answer behind such requests is not believed, and nothing is asked until the line has been
+silent for as long as those requests were apart: on a line that keeps every answer, however long, they come as far apart
+as what asked for them, and each that comes makes the silence begin again. So an answer that is lost costs two readings,
+and one that is late is none. A command waits for nothing: whether what confirms it is its own is seen by a question
+behind it.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from rw_ekf.drivers.line.ascii_codec import AsciiCodec
@@ -25,9 +25,23 @@ from rw_ekf.drivers.line.wire_map import STATUS_OK
 from rw_ekf.errors import DriverError
 
 _RESTART_S = 0.5  # silent for so long, a wheel that says nothing of it may have restarted
-_LATEST_S = 1.0  # behind a request that was given up no answer is believed unchecked for so long
-_LISTEN_LINES, _LISTEN_S = 1.5, 0.005  # how long a checked answer must be the last, in answers' lengths, and beside it
-_GAP_SHARE, _LEAST_GAP_S = 0.25, 0.010  # of a reply's time: by how much two requests in vain are apart beside it
+_LATEST_S = 1.0  # an answer is not waited for longer
+_GAP_SHARE, _LEAST_GAP_S = 0.25, 0.005  # of a reply's time: how much longer a silence must be than requests were apart
+
+
+@dataclass
+class _Owed:
+    """Requests since one was given up whose answers look alike."""
+
+    sent_s: float
+    apart_s: float = 0.0  # the longest time between two of them
+    heard: int = 0  # answers of the form so far, as far as the silence began again with them
+    silent_until_s: float | None = None  # when nothing may come any more; None: nothing has come yet
+
+    def add(self, sent_s: float) -> None:
+        """One more."""
+        self.apart_s = max(self.apart_s, sent_s - self.sent_s)
+        self.sent_s = sent_s
 
 
 class AsciiLink(SerialLink):
@@ -38,12 +52,12 @@ class AsciiLink(SerialLink):
     def __init__(self, settings: Any, wire_map: AsciiMap, *more: Any) -> None:
         self._map = wire_map
         self._is_ready = not wire_map.startup  # to be driven, as far as it is known
-        self._gave_up_s: dict[int, float] = {}  # when a request of that id was whose answer may still come
-        self._alike = {register.id: _alike(register, wire_map.registers) for register in wire_map.registers}
+        self._forms = _forms(wire_map.registers)
+        self._owed: dict[int, _Owed] = {}  # by form of the answer
         self._answered_s: float | None = None
         self._telling = telling_register(wire_map)
         self._tells_restart = wire_map.restarted is not None or any(r.field("uptime") for r in wire_map.readable())
-        super().__init__(settings, AsciiCodec(wire_map), *more)
+        super().__init__(settings, AsciiCodec(wire_map, self._forms), *more)
 
     def note_restart(self) -> None:
         """The wheel has restarted: the lines of its start are due, before it is driven again."""
@@ -72,17 +86,10 @@ class AsciiLink(SerialLink):
         if register.access == "write":
             return self._command(register, data, timeout_s)
         began_s = self._clock.monotonic()
-        doubted = self._is_in_doubt(register)
-        if doubted:
-            until_s = self._doubted_since_s(register) + max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
-            self._listen(until_s if timeout_s is None else min(until_s, began_s + timeout_s))
-        now_s = self._clock.monotonic()
-        left_s = None if timeout_s is None else timeout_s - (now_s - began_s)
-        if left_s is not None and left_s <= 0.0:
+        if not self._is_settled(self._forms[register_id], math.inf if timeout_s is None else began_s + timeout_s):
+            now_s = self._clock.monotonic()
             return Exchange(None, now_s, now_s)
-        exchange = self._noted(register, super().request(register_id, data, reply_bytes, left_s))
-        if doubted and exchange.data is not None:
-            exchange = self._checked(register, exchange)
+        exchange = self._ask(register, None if timeout_s is None else timeout_s + began_s - self._clock.monotonic())
         if exchange.data is not None:
             self._note_answer()
         return exchange
@@ -93,23 +100,26 @@ class AsciiLink(SerialLink):
             self.note_restart()  # idle, or reset
         elif not self._is_ready and decode_register(register, data)["current_command"] != 0.0:
             self._begin(register)
-        doubted = self._is_in_doubt(register)
-        if register.reply is not None:
-            exchange = self._noted(register, super().request(register.id, data, 1, timeout_s))
-        else:
+        if register.reply is None:
             exchange = self._say(self.codec.request(0, register.id, data))
             if self._telling is not None and register.name == "current_command":
                 return exchange._replace(data=None)  # whoever commands asks what is in force
-            doubted = True
-        if doubted and exchange.data is not None and self._checked(self._map.speed_register).data is None:
+        else:
+            exchange = super().request(register.id, data, 1, timeout_s)
+            if exchange.data is None and not self.is_refused:
+                self._give_up(self._forms[register.id], exchange)
+            if exchange.data is None or self._forms[register.id] not in self._owed:
+                return exchange
+        if exchange.data is not None and self._ask(self._map.speed_register).data is None:
             return exchange._replace(data=None)
+        self._owed.pop(self._forms[register.id], None)
         return exchange
 
     def _begin(self, command: AsciiRegister) -> None:
         """Zero, and then the lines of the start. Raises DriverError where the wheel refuses one of those."""
         heard = self._command(command, encode_register(command, {"current_command": 0.0}), None)
         if command.reply is None and self._telling is not None:
-            heard = self._checked(self._telling)
+            heard = self._ask(self._telling)
             if heard.data is not None and decode_register(self._telling, heard.data)["current_command"] != 0.0:
                 return
         if heard.data is None:
@@ -124,37 +134,47 @@ class AsciiLink(SerialLink):
                     "its wire map: hold the map against the firmware"
                 )
             if self.good_frames == good:
-                self._gave_up_s[command.id] = self._clock.monotonic()
+                self._give_up(self._forms[command.id], sent)
         self._is_ready = True
 
-    def _checked(self, register: Register, first: Exchange | None = None) -> Exchange:
-        """The answer to a question, where it comes by itself; behind a first one in its time, and as the younger."""
-        answers, now_s = self.codec.answers, self._clock.monotonic()
-        left_s = None if first is None else max(first.replied_s + self.reply_timeout_s - now_s, 0.0)
-        exchange = self._noted(register, super().request(register.id, b"", register.size, left_s))
+    def _ask(self, register: Register, timeout_s: float | None = None) -> Exchange:
+        """Ask once; an answer that may be another's is none."""
+        form = self._forms[register.id]
+        exchange = super().request(register.id, b"", register.size, timeout_s)
+        owed = self._owed.get(form)
         if exchange.data is None:
+            if not self.is_refused:
+                self._give_up(form, exchange)
             return exchange
-        line_s = self.transmit_s(self.codec.overhead_bytes + register.size)
-        self._listen(exchange.replied_s + min(_LISTEN_LINES * line_s + _LISTEN_S, self.reply_timeout_s))
-        older = first is not None and _uptime_s(register, exchange) < _uptime_s(register, first)
-        if older or self.codec.answers - answers > 1:
-            self._gave_up_s[register.id] = exchange.replied_s
-            return exchange._replace(data=None)
-        return exchange
+        if owed is None:
+            return exchange
+        owed.add(exchange.received_by_wheel_s)
+        self._be_silent(form, owed, exchange.replied_s)
+        return exchange._replace(data=None)
 
-    def _doubted_since_s(self, register: Register) -> float:
-        """When a request was given up last whose answer looks like one of this register's."""
-        return max(self._gave_up_s.get(other, -math.inf) for other in self._alike[register.id])
+    def _be_silent(self, form: int, owed: _Owed, since_s: float) -> None:
+        """Nothing is asked from a time [s] on until no more answers of a form can come."""
+        gap_s = max(_GAP_SHARE * self.reply_timeout_s, _LEAST_GAP_S)
+        owed.heard, owed.silent_until_s = self.codec.heard[form], since_s + owed.apart_s + gap_s
 
-    def _is_in_doubt(self, register: Register) -> bool:
-        """Whether what answers a request may be the answer to another."""
-        return self._clock.monotonic() - self._doubted_since_s(register) < _LATEST_S
+    def _give_up(self, form: int, exchange: Exchange) -> None:
+        """A request has no answer yet."""
+        self._owed.setdefault(form, _Owed(exchange.received_by_wheel_s)).add(exchange.received_by_wheel_s)
 
-    def _noted(self, register: Register, exchange: Exchange) -> Exchange:
-        """An exchange; given up, its answer may still come."""
-        if exchange.data is None and not self.is_refused:
-            self._gave_up_s[register.id] = exchange.replied_s
-        return exchange
+    def _is_settled(self, form: int, until_s: float) -> bool:
+        """Whether no old answer of a form can come any more; waits for that until a time [s]."""
+        if form in self._owed and self._clock.monotonic() - self._owed[form].sent_s > _LATEST_S:
+            del self._owed[form]
+        while (owed := self._owed.get(form)) is not None and owed.silent_until_s is not None:
+            self._listen(min(owed.silent_until_s, until_s, self._clock.monotonic() + _LEAST_GAP_S))
+            now_s = self._clock.monotonic()
+            if self.codec.heard[form] != owed.heard:
+                self._be_silent(form, owed, now_s)
+            if now_s >= owed.silent_until_s:
+                del self._owed[form]
+            elif now_s >= until_s:
+                return False
+        return True
 
     def _note_answer(self) -> None:
         """The wheel has answered: it may have restarted meanwhile."""
@@ -195,18 +215,16 @@ class AsciiLink(SerialLink):
         damaged = self.counters.damaged
         super()._drop_unfinished(now_s)
         if self.counters.damaged != damaged:
-            self._gave_up_s[self._map.speed_register.id] = now_s
+            self._give_up(self._forms[self._map.speed_register.id], Exchange(None, now_s, now_s))
 
 
-def _uptime_s(register: Register, exchange: Exchange) -> float:
-    """When the wheel answered, by its clock [s]; 0 where it tells none."""
-    assert exchange.data is not None
-    return decode_register(register, exchange.data).get("uptime", 0.0)
-
-
-def _alike(register: AsciiRegister, registers: tuple[AsciiRegister, ...]) -> tuple[int, ...]:
-    """Ids of those whose answers have a form that this one's may have, itself among them."""
-    read = register._answers.read if register._answers is not None else lambda line: None
-    ones = dict.fromkeys((field.name for other in registers for field in other.fields), 1.0)
-    printed = {other.id: other._answers.printed(ones) for other in registers if other._answers is not None}
-    return (register.id, *(number for number, line in printed.items() if read(line) is not None))
+def _forms(registers: tuple[AsciiRegister, ...]) -> dict[int, int]:
+    """By id of a register the form of its answers: the same number where one of them could be read as the other's."""
+    ones = dict.fromkeys((field.name for register in registers for field in register.fields), 1.0)
+    forms = {register.id: register.id for register in registers}
+    for one in registers:
+        for other in registers:
+            read, answers = one._answers, other._answers
+            if read is not None and answers is not None and read.read(answers.printed(ones)) is not None:
+                forms = {key: forms[one.id] if form == forms[other.id] else form for key, form in forms.items()}
+    return forms

@@ -65,7 +65,9 @@ def test_telemetry_that_stands_still_on_a_ramp(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("family", "current_A"), [(FAMILIES[0], 0.0), (FAMILIES[0], 0.041), (FAMILIES[1], 0.0)], indirect=["family"]
+    ("family", "current_A"),
+    [(FAMILIES[0], 0.0), (FAMILIES[0], 0.041), (FAMILIES[1], 0.0), (FAMILIES[2], 0.0)],
+    indirect=["family"],
 )
 def test_steady_telemetry_is_not_stuck(tmp_path: Path, current_A: float) -> None:
     """Row 16: 15 min at rest, or at a steady speed, without noise: readings repeat, and nobody is alarmed."""

@@ -126,7 +126,10 @@ def test_it_comes_back_as_another_device(bench: Bench, wheel: SerialWheel, wire_
 
 @pytest.mark.parametrize(
     ("family", "error"),
-    [*((FAMILIES[0], error) for error in ERRORS), (FAMILIES[1], ERRORS[0])],  # what a family adds is where it calls
+    [
+        *((FAMILIES[0], error) for error in ERRORS),
+        *((family, ERRORS[0]) for family in (*FAMILIES[1:], "odrive-ascii-wheel")),  # what these add is where they call
+    ],
     ids=lambda given: given if isinstance(given, str) else f"{type(given).__module__}.{type(given).__name__}",
     indirect=["family"],
 )

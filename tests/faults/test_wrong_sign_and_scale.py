@@ -56,7 +56,9 @@ def test_a_healthy_wheel_is_confirmed_before_the_profile(tmp_path: Path, speed_r
     ("field", "scale"), [("speed", -1.0), ("speed", -10.0), ("current_command", -1.0), ("current_command", -0.1)]
 )
 @pytest.mark.parametrize(
-    ("family", "speed_rad_s"), [(FAMILIES[0], 0.0), (FAMILIES[0], 20.0), (FAMILIES[1], 0.0)], indirect=["family"]
+    ("family", "speed_rad_s"),
+    [(FAMILIES[0], 0.0), (FAMILIES[0], 20.0), (FAMILIES[1], 0.0), (FAMILIES[2], 0.0)],
+    indirect=["family"],
 )
 @pytest.mark.usefixtures("family")
 def test_a_wrong_sign_never_sees_the_profile(tmp_path: Path, field: str, speed_rad_s: float, scale: float) -> None:

@@ -83,7 +83,7 @@ def wrong_map(directory: Path, field: str, scale: float, protocol: str = "sunspa
     """A copy of the wire map in which one scale, of all registers that have the field, is multiplied."""
     content = yaml.safe_load((ROOT / "config" / f"{protocol}.yaml").read_text(encoding="utf-8"))
     for register in content["registers"]:
-        for entry in register["fields"]:
+        for entry in register.get("fields", ()):
             if entry["name"] == field:
                 entry["scale"] = scale * entry.get("scale", 1.0)
     path = directory / "wrong-map.yaml"
