@@ -24,7 +24,7 @@ from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import STATUS_OK
 from rw_ekf.errors import DriverError
 
-_RESTART_S = 0.5  # silent for so long, a wheel that says nothing of it may have restarted
+_RESTART_S, _RESTART_REQUESTS = 0.5, 3  # silent for so long, a wheel that says nothing of it may have restarted
 _LATEST_S = 1.0  # an answer is not waited for longer
 _GAP_SHARE, _LEAST_GAP_S = 0.25, 0.005  # of a reply's time: how much longer a silence must be than requests were apart
 
@@ -54,7 +54,8 @@ class AsciiLink(SerialLink):
         self._is_ready = not wire_map.startup  # to be driven, as far as it is known
         self._forms = _forms(wire_map.registers)
         self._owed: dict[int, _Owed] = {}  # by form of the answer
-        self._answered_s: float | None = None
+        self._answered_s = math.inf  # when the wheel has answered last; infinity: never
+        self._in_vain = 0  # questions since
         self._telling = telling_register(wire_map)
         self._tells_restart = wire_map.restarted is not None or any(r.field("uptime") for r in wire_map.readable())
         super().__init__(settings, AsciiCodec(wire_map, self._forms), *more)
@@ -71,7 +72,7 @@ class AsciiLink(SerialLink):
     @property
     def answers(self) -> bool:
         """Whether a question has been answered."""
-        return self._answered_s is not None
+        return math.isfinite(self._answered_s)
 
     @property
     def hint(self) -> str:
@@ -85,11 +86,11 @@ class AsciiLink(SerialLink):
         assert isinstance(register, AsciiRegister)
         if register.access == "write":
             return self._command(register, data, timeout_s)
-        began_s = self._clock.monotonic()
-        if not self._is_settled(self._forms[register_id], math.inf if timeout_s is None else began_s + timeout_s):
+        until_s = self._clock.monotonic() + (self.reply_timeout_s if timeout_s is None else timeout_s)
+        if not self._is_settled(self._forms[register_id], until_s):
             now_s = self._clock.monotonic()
             return Exchange(None, now_s, now_s)
-        exchange = self._ask(register, None if timeout_s is None else timeout_s + began_s - self._clock.monotonic())
+        exchange = self._ask(register, None if timeout_s is None else until_s - self._clock.monotonic())
         if exchange.data is not None:
             self._note_answer()
         return exchange
@@ -145,6 +146,7 @@ class AsciiLink(SerialLink):
         if exchange.data is None:
             if not self.is_refused:
                 self._give_up(form, exchange)
+                self._in_vain += 1
             return exchange
         if owed is None:
             return exchange
@@ -178,19 +180,18 @@ class AsciiLink(SerialLink):
 
     def _note_answer(self) -> None:
         """The wheel has answered: it may have restarted meanwhile."""
-        now_s, before_s = self._clock.monotonic(), self._answered_s
-        self._answered_s = now_s
-        was_away = not self._tells_restart and before_s is not None and now_s - before_s > _RESTART_S
-        if self.codec.has_restarted or (was_away and self._map.startup):
+        was_away = self._in_vain >= _RESTART_REQUESTS and self._clock.monotonic() - self._answered_s > _RESTART_S
+        if self.codec.has_restarted or (was_away and self._map.startup and not self._tells_restart):
             self.codec.has_restarted = False
-            self.restarts += before_s is not None
+            self.restarts += self.answers
             self.note_restart()
+        self._answered_s, self._in_vain = self._clock.monotonic(), 0
 
     def _listen(self, until_s: float, good: int = -1) -> None:
         """Take what comes until a time [s], of no meaning but a refusal; or until more than so many good lines came."""
         try:
             while self._clock.monotonic() < until_s and good in (-1, self.good_frames):
-                self._take(1)
+                self._take(1, keep=None if good == -1 else [])
         except LINE_EXCEPTIONS as error:
             raise lost_error(self.settings.port, error) from error
 

@@ -332,7 +332,7 @@ def test_who_speaks_otherwise_is_quoted(tmp_path: Path) -> None:
     rig = Rig(bare(tmp_path))
     path = Path(bare(tmp_path))
     path.write_text(path.read_text(encoding="utf-8").replace('"{speed}"', '"RPM={speed}"'), encoding="utf-8")
-    rig.spoken.wire_map = protocol_named(str(path)).wire_map  # type: ignore[assignment]
+    rig.spoken.wire_map = protocol_named(str(path)).wire_map
     with pytest.raises(DriverError, match=r"no valid frame.*What came last was '[0-9.]+': no line of the wire map"):
         rig.open()
 
