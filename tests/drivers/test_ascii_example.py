@@ -53,7 +53,8 @@ MAIN = "\nint main() { std::cout << std::unitbuf; setup(); while (Serial.availab
 
 def block(kind: str, index: int = 0) -> str:
     """A block of code of the section."""
-    return re.findall(rf"^ *```{kind}\n(.*?)```", SECTION, re.DOTALL | re.MULTILINE)[index]
+    found: list[str] = re.findall(rf"^ *```{kind}\n(.*?)```", SECTION, re.DOTALL | re.MULTILINE)
+    return found[index]
 
 
 @pytest.fixture
