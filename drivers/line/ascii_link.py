@@ -4,8 +4,8 @@ An answer has no number. Behind a request that was given up its answer may still
 the next one. So the first answer behind such requests is not believed, and nothing is asked until the line has been
 silent for as long as those requests were apart: on a line that keeps every answer, however long, they come as far apart
 as what asked for them, and each that comes makes the silence begin again. So an answer that is lost costs two readings,
-and one that is late is none. A command waits for nothing: whether what confirms it is its own is seen by a question
-behind it.
+and one that is late is none. Where the wheel tells its clock an answer that fits it is believed at once. A command
+waits for nothing: whether what confirms it is its own is seen by a question behind it.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from rw_ekf.errors import DriverError
 
 _RESTART_S, _RESTART_REQUESTS = 0.5, 3  # silent for so long, a wheel that says nothing of it may have restarted
 _LATEST_S = 1.0  # an answer is not waited for longer
+_FRESH_SHARE = 0.5  # of a reply's time: by how much the clocks at both ends may go apart between two answers
 _GAP_SHARE, _LEAST_GAP_S = 0.25, 0.005  # of a reply's time: how much longer a silence must be than requests were apart
 
 
@@ -54,6 +55,9 @@ class AsciiLink(SerialLink):
         self._is_ready = not wire_map.startup  # to be driven, as far as it is known
         self._forms = _forms(wire_map.registers)
         self._owed: dict[int, _Owed] = {}  # by form of the answer
+        self._told: dict[
+            int, tuple[float, float]
+        ] = {}  # by register: the wheel's clock, and when it was asked for that
         self._answered_s = math.inf  # when the wheel has answered last; infinity: never
         self._in_vain = 0  # questions since
         self._telling = telling_register(wire_map)
@@ -86,13 +90,15 @@ class AsciiLink(SerialLink):
         assert isinstance(register, AsciiRegister)
         if register.access == "write":
             return self._command(register, data, timeout_s)
-        until_s = self._clock.monotonic() + (self.reply_timeout_s if timeout_s is None else timeout_s)
-        if not self._is_settled(self._forms[register_id], until_s):
-            now_s = self._clock.monotonic()
-            return Exchange(None, now_s, now_s)
-        exchange = self._ask(register, None if timeout_s is None else until_s - self._clock.monotonic())
+        form, now_s = self._forms[register_id], self._clock.monotonic()
+        until_s = now_s + (self.reply_timeout_s if timeout_s is None else timeout_s)
+        exchange = Exchange(None, now_s, now_s)
+        while exchange.data is None and self._is_settled(form, until_s):
+            exchange = self._ask(register, None if timeout_s is None else until_s - self._clock.monotonic())
+            if form not in self._owed or self._owed[form].silent_until_s is None:
+                break
         if exchange.data is not None:
-            self._note_answer()
+            self._note_answer(register, exchange)
         return exchange
 
     def _command(self, register: AsciiRegister, data: bytes, timeout_s: float | None) -> Exchange:
@@ -148,11 +154,17 @@ class AsciiLink(SerialLink):
                 self._give_up(form, exchange)
                 self._in_vain += 1
             return exchange
-        if owed is None:
+        if owed is None or self._is_fresh(register, exchange):
             return exchange
         owed.add(exchange.received_by_wheel_s)
         self._be_silent(form, owed, exchange.replied_s)
         return exchange._replace(data=None)
+
+    def _is_fresh(self, register: Register, exchange: Exchange) -> bool:
+        """Whether the wheel's clock says that an answer is not an old one; those are older than a reply may be."""
+        uptime_s, asked_s = _uptime_s(register, exchange), exchange.received_by_wheel_s
+        before_s, before_asked_s = self._told.get(register.id, (math.nan, math.nan))
+        return abs((asked_s - before_asked_s) - (uptime_s - before_s)) < _FRESH_SHARE * self.reply_timeout_s
 
     def _be_silent(self, form: int, owed: _Owed, since_s: float) -> None:
         """Nothing is asked from a time [s] on until no more answers of a form can come."""
@@ -178,8 +190,9 @@ class AsciiLink(SerialLink):
                 return False
         return True
 
-    def _note_answer(self) -> None:
+    def _note_answer(self, register: Register, exchange: Exchange) -> None:
         """The wheel has answered: it may have restarted meanwhile."""
+        self._told[register.id] = _uptime_s(register, exchange), exchange.received_by_wheel_s
         was_away = self._in_vain >= _RESTART_REQUESTS and self._clock.monotonic() - self._answered_s > _RESTART_S
         if self.codec.has_restarted or (was_away and self._map.startup and not self._tells_restart):
             self.codec.has_restarted = False
@@ -229,3 +242,9 @@ def _forms(registers: tuple[AsciiRegister, ...]) -> dict[int, int]:
             if read is not None and answers is not None and read.read(answers.printed(ones)) is not None:
                 forms = {key: forms[one.id] if form == forms[other.id] else form for key, form in forms.items()}
     return forms
+
+
+def _uptime_s(register: Register, exchange: Exchange) -> float:
+    """When the wheel answered, by its clock [s]; NaN where it does not say."""
+    assert exchange.data is not None
+    return decode_register(register, exchange.data).get("uptime", math.nan)
