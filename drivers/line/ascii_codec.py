@@ -16,7 +16,8 @@ from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import xor
 
-from rw_ekf.drivers.line.ascii_map import TERMINATORS, AsciiMap, AsciiRegister
+from rw_ekf.drivers.line.ascii_layout import TERMINATORS, AsciiRegister
+from rw_ekf.drivers.line.ascii_map import AsciiMap
 from rw_ekf.drivers.line.ascii_template import LONGEST_LINE
 from rw_ekf.drivers.line.framing import CRCS, Decoded, Frame, crc16
 from rw_ekf.drivers.line.wire_map import STATUS_OK

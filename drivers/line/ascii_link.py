@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from rw_ekf.drivers.line.ascii_codec import AsciiCodec
-from rw_ekf.drivers.line.ascii_map import AsciiMap, AsciiRegister
+from rw_ekf.drivers.line.ascii_layout import AsciiRegister
+from rw_ekf.drivers.line.ascii_map import AsciiMap
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from rw_ekf.drivers.line.registers import decode_register, encode_register
 from rw_ekf.drivers.line.serial_link import Exchange, SerialLink
