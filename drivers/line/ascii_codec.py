@@ -50,6 +50,9 @@ class AsciiCodec:
         self._prompt = self._framing.prompt.strip().encode()
         self.overhead_bytes = 0  # of the last reply; what is left of it beside its numbers' own bytes
         self.refused: str | None = None  # the line by which the last request was refused
+        self.may_be_refused = False  # a line that nothing answers was sent, and no answer to anything has come since
+        self.refused_line: str | None = None  # the line by which it was refused, and the map's number for that
+        self.refused_status = STATUS_OK
         self.heard: Counter[int] = Counter()  # lines by form; the same line again is not counted
         self.has_restarted = False  # the wheel said so
         self.odd = ""  # the last line that says nothing of the map
@@ -86,6 +89,7 @@ class AsciiCodec:
         numbers = None if register is None or register._answers is None else register._answers.read(text)
         if register is not None and numbers is not None:
             self._count(register, text)
+            self.may_be_refused = False
             self.overhead_bytes = len(text) + 2 - 8 * len(register.fields)
             if register.access == "read":
                 return Frame(seq, register.id, _data(register, numbers))
@@ -94,6 +98,9 @@ class AsciiCodec:
             return Frame(seq, register.id, bytes((STATUS_OK,))) if same else _NOT_OURS
         for status, line in self._map.refused.items():
             if self._map.line(line).read(text) is not None:
+                if self.may_be_refused:
+                    self.may_be_refused, self.refused_line, self.refused_status = False, text, status
+                    return _NOT_OURS
                 self.refused = text
                 write = register is not None and register.access == "write"
                 return Frame(seq, register.id, bytes((status,))) if write and register else _NOT_OURS

@@ -26,6 +26,7 @@ from rw_ekf.drivers.line.wire_map import STATUS_OK
 from rw_ekf.errors import DriverError
 
 _RESTART_S, _RESTART_REQUESTS = 0.5, 3  # silent for so long, a wheel that says nothing of it may have restarted
+_BEGIN_EVERY_S = 1.0  # a wheel that refuses currents all the same is not started again and again
 _LATEST_S = 1.0  # an answer is not waited for longer
 _FRESH_SHARE = 0.5  # of a reply's time: by how much the clocks at both ends may go apart between two answers
 _GAP_SHARE, _LEAST_GAP_S = 0.25, 0.005  # of a reply's time: how much longer a silence must be than requests were apart
@@ -59,6 +60,8 @@ class AsciiLink(SerialLink):
         self._told: dict[
             int, tuple[float, float]
         ] = {}  # by register: the wheel's clock, and when it was asked for that
+        self._said_A = 0.0  # the current that was written last
+        self._begin_again_s = -math.inf
         self._answered_s = math.inf  # when the wheel has answered last; infinity: never
         self._in_vain = 0  # questions since
         self._telling = telling_register(wire_map)
@@ -67,7 +70,7 @@ class AsciiLink(SerialLink):
 
     def note_restart(self) -> None:
         """The wheel has restarted: the lines of its start are due, before it is driven again."""
-        self._is_ready = not self._map.startup
+        self._is_ready, self._begin_again_s = not self._map.startup, -math.inf
 
     @property
     def is_refused(self) -> bool:
@@ -106,14 +109,18 @@ class AsciiLink(SerialLink):
         """A command: acknowledged by the line that the map says, or else by an answer to the question behind it."""
         if register.name != "current_command":
             self.note_restart()  # idle, or reset
-        elif not self._is_ready and decode_register(register, data)["current_command"] != 0.0:
-            self._begin(register)
+        else:
+            self._said_A = decode_register(register, data)["current_command"]
+            if not self._is_ready and self._said_A != 0.0 and self._clock.monotonic() >= self._begin_again_s:
+                self._begin(register)
         if register.reply is None:
             exchange = self._say(self.codec.request(0, register.id, data))
             if self._telling is not None and register.name == "current_command":
                 return exchange._replace(data=None)  # whoever commands asks what is in force
         else:
             exchange = super().request(register.id, data, 1, timeout_s)
+            if exchange.data not in (None, bytes((STATUS_OK,))):
+                self._is_ready = not self._map.startup  # it may have restarted unseen
             if exchange.data is None and not self.is_refused:
                 self._give_up(self._forms[register.id], exchange)
             if exchange.data is None or self._forms[register.id] not in self._owed:
@@ -121,10 +128,14 @@ class AsciiLink(SerialLink):
         if exchange.data is not None and self._ask(self._map.speed_register).data is None:
             return exchange._replace(data=None)
         self._owed.pop(self._forms[register.id], None)
+        if register.reply is None and self.codec.refused_line is not None:
+            self._is_ready = not self._map.startup
+            return exchange._replace(data=bytes((self.codec.refused_status,)))
         return exchange
 
     def _begin(self, command: AsciiRegister) -> None:
         """Zero, and then the lines of the start. Raises DriverError where the wheel refuses one of those."""
+        wanted_A, self._begin_again_s = self._said_A, self._clock.monotonic() + _BEGIN_EVERY_S
         heard = self._command(command, encode_register(command, {"current_command": 0.0}), None)
         if command.reply is None and self._telling is not None:
             heard = self._ask(self._telling)
@@ -136,14 +147,14 @@ class AsciiLink(SerialLink):
             good = self.good_frames
             sent = self._say(self.codec.plain(line))
             self._listen(sent.received_by_wheel_s + self.reply_timeout_s, good)
-            if self.codec.refused is not None:
+            if self.codec.refused_line is not None:
                 raise DriverError(
-                    f"{self.settings.port}: the wheel answers {self.codec.refused!r} to {line!r}, a line of startup in "
-                    "its wire map: hold the map against the firmware"
+                    f"{self.settings.port}: the wheel answers {self.codec.refused_line!r} to {line!r}, a line of "
+                    "startup in its wire map: hold the map against the firmware"
                 )
             if self.good_frames == good:
                 self._give_up(self._forms[command.id], sent)
-        self._is_ready = True
+        self._is_ready, self._said_A = True, wanted_A
 
     def _ask(self, register: Register, timeout_s: float | None = None) -> Exchange:
         """Ask once; an answer that may be another's is none."""
@@ -194,6 +205,11 @@ class AsciiLink(SerialLink):
     def _note_answer(self, register: Register, exchange: Exchange) -> None:
         """The wheel has answered: it may have restarted meanwhile."""
         self._told[register.id] = _uptime_s(register, exchange), exchange.received_by_wheel_s
+        if register is self._telling:
+            assert exchange.data is not None
+            told_A = decode_register(self._telling, exchange.data)["current_command"]
+            if abs(told_A - self._said_A) > self._map.current_command.fields[0].si_per_count:
+                self._is_ready = not self._map.startup  # it may have restarted unseen
         was_away = self._in_vain >= _RESTART_REQUESTS and self._clock.monotonic() - self._answered_s > _RESTART_S
         if self.codec.has_restarted or (was_away and self._map.startup and not self._tells_restart):
             self.codec.has_restarted = False
@@ -214,7 +230,7 @@ class AsciiLink(SerialLink):
         try:
             self._drop_unfinished(self._clock.monotonic())
             self._drain()
-            self.codec.refused = None
+            self.codec.may_be_refused, self.codec.refused_line = True, None
             self.counters.requests += 1
             sent_s = self._clock.monotonic()
             is_sent = self._send(line)

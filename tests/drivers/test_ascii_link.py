@@ -278,6 +278,24 @@ def test_an_odrive_is_made_ready_before_its_first_torque_and_again_when_it_was_a
     assert rig.start_lines() == [0, 1, 2, 0, 1, 2]
 
 
+@pytest.mark.parametrize("name", ["arduino", "odrive-ascii-wheel"])
+def test_a_restart_that_nobody_saw_is_found_by_what_is_refused(tmp_path: Path, name: str) -> None:
+    """Without a line, a clock or a silence: a current refused, or not in force, has the start sent again, once."""
+    extra = "startup: [ARM]\nrefusals: {not_armed: DISARMED}"
+    rig = Rig(bare(tmp_path, extra) if name == "arduino" else name)
+    wheel = rig.open()
+    wheel.read(1.0)
+    assert wheel.command_current(0.02).acknowledged
+    rig.clock.sleep(1.0)
+    rig.server.restart()
+    for _ in range(3):
+        wheel.command_current(0.02)
+        wheel.read(0.09)
+        rig.clock.sleep(0.1)
+    assert rig.server.command_A == pytest.approx(0.02)
+    assert rig.start_lines() == 2 * list(range(len(rig.server.wire_map.startup)))
+
+
 def test_a_wheel_that_says_that_it_restarted_begins_one_segment(tmp_path: Path) -> None:
     """By its line, with and without a clock: one segment, said, and it is made ready before it is driven again."""
     start = 'restarted: "Wheel {_} ready"\nstartup: [ARM]'
