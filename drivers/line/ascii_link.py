@@ -166,7 +166,10 @@ class AsciiLink(SerialLink):
                 self._give_up(form, exchange)
                 self._in_vain += 1
             return exchange
-        if owed is None or self._is_fresh(register, exchange):
+        if owed is None:
+            return exchange
+        if self._is_fresh(register, exchange):
+            owed.silent_until_s = None  # nothing is waited for
             return exchange
         owed.add(exchange.received_by_wheel_s)
         self._be_silent(form, owed, exchange.replied_s)
