@@ -168,18 +168,22 @@ class AsciiLink(SerialLink):
             return exchange
         if owed is None:
             return exchange
-        if self._is_fresh(register, exchange):
-            owed.silent_until_s = None  # nothing is waited for
-            return exchange
+        age_s = self._age_s(register, exchange)
+        if abs(age_s) < _LATEST_S:  # the wheel's clock says which it is: nothing is waited for
+            owed.silent_until_s = None
+            return exchange if abs(age_s) < _FRESH_SHARE * self.reply_timeout_s else exchange._replace(data=None)
         owed.add(exchange.received_by_wheel_s)
         self._be_silent(form, owed, exchange.replied_s)
         return exchange._replace(data=None)
 
-    def _is_fresh(self, register: Register, exchange: Exchange) -> bool:
-        """Whether the wheel's clock says that an answer is not an old one; those are older than a reply may be."""
+    def _age_s(self, register: Register, exchange: Exchange) -> float:
+        """How much older an answer is than its question, by the wheel's clock [s]; NaN where that is not known.
+
+        An old one is older than a reply may be.
+        """
         uptime_s, asked_s = _uptime_s(register, exchange), exchange.received_by_wheel_s
         before_s, before_asked_s = self._told.get(register.id, (math.nan, math.nan))
-        return abs((asked_s - before_asked_s) - (uptime_s - before_s)) < _FRESH_SHARE * self.reply_timeout_s
+        return (asked_s - before_asked_s) - (uptime_s - before_s)
 
     def _be_silent(self, form: int, owed: _Owed, since_s: float) -> None:
         """Nothing is asked from a time [s] on until no more answers of a form can come."""
