@@ -163,27 +163,21 @@ class AsciiLink(SerialLink):
         owed = self._owed.get(form)
         if exchange.data is None:
             if not self.is_refused:
-                self._give_up(form, exchange)
+                if register.name != "identity":  # an old one says the same, and it is asked again and again
+                    self._give_up(form, exchange)
                 self._in_vain += 1
             return exchange
-        if owed is None:
+        if owed is None or self._is_fresh(register, exchange):
             return exchange
-        age_s = self._age_s(register, exchange)
-        if abs(age_s) < _LATEST_S:  # the wheel's clock says which it is: nothing is waited for
-            owed.silent_until_s = None
-            return exchange if abs(age_s) < _FRESH_SHARE * self.reply_timeout_s else exchange._replace(data=None)
         owed.add(exchange.received_by_wheel_s)
         self._be_silent(form, owed, exchange.replied_s)
         return exchange._replace(data=None)
 
-    def _age_s(self, register: Register, exchange: Exchange) -> float:
-        """How much older an answer is than its question, by the wheel's clock [s]; NaN where that is not known.
-
-        An old one is older than a reply may be.
-        """
+    def _is_fresh(self, register: Register, exchange: Exchange) -> bool:
+        """Whether the wheel's clock says that an answer is not an old one; those are older than a reply may be."""
         uptime_s, asked_s = _uptime_s(register, exchange), exchange.received_by_wheel_s
         before_s, before_asked_s = self._told.get(register.id, (math.nan, math.nan))
-        return (asked_s - before_asked_s) - (uptime_s - before_s)
+        return abs((asked_s - before_asked_s) - (uptime_s - before_s)) < _FRESH_SHARE * self.reply_timeout_s
 
     def _be_silent(self, form: int, owed: _Owed, since_s: float) -> None:
         """Nothing is asked from a time [s] on until no more answers of a form can come."""
