@@ -14,6 +14,7 @@ from rw_ekf.plugins import loaded, registered
 
 FAMILIES = {
     "registers": "rw_ekf.drivers.line.register_protocol:protocol_of",
+    "ascii": "rw_ekf.drivers.line.ascii_protocol:protocol_of",
     "nsp": "rw_ekf.drivers.line.nsp_protocol:protocol_of",
     "can": "rw_ekf.drivers.can.can_protocol:protocol_of",
 }

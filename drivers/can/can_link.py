@@ -107,6 +107,9 @@ class CanLink:
         waited_s = self._clock.monotonic() - self._opened_s
         return all(m in self._heard.newest or waited_s > 1.5e-3 * self._layout.care(m).period_ms for m in who)
 
+    def note_restart(self) -> None:
+        """Nothing of a bus is the wheel's."""
+
     def unanswered(self, waited_s: float) -> DriverError:
         """What to say where no wheel tells anything."""
         heard = self._heard

@@ -9,7 +9,7 @@ from rw_ekf.clock import Clock
 from rw_ekf.driver import ACTED_THOUGH, TIMEOUT, ZERO_BY_MODE, ZERO_BY_RESET
 from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.registers import decode_register, encode_register, is_plausible, rounded_si
-from rw_ekf.drivers.line.wheel_registers import registers_beside
+from rw_ekf.drivers.line.wheel_registers import telling_register
 from rw_ekf.drivers.line.wire_layout import Field, Register
 from rw_ekf.drivers.line.wire_map import STATUS_OK, WireMap
 from rw_ekf.errors import DriverError
@@ -37,8 +37,9 @@ class CurrentWriter:
         self._line = line
         self._map = wire_map
         self._host = host
-        main = wire_map.speed_register
-        self._telling = next((r for r in (main, *registers_beside(main, wire_map)) if r.field("current_command")), None)
+        self._telling = telling_register(wire_map)
+        told_by = None if self._telling is None else self._telling.field("current_command")
+        self._told_by = told_by if told_by is not None else wire_map.current_command.fields[0]
         self._reset_again_s = host.monotonic()
         self.drives = False  # whether the last current that was written is not zero
 
@@ -60,7 +61,7 @@ class CurrentWriter:
         told_A = self._told_A()
         if told_A is None:
             return Written(sent_A, received_s, False, reason)
-        if abs(told_A - sent_A) <= (_F32_PART * abs(sent_A) if field.is_float else 0.5 * field.si_per_count):
+        if abs(told_A - sent_A) <= max(_step_A(field, sent_A), _step_A(self._told_by, sent_A)):
             return Written(sent_A, received_s, reason=None if reason == TIMEOUT else ACTED_THOUGH + reason)
         return Written(told_A, received_s, reason=reason)
 
@@ -123,3 +124,8 @@ def _toward_zero(field: Field, current_A: float) -> float:
         return current_A
     count_A = abs(field.si_per_count)
     return sent_A - math.copysign(count_A, sent_A) if abs(sent_A) - abs(current_A) > 1e-6 * count_A else current_A
+
+
+def _step_A(field: Field, current_A: float) -> float:
+    """By how much a current can be another than was meant, for its digits alone [A]."""
+    return _F32_PART * abs(current_A) if field.is_float else 0.5 * field.si_per_count

@@ -36,6 +36,10 @@ class Line(Protocol):
         """What to say where it never did."""
         ...
 
+    def note_restart(self) -> None:
+        """The wheel has restarted, as its clock says."""
+        ...
+
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """Read or write a register."""
         ...

@@ -90,6 +90,16 @@ class NspLink(SerialLink):
         return self.codec.refused_to_read
 
     @property
+    def hint(self) -> str:
+        """A boot loader answers, and knows no register."""
+        return (
+            "The wheel answers and refuses every read: it may wait in its boot loader for another framing.init_address "
+            "than that of the wire map"
+            if super().answers
+            else ""
+        )
+
+    @property
     def answers(self) -> bool:
         """Whether the wheel's own program does."""
         return super().answers and bool(self._files)

@@ -19,19 +19,15 @@ def decode_register(register: Register, data: bytes) -> dict[str, float]:
 
 
 def is_plausible(register: Register, values_si: Mapping[str, float]) -> bool:
-    """Whether every value that the program uses is finite and such as a machine can have.
-
-    A speed at the very end of what a signed integer carries is none: the number is saturated, or about to go round.
+    """Whether every value that the program uses is finite and such as a machine can have, and this field.
 
     A float register carries infinity, NaN and 3e38 as readily as a speed, and the checksum is right. Fields of names
     that the program does not use may hold what they like.
     """
-    speed = register.field("speed")
-    if speed is not None and speed.is_signed and values_si["speed"] in speed.si_range:
-        return False
     return all(
         abs(values_si[field.name]) <= BEYOND_ANY_MACHINE.get(QUANTITIES[field.name], math.inf)
         and math.isfinite(values_si[field.name])
+        and field.is_possible(values_si[field.name])
         for field in register.fields
         if field.name in QUANTITIES
     )
@@ -50,22 +46,16 @@ def encode_saturated(register: Register, values_si: Mapping[str, float]) -> byte
 
     A float carries NaN and infinity as they are; an integer has its lowest number for NaN.
     """
-    numbers: list[float] = []
-    for field in register.fields:
-        number = field.constant if field.constant is not None else field.to_wire(values_si.get(field.name, 0.0))
-        low, high = field.numbers
-        if not math.isfinite(number):
-            numbers.append(number if field.is_float else high if number > 0.0 else low)
-            continue
-        if field.name == "uptime" and not field.is_float:
-            number = low + (round(number) - low) % round(high - low + 1)
-        numbers.append(_of_type(field, min(max(number, low), high)))
-    return register.packing.pack(*numbers)
+    numbers = (
+        field.to_wire(values_si.get(field.name, 0.0)) if field.constant is None else field.constant
+        for field in register.fields
+    )
+    return register.packing.pack(*(field.saturated(n) for field, n in zip(register.fields, numbers, strict=True)))
 
 
 def rounded_si(field: Field, value_si: float) -> float:
     """The SI value that arrives when `value_si` is sent through `field`."""
-    number = _of_type(field, field.to_wire(value_si))
+    number = field.rounded(field.to_wire(value_si))
     if field.type == "f32":
         (number,) = struct.unpack("<f", struct.pack("<f", number))
     return field.to_si(number)
@@ -74,13 +64,13 @@ def rounded_si(field: Field, value_si: float) -> float:
 def _number(register: Register, field: Field, values_si: Mapping[str, float]) -> float:
     """The number on the wire of one field, checked."""
     if field.constant is not None:
-        return _of_type(field, field.constant)
+        return field.rounded(field.constant)
     if field.name not in values_si:
         raise ValueError(f"register {register.name} needs a value for {field.name}")
     value_si = values_si[field.name]
     if not math.isfinite(value_si):
         raise ValueError(f"register {register.name}: {field.name} must be finite, not {value_si}")
-    number = _of_type(field, field.to_wire(value_si))
+    number = field.rounded(field.to_wire(value_si))
     low, high = field.numbers
     if not low <= number <= high:
         least, most = field.si_range
@@ -89,8 +79,3 @@ def _number(register: Register, field: Field, values_si: Mapping[str, float]) ->
             f"({least:g} to {most:g} in SI units)"
         )
     return number
-
-
-def _of_type(field: Field, number: float) -> float:
-    """Rounded to the nearest count where the type is an integer."""
-    return number if field.is_float else round(number)

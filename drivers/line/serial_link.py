@@ -93,18 +93,23 @@ class SerialLink:
         return False
 
     @property
+    def hint(self) -> str:
+        """Why what has come may be no answer; empty where nothing is known."""
+        return ""
+
+    def note_restart(self) -> None:
+        """The wheel has restarted, as its clock says."""
+
+    @property
     def answers(self) -> bool:
         """Whether a good frame has come since it was opened."""
         return self.good_frames > 0
 
     def unanswered(self, waited_s: float) -> DriverError:
         """What to say where it never did."""
-        if self.good_frames == 0:
-            return silent_error(self.settings.port, self.settings.baud, waited_s, self.received_bytes)
-        return DriverError(
-            f"{self.name}: the wheel answers and refuses every read: it may wait in its boot loader for another "
-            "framing.init_address than that of the wire map"
-        )
+        settings = self.settings
+        heard = (self.received_bytes, self.good_frames, self.hint)
+        return silent_error(settings.port, settings.baud, waited_s, *heard)
 
     def transmit_s(self, byte_count: int) -> float:
         """How long bytes take on the line [s]."""

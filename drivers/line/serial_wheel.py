@@ -57,6 +57,7 @@ class SerialWheel:
         self._opened_s = self._host.monotonic()
         self._restarts = 0
         self._speed: tuple[float, float] | None = None  # the last reading [rad/s], and when it came [s]
+        self._doubted: tuple[float, float] | None = None  # the reading just before, where it was not believed
         self._sample_at_s: float | None = None  # host time at which the wheel took the request of the last sample
 
     def read(self, timeout_s: float) -> WheelSample | None:
@@ -66,7 +67,7 @@ class SerialWheel:
         beside = not self._crowded_out and self._read_beside(deadline_s)
         exchange = self._exchange(self._main, deadline_s)
         values = self._values(self._main, exchange)
-        if values is not None and self._has_wrapped(values["speed"], exchange.replied_s):
+        if values is not None and self._has_jumped(values["speed"], exchange.replied_s):
             self.link.damaged += 1
             values = None
         self._crowded_out = beside and values is None
@@ -78,7 +79,10 @@ class SerialWheel:
         self._quiet_since_s = None
         if self._line.restarts != self._restarts:
             self._restarts = self._line.restarts
-            self.clock.begin_segment("wheel_restarted", "the wheel was in its boot loader and has been started")
+            if self._uptime_field is not None:
+                self.clock.note_restart()
+            else:
+                self.clock.begin_segment("wheel_restarted", "the wheel restarted, and has been made ready again")
             self.doubt_identity()
         for register in self._others:
             values = (self._values(register, self._exchange(register, deadline_s)) or {}) | values
@@ -88,6 +92,7 @@ class SerialWheel:
         segment = self.clock.segment
         time_s = self._time_s(values, exchange)
         if self.clock.segment != segment:
+            self._line.note_restart()
             self.doubt_identity()
             self._read_identity_if_due(deadline_s)
         news, self.clock.news = self.clock.news, None
@@ -178,13 +183,16 @@ class SerialWheel:
             return None
         return values
 
-    def _has_wrapped(self, speed_rad_s: float, came_s: float) -> bool:
-        """Whether the number on the wire went round its end: no wheel changes its speed so much in a second."""
-        field, last = self._map.speed_field, self._speed
-        known = not field.is_float and last is not None and came_s - last[1] < WRAP_WITHIN_S
-        if known and last is not None and abs(speed_rad_s - last[0]) > 0.5 * field.si_span:
-            return True
-        self._speed = speed_rad_s, came_s
+    def _has_jumped(self, speed_rad_s: float, came_s: float) -> bool:
+        """Whether the speed changed by more than a wheel can: its number went round its end, or lost a digit."""
+        field, last, reading = self._map.speed_field, self._speed, (speed_rad_s, came_s)
+        doubted, self._doubted = self._doubted, None
+        if last is not None and came_s - last[1] < WRAP_WITHIN_S:
+            believed = [last] if doubted is None or not field.is_believed_twice else [last, doubted]
+            if all(abs(speed_rad_s - rad_s) > field.most_change_si(came_s - at_s) for rad_s, at_s in believed):
+                self._doubted = reading
+                return True
+        self._speed = reading
         return False
 
     def _time_s(self, values: dict[str, float], exchange: Exchange) -> float:

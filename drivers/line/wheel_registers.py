@@ -26,16 +26,20 @@ TELEMETRY = (
 
 
 def registers_beside(main: Register, wire_map: WireMap) -> tuple[Register, ...]:
-    """Where the speed's register lacks a value, the registers that are named after one and carry it."""
+    """Where the speed's register lacks a value, those named after it, or it and _read, that carry it."""
     known = {field.name for field in main.fields}
-    return tuple(
-        register
-        for register in wire_map.readable()
-        if register is not main
-        and register.name in TELEMETRY
-        and register.name not in known
-        and register.field(register.name)
-    )
+    found = []
+    for register in wire_map.readable():
+        value = register.name.removesuffix("_read")
+        if register is not main and value in TELEMETRY and value not in known and register.field(value):
+            found.append(register)
+    return tuple(found)
+
+
+def telling_register(wire_map: WireMap) -> Register | None:
+    """The register of a sample that has the command in force; None where the wheel does not tell it."""
+    main = wire_map.speed_register
+    return next((r for r in (main, *registers_beside(main, wire_map)) if r.field("current_command")), None)
 
 
 def uptime_field(registers: tuple[Register, ...]) -> Field | None:

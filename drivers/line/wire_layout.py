@@ -30,6 +30,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "s": ("time", 1.0),
     "ms": ("time", 1.0e-3),
     "us": ("time", 1.0e-6),
+    "turn/s": ("speed", 2.0 * math.pi),
+    "turn": ("angle", 2.0 * math.pi),
     "rad": ("angle", 1.0),
     "deg": ("angle", math.pi / 180.0),
 }
@@ -139,6 +141,11 @@ class Field(Section):
         return abs(self.scale) * UNITS[self.unit][1]
 
     @property
+    def code(self) -> str:
+        """How `struct` packs the number."""
+        return TYPES[self.type][0]
+
+    @property
     def si_range(self) -> tuple[float, float]:
         """The lowest and the highest value that the field can carry [SI]."""
         low, high = self.numbers
@@ -150,6 +157,32 @@ class Field(Section):
         """After how much an integer counter wraps [SI], e.g. 2**32 ms in seconds."""
         low, high = self.numbers
         return (high - low + 1.0) * self.si_per_count
+
+    def rounded(self, number: float) -> float:
+        """The nearest number that the field carries."""
+        return number if self.is_float else round(number)
+
+    def saturated(self, number: float) -> float:
+        """What a wheel sends of a number: its range's end, the lowest for NaN; an uptime wraps; a float is as it is."""
+        low, high = self.numbers
+        if not math.isfinite(number):
+            return number if self.is_float else high if number > 0.0 else low
+        if self.name == "uptime" and not self.is_float:
+            number = low + (round(number) - low) % round(high - low + 1)
+        return self.rounded(min(max(number, low), high))
+
+    def is_possible(self, value_si: float) -> bool:
+        """Whether a wheel means it: a speed at the very end of a signed integer is saturated, or about to go round."""
+        return not (self.name == "speed" and self.is_signed and value_si in self.si_range)
+
+    def most_change_si(self, within_s: float) -> float:
+        """What a reading can change by in a time [s] of no more than a second: half of what its integer carries."""
+        return math.inf if self.is_float else 0.5 * self.si_span
+
+    @property
+    def is_believed_twice(self) -> bool:
+        """Whether a reading that changed by more is true where the next one agrees with it."""
+        return False
 
     def to_si(self, number: float) -> float:
         """SI value of a number on the wire, to the digits that a count has: 0.1013 A, not 0.10130000000000002."""
@@ -184,7 +217,7 @@ class Register(Section):
     @property
     def packing(self) -> struct.Struct:
         """The bytes of the register's data."""
-        return struct.Struct(self._order + "".join(TYPES[field.type][0] for field in self.fields))
+        return struct.Struct(self._order + "".join(field.code for field in self.fields))
 
     @property
     def size(self) -> int:

@@ -15,7 +15,7 @@ from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import TORQUE_UNITS, Byte, Field, Framing, IdRanges, LineSettings, Name, Register
 
 STATUS_OK = 0
-_STATUSES = {STATUS_OK: "ok", 1: "unknown_id", 2: "wrong_length", 3: "out_of_range", 4: "refused_in_this_mode"}
+STATUSES = {STATUS_OK: "ok", 1: "unknown_id", 2: "wrong_length", 3: "out_of_range", 4: "refused_in_this_mode"}
 
 
 class WireMap(Section):
@@ -25,10 +25,10 @@ class WireMap(Section):
     framing: Framing = Framing()
     link: LineSettings = LineSettings()
     ids: IdRanges = IdRanges()
-    statuses: dict[Byte, Name] = Key(_STATUSES, description="number: name, of the byte that answers a write")
+    statuses: dict[Byte, Name] = Key(STATUSES, description="number: name, of the byte that answers a write")
     registers: tuple[Register, ...] = Key(strict=False, description="what can be read and written")
 
-    @field_validator("statuses")
+    @field_validator("statuses", check_fields=False)
     @classmethod
     def _ok(cls, statuses: dict[int, str]) -> dict[int, str]:
         if statuses.get(STATUS_OK) != "ok":

@@ -86,7 +86,9 @@ class RegisterServer:
             data = self._answer(frame, register)
             if data is not None:
                 answer = self._spoilt.reply(frame, register, data, time_s)
-                replies.append(Reply(self._codec.reply(answer), register.name if register else None))
+                content = self._codec.reply(answer)
+                if content:
+                    replies.append(Reply(content, register.name if register else None))
         return replies
 
     def advance_to(self, time_s: float) -> None:
@@ -153,7 +155,7 @@ class RegisterServer:
         if register.name == "reset":
             self.restart()
             return OK
-        value = next(iter(values.values()))
+        value = next(iter(values.values()), float(IDLE))
         if register.name == "current_command":
             return self._command_current(value)
         if self.fault:

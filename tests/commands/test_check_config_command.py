@@ -195,3 +195,53 @@ def test_keys_that_contradict_each_other_or_the_disk(
     assert out == ""
     assert expected in errors
     assert "wheel.yaml:" in errors
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("RPM={speed:.1f}", "RPM={speed:.1g}", "no such form"),
+        ("RPM={speed:.1f}", "RPM={sped:.1f}", "has a place {sped} and no field of that name"),
+        (
+            'request: "T?"',
+            'request: "RPM=1.0 CUR=1.0000 SET=1.0000 TEMP=1.0 VOLT=1.00 MS=1"',
+            "its echo would be taken",
+        ),
+        ("CUR={current_command:.4f}", "CUR={current_command}", "without its digits"),
+        (
+            "fields: [{name: current_command, unit: A, range: [-3, 3]}]",
+            "fields: [{name: current_command, unit: A}]",
+            "any number",
+        ),
+        ("range: [-3, 3]", "range: [1, 3]", "does not hold 0"),
+        ("range: [-3, 3]", "range: [3, -3]", "the lowest comes first"),
+        ("checksum: xor ", "checksum: crc ", "must be one of none, xor"),
+        ("ERR RANGE", "OK", "is also what register current_command answers"),
+        ("restarted: READY", "restarted: READY {n}", "has a place for a number"),
+        ("unit: ms}", "unit: rpm}", "does not fit, uptime in rpm"),
+    ],
+)
+def test_a_map_of_lines_that_cannot_be_says_where(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
+) -> None:
+    """ASCII: forms, places, echoes, limits: each refused with the line of the map, and before a port is opened."""
+    text = protocol_path("ascii-wheel").read_text(encoding="utf-8")
+    wire_map = tmp_path / "map.yaml"
+    wire_map.write_text(text.replace(old, new, 1), encoding="utf-8")
+    errors = findings(capsys, write_config(tmp_path, str(tmp_path / "nowhere"), wheel={"protocol": str(wire_map)}))
+    at = errors.index(f"{wire_map}:")
+    line = int(errors[at:].split(":")[1])
+    assert words in errors
+    assert (
+        abs(line - text[: text.index(old)].count("\n") - 1) <= 3
+    )  # the key itself, or its counterpart in the register
+
+
+@pytest.mark.parametrize(("limit_A", "status"), [(3.0, 0), (3.1, 2)])
+def test_a_limit_beyond_the_range_of_a_line_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], limit_A: float, status: int
+) -> None:
+    """Text carries any number: the map's range is what the wire carries."""
+    config = write_config(tmp_path, "nowhere", wheel={"protocol": "ascii-wheel"}, limits={"current_A": limit_A})
+    assert main(["check-config", str(config)]) == status
+    assert ("from -3 to 3 A" in capsys.readouterr().err) == (status == 2)

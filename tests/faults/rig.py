@@ -30,6 +30,8 @@ from tests.live.bench import FAMILIES, protocol_named, spoken_by, write_config
 from tests.live.daemon import Notes, Ran
 
 EACH_FAMILY = pytest.mark.parametrize("family", FAMILIES, indirect=True)  # `usefixtures` where it is not asked for
+# Where no daemon runs, a wheel that takes a torque too, confirms no write, and must be made ready.
+EACH_FAMILY_ON_A_LINE = pytest.mark.parametrize("family", [*FAMILIES, "odrive-ascii-wheel"], indirect=True)
 FAMILY = ContextVar("FAMILY", default=FAMILIES[0])  # of the wheels of a test that does not say
 BEGAN = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 

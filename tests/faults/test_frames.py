@@ -10,12 +10,12 @@ from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import WheelSample
 from tests.faults.ports import Babbling, opening
-from tests.faults.rig import EACH_FAMILY, is_unasked, let_pass, port_of
+from tests.faults.rig import EACH_FAMILY_ON_A_LINE, is_unasked, let_pass, port_of
 from tests.live.bench import Bench
 from tests.live.daemon import run
 from tests.live.test_line_faults import error_rpm, fault
 
-pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
+pytestmark = [EACH_FAMILY_ON_A_LINE, pytest.mark.usefixtures("family")]
 
 CLOCK = SystemClock()
 MEGABYTE = 1_000_000
@@ -147,6 +147,8 @@ def test_a_reply_of_another_id_seq_or_length_is_rejected(
     """Row 13: with a good checksum, and counted; on a bus a frame of another id is somebody else's."""
     if is_unasked(wheel):  # a count that is behind by one all the time is nobody's to know; one that stands still is
         text, counter = {"id": ("id", "timeouts"), "seq": ("repeat", "stale")}.get(text, (text, counter))
+    if text == "seq" and "ascii" in bench.protocol:
+        pytest.skip("a line of text has no seq: what is late is told otherwise (tests/drivers/test_ascii_link.py)")
     bench.fault(text)
     let_pass(wheel)
     assert not any(samples_of(bench, wheel, 3))
@@ -166,6 +168,10 @@ def test_a_reply_of_another_id_seq_or_length_is_rejected(
 )
 def test_bad_replies_are_counted_dropped_and_survived(bench: Bench, bad: str, counter: str) -> None:
     """Row 8, 10, 13: every third reply to the daemon is bad: nothing wrong reaches the filter or the wheel."""
+    if bench.protocol == "odrive-ascii-wheel":
+        pytest.skip("a daemon needs other limits for torques")
+    if "seq" in bad and bench.protocol == "ascii-wheel":
+        pytest.skip("a line of text has no seq")
     ran = run(bench, 2.0, *fault(bench, 0.4, 1.4, bad))
     if bench.protocol == "can-wheel" and counter == "timeouts":
         counter = "damaged"  # the next cycle is as good

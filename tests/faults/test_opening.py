@@ -12,10 +12,10 @@ from rw_ekf.clock import SystemClock
 from rw_ekf.driver import ControlLines
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.wire_map import WireMap
-from tests.faults.rig import EACH_FAMILY, let_pass, port_of
+from tests.faults.rig import EACH_FAMILY_ON_A_LINE, let_pass, port_of
 from tests.live.bench import Bench, wait_for
 
-pytestmark = [EACH_FAMILY, pytest.mark.usefixtures("family")]
+pytestmark = [EACH_FAMILY_ON_A_LINE, pytest.mark.usefixtures("family")]
 
 CLOCK = SystemClock()
 
@@ -72,6 +72,8 @@ def test_closing_the_port_drops_no_line(wheel: SerialWheel) -> None:
 
 def test_an_opening_that_resets_the_wheel_is_found(bench: Bench, wheel: SerialWheel, wire_map: WireMap) -> None:
     """Row 6: opened again, the wheel restarted: said, a new segment, who answers asked again; then as before."""
+    if bench.protocol == "odrive-ascii-wheel":
+        pytest.skip("it tells nothing of a restart, nor who it is; it is made ready anew behind every opening")
     first = wheel.read(1.0)
     assert first is not None
     wheel.command_current(0.1)
@@ -97,7 +99,8 @@ def test_what_comes_just_after_opening_is_let_pass(bench: Bench, wheel: SerialWh
     let_pass(wheel)
     assert wheel.read(0.05) is None  # its reply is held ...
     wheel.close()
-    bench.fault("insert/from:1:60")
+    # A line of text has no mark by which its beginning is found behind junk.
+    bench.fault("insert/from:1:60" if "ascii" not in bench.protocol else "")
     again = open_serial_wheel(bench.port, wire_map, CLOCK, 0.15)
     bench.fault("")
     assert again.read(1.0) is not None

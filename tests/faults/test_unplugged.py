@@ -127,8 +127,8 @@ def test_it_comes_back_as_another_device(bench: Bench, wheel: SerialWheel, wire_
     ("family", "error"),
     [
         *((FAMILIES[0], error) for error in ERRORS),
-        *((family, ERRORS[0]) for family in FAMILIES[1:]),
-    ],  # what a family adds is where it calls
+        *((family, ERRORS[0]) for family in (*FAMILIES[1:], "odrive-ascii-wheel")),  # what these add is where they call
+    ],
     ids=lambda given: given if isinstance(given, str) else f"{type(given).__module__}.{type(given).__name__}",
     indirect=["family"],
 )

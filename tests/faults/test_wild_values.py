@@ -95,7 +95,7 @@ def test_the_daemon_goes_on(
     assert len(ran.log) == ran.outcome.statistics.samples
 
 
-@pytest.mark.parametrize("family", FAMILIES[1:2], indirect=True)
+@pytest.mark.parametrize("family", [FAMILIES[1], "odrive-ascii-wheel"], indirect=True)
 @pytest.mark.parametrize("number", WRONG)
 def test_a_wheel_that_speaks_in_floats_is_held_to_them(bench: Bench, wheel: SerialWheel, number: float) -> None:
     """Row 18: as above for a speed that a file of its own carries; of a temperature only that value is missing."""

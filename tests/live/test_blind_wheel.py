@@ -87,7 +87,7 @@ def wrong_map(directory: Path, field: str, scale: float, protocol: str = "sunspa
     if "dbc" in content:
         return wrong_database(directory, field, scale, content)
     for register in content["registers"]:
-        for entry in register["fields"]:
+        for entry in register.get("fields", ()):
             if entry["name"] == field:
                 entry["scale"] = scale * entry.get("scale", 1.0)
     path = directory / "wrong-map.yaml"
