@@ -174,6 +174,7 @@ def _context(
         output=configuration.output,
         port=configuration.wheel.port,
         state_names=start.setup.state_names,
+        compensated=configuration.compensation.scheme is not None,
         clock=clock,
         logger=logger,
         watched=watches.alarms is not None,

@@ -155,33 +155,43 @@ class EstimateWriter(RowWriter):
     """What the filter said after each sample: the test of the sample, and now and then state and standard deviations.
 
     Between them the state's fields are empty: a replay gives it at every sample. The newest row waits for the next one,
-    so that the last row of a file is a full one, as the first is.
+    so that the last row of a file is a full one, as the first is. compensated: there is a column for what a
+    compensation of friction added to the current.
     """
 
-    def __init__(self, path: str | Path, state_keys: tuple[str, ...] = STATE_KEYS, state_every_s: float = 0.0) -> None:
-        super().__init__(path, estimate_columns(state_keys))
+    def __init__(
+        self,
+        path: str | Path,
+        state_keys: tuple[str, ...] = STATE_KEYS,
+        state_every_s: float = 0.0,
+        *,
+        compensated: bool = False,
+    ) -> None:
+        super().__init__(path, (*estimate_columns(state_keys), *(("compensation_A",) if compensated else ())))
         self.state_keys = state_keys
+        self._compensated = compensated
         self._every_s = state_every_s * _SHORT  # rows never come quite on time
         self._full_at_s = -math.inf
-        self._newest: Estimate | None = None
+        self._newest: tuple[Estimate, float | None] | None = None
         self._no_state = (None,) * (2 * len(state_keys))
 
-    def write(self, estimate: Estimate) -> None:
+    def write(self, estimate: Estimate, added_A: float | None = None) -> None:
         """Write the row before this one. Raises ValueError if the number of states is not that of the columns."""
         if len(estimate.values) != len(self.state_keys) or len(estimate.stds) != len(self.state_keys):
             raise ValueError(f"{len(estimate.values)} states for {len(self.state_keys)} columns")
-        before, self._newest = self._newest, estimate
+        before, self._newest = self._newest, (estimate, added_A)
         if before is not None:
             began_anew = estimate.outcome in (Outcome.FIRST, Outcome.RESEEDED)
-            self._write(before, full=began_anew or not 0.0 <= before.time_s - self._full_at_s < self._every_s)
+            full = began_anew or not 0.0 <= before[0].time_s - self._full_at_s < self._every_s
+            self._write(*before, full=full)
 
     def finish(self) -> None:
         """Write the row that waits, as a full one. Raises OSError."""
         before, self._newest = self._newest, None
         if before is not None:
-            self._write(before, full=True)
+            self._write(*before, full=True)
 
-    def _write(self, estimate: Estimate, *, full: bool) -> None:
+    def _write(self, estimate: Estimate, added_A: float | None, *, full: bool) -> None:
         test = estimate.innovation
         full = full or estimate.outcome in (Outcome.FIRST, Outcome.RESEEDED)
         if full:
@@ -196,6 +206,7 @@ class EstimateWriter(RowWriter):
                 None if test is None else test.nis,
                 estimate.outcome in (Outcome.UPDATED, Outcome.FIRST),
                 estimate.outcome.value if test is None else test.reason,
+                *((added_A,) if self._compensated else ()),
             )
         )
 

@@ -38,7 +38,7 @@ def _log(run: RunContext) -> tuple[Sink, Queue]:
         samples = SampleWriter(part_path(run.files.log, number))
         try:
             path, every_s = part_path(run.files.estimates, number), run.output.estimates_every_s
-            return PartFiles(samples, EstimateWriter(path, run.state_names, every_s))
+            return PartFiles(samples, EstimateWriter(path, run.state_names, every_s, compensated=run.compensated))
         except BadInputError:
             samples.close()
             samples.path.unlink(missing_ok=True)

@@ -90,7 +90,8 @@ class LogSink:
             self._broken = True
             self._unwritten.log_rows += 1
             self._say(self._part.samples.path, error.strerror or str(error))
-        self._estimated(lambda: self._part.estimates.write(estimate))
+        added_A = None if tick.compensation is None else tick.compensation.current_A
+        self._estimated(lambda: self._part.estimates.write(estimate, added_A))
         if self._clock.monotonic() >= self._sync_due_s:
             self._sync_due_s = self._clock.monotonic() + _SYNC_EVERY_S
             self._sync()

@@ -33,6 +33,7 @@ class RunContext:
     link: Callable[[], LinkCounters]
     process: Mapping[str, int | None]  # pid and start_ticks: for all time the name of one process
     in_order: Callable[[], bool] = lambda: True  # whether the run, when it is over, has not crashed
+    compensated: bool = False  # whether friction may be compensated
     total_s: Callable[[], float | None] = lambda: None
     phase: Phase | None = None
     watched: bool = True  # whether there can be alarms

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from rw_ekf.arrays import Float64Array
+from rw_ekf.logs.column_map import ColumnMap
+from rw_ekf.logs.reader import read_table
 from rw_ekf.settings.schema import RUN_SCHEMES
 from rw_ekf.units import rad_s_from_rpm
 from tests.faults.rig import LineWheel
@@ -110,6 +112,12 @@ def test_the_log_and_the_filter_have_the_current_that_was_issued(tmp_path: Path)
     logged = dict(zip(done.ran.log.time_s.tolist(), done.ran.log.current_A.tolist(), strict=True))
     assert len(told.keys() & logged.keys()) > 250
     assert all(logged[time_s] == pytest.approx(told[time_s], abs=1e-9) for time_s in told.keys() & logged.keys())
+    estimates = read_table(done.ran.outcome.files.estimates, ColumnMap())
+    at_s, added = estimates.floats(0), estimates.floats(estimates.names.index("compensation_A"))
+    added_told = {answer["time_s"]: answer["compensation_A"] for answer in done.answers}
+    written = dict(zip(at_s.tolist(), added.tolist(), strict=True))
+    assert all(written[t] == pytest.approx(added_told[t], abs=1e-9) for t in written.keys() & added_told.keys())
+    assert np.nanmax(np.abs(added)) > 0.02
     again = replay_log(
         done.ran.log, load_configuration(tmp_path / "wheel.yaml"), read_model(done.ran.outcome.files.start)
     )
