@@ -32,7 +32,8 @@ def sections_of(progress: Progress) -> dict[str, dict[str, Any]]:
         wheel["baud"] = found["baud"]
     kept = {name: limits[name] for name in ("current_A", "speed_rpm", "temperature_degC") if limits[name] is not None}
     rate_hz = rate_for(found["read_ms"])
-    timeout_ms = max(_LEAST_TIMEOUT_MS, _REPLIES * (still or found)["reply_ms"])
+    reply_ms = (still or found)["reply_ms"] or 0.0  # none where nothing is asked, as on a bus
+    timeout_ms = max(_LEAST_TIMEOUT_MS, _REPLIES * reply_ms)
     sections: dict[str, dict[str, Any]] = {
         "wheel": wheel,
         "limits": {**kept, "slew_A_per_s": SLEW_PER_LIMIT * limits["current_A"]},
@@ -82,7 +83,9 @@ def _text(progress: Progress, model: str | None) -> str:
         "wheel.protocol": sign["map_text"],
         "limits": f"what may never be exceeded, as {limits['by']} gave it",
         "limits.slew_A_per_s": "from zero to the limit in 80 ms",
-        "loop.reply_timeout_ms": f"a reply takes {still['reply_ms']:.3g} ms beyond its bytes",
+        "loop.reply_timeout_ms": f"a reply takes {still['reply_ms']:.3g} ms beyond its bytes"
+        if still["reply_ms"]
+        else None,
         "loop.rate_hz": f"a sample takes {still['read_ms']:.3g} ms",
         "filter.speed_noise_rpm": "of readings at rest",
         "filter.model": "from the identification",
