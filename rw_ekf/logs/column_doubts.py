@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_names import said_by
 from rw_ekf.logs.column_prose import hint_about
@@ -20,6 +21,7 @@ from rw_ekf.logs.column_records import Column, Guess, Line
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 
+_TWICE = 0.3  # of the rows have the time of the row before, where several wheels are told of at each
 _MOST_WHEELS = 16  # in one file
 _ELECTRICAL = ("electrical", "elec", "elek", "elect", "elektrisch", "el", "we", "ne", "omegae", "thetae", "phie")
 _SYMBOLS = frozenset(["omega", "w", "n", "theta", "phi", "q", "speed", "vel", "rpm"])
@@ -29,6 +31,7 @@ _OTHER_MACHINES = (
     "load", "dyno", "yaw", "pitch", "roll", "pend", "pendulum", "base", "plate", "arm", "abtrieb", "abtriebsdrehzahl",
     "predicted", "simulated", "sim", "model",
 )  # fmt: skip
+_NOT_SUMMED = re.compile(r"delta|\bdiff|increments?\b|inkremente|per (row|sample)", re.IGNORECASE)
 _TURNING = (
     "rev", "revs", "turns", "rotations", "rotation", "mechanical", "mech", "n", "drehzahl", "umdrehungen", "tours",
     "giri",
@@ -40,12 +43,13 @@ _FACTOR = re.compile(
 )
 _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
+_LIKE_A_UNIT = re.compile(r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff)?")  # of no known meaning
 _A_WORD = 3  # letters: shorter is a unit, or an axis
 _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
 _BRACKETED = re.compile(r"[\[(<{]([^\])>}]+)[\])>}]")
 _IDS = frozenset((
     "id", "wheel", "rw", "unit", "motor", "axis", "node", "device", "dev", "serial", "sn", "name", "address", "addr",
-    "wheelid", "motorid", "rwid",
+    "wheelid", "motorid", "rwid", "instance", "canid", "can", "dut", "bearing", "specimen", "esc", "sample", "unit",
 ))  # fmt: skip
 _BESIDE_IDS = frozenset(["no", "nr", "num", "number", "index", "idx", "of", "the"])
 _INSTANCE = re.compile(
@@ -110,6 +114,8 @@ def _doubts(one: _Taken, table: RawTable, told: Answers) -> Iterator[tuple[str, 
 def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
     line, column = one
     said, unit = column.said, column.said.unit
+    if line.entry.get("derivative_of") is not None and _NOT_SUMMED.search(column.name):
+        yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
     letters = [letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS]
     per = unit is not None and bool(unit.per)
     if not per and (said.any_of(*_ELECTRICAL) or "e" in letters):
@@ -145,8 +151,8 @@ def _odd_stamp(column: Column, table: RawTable) -> str:
 def _unread(name: str) -> str:
     """What stands in brackets in a name and is no unit and no word: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`."""
     for text in _BRACKETED.findall(name):
-        odd = _ODD.search(text) or (text.lower() not in _AXES and len(text) < _A_WORD)
-        if unit_of(text) is None and odd:
+        short = len(text) < _A_WORD and text.lower() not in _AXES
+        if unit_of(text) is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text)):
             return str(text)
     return ""
 
@@ -164,16 +170,29 @@ def _contradicting_unit(column: Column, table: RawTable) -> str:
 
 
 def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -> None:
-    """Ask where a column tells several wheels apart."""
+    """Ask where a column tells several wheels apart: by its name, or because rows of one time differ in it."""
+    times = {_key(line) for line in guess.lines if line.name == "time_s"}
+    clock = next((column for column in columns if column.key in times), None)
+    twice = None if clock is None or np.mean(np.diff(clock.values) == 0.0) < _TWICE else np.diff(clock.values) == 0.0
     for column in columns:
         words = {word for word in column.said.words if "_" not in word} - _BESIDE_IDS
-        if column.said.unit is not None or not words or not words <= _IDS:
+        if column.said.unit is not None:
             continue
-        found = table.distinct(column.number, _MOST_WHEELS)
-        if len(found) > 1:
+        named = bool(words) and words <= _IDS
+        found = table.distinct(column.number, _MOST_WHEELS) if named or twice is not None else []
+        if len(found) > 1 and (named or _alternates(table, column, twice)):
             shown = ", ".join(found[:8])
             text = f"{column.shown} tells {len(found)} of them apart ({shown}), and a log is of one"
             guess.ask("only", f"{text}: --set only={column.name}:{found[0]}.")
+
+
+def _alternates(table: RawTable, column: Column, twice: BoolArray | None) -> bool:
+    """Whether rows of one time always have different values in a column of few."""
+    if twice is None:
+        return False
+    cells = table.columns[column.number]
+    held = cells.tolist() if isinstance(cells, np.ndarray) else cells.to_pylist()
+    return all(a != b for a, b, same in zip(held[:-1], held[1:], twice.tolist(), strict=True) if same)
 
 
 def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:

@@ -32,6 +32,7 @@ _MEASURED_WITH = (
     "normal", "weight", "soc", "humidity", "load",
 )  # fmt: skip
 _NO_TORQUE_OF_DRIVE = ("reaction", "disturbance", "friction", "drag", "brake", "load", "external", "reibung")
+_HARDLY = 0.05  # of itself: a supply's voltage moves by so much under load
 _FULL_SHARE = 1.05  # of a drive: more is a count of something
 _HALF_PERCENT = 40.0  # never below it: a bridge whose zero is at 50 %
 _UNITS_OF_DRIVE = {"torque": ("N m", "mN m"), "voltage": ("V", "mV")}
@@ -78,7 +79,9 @@ def find_drive(columns: list[Column], speed: Column | None, told: Answers, guess
 def _no_drive(column: Column, role: Role) -> str:
     """Why a column that could be a drive may be none, or not as it stands; empty where nothing says so."""
     said = column.said
-    named = said.has(role, "machine") or said.any_of(*_DRIVEN) or column.name == "current_A"
+    named = said.has(role) or said.any_of(*_DRIVEN) or column.name == "current_A"
+    if said.has("set") and said.has("speed"):
+        return "seems to be the speed that was wanted: is it what drives the wheel?"
     if (
         said.any_of(*_MEASURED_WITH)
         or (role == "voltage" and said.has("current"))
@@ -88,6 +91,8 @@ def _no_drive(column: Column, role: Role) -> str:
     if role == "torque" and said.any_of(*_NO_TORQUE_OF_DRIVE):
         return "may be no torque of the motor: is it what drives the wheel?"
     low, high = float(np.nanmin(column.values)), float(np.nanmax(column.values))
+    if role != "share" and high - low < _HARDLY * max(abs(low), abs(high)):
+        return "hardly changes: is it what drives the wheel?"
     if role == "share" and said.unit is None and high > _FULL_SHARE:
         return f"goes to {high:g}: of how much (255, 1023, 2000?), and where is zero? `scale` and `offset` in a map"
     if role == "share" and said.unit is not None and low >= _HALF_PERCENT:

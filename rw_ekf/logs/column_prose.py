@@ -17,7 +17,8 @@ from rw_ekf.logs.raw_table import RawTable
 
 _LONGEST = 90  # signs of a line that is quoted
 _SETTLED = re.compile(
-    r"appl(y|ied)|already|\bno gear|without gear|\b1:1\b|direct(ly)?\b|not electrical|ohne getriebe|\bdivided by the",
+    r"(?<!not )(?<!yet )(?<!be )\bappl(y|ied)|\balready|\bno gear|without gear|ohne getriebe|(?<!\d)1:1(?!\d)|"
+    r"direct(ly)? (on|coupled|driven|drive|mounted)|not electrical|\bdivided by the",
     re.IGNORECASE,
 )
 
@@ -36,6 +37,7 @@ def _words(text: str) -> re.Pattern[str]:
 
 
 _NUMBER = r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?|[.,]\d+)"
+_OF_UNIT = r"(?:rpm|rad/s|deg/s|m?A|mN ?m|N ?m|V)"
 _FACTOR = r"scale[ds]?|scale[_ ]?factor|scaling|factor|faktor|multipl\w*|divided|gain|lsb|skalier\w*|\w+_scale"
 _HINTS = (
     _Hint(("speed",), _words(r"\b(e-?rpm|electrical|elektrisch\w*|pole ?pairs?|polpaar\w*|\d+ poles?)\b"),
@@ -51,11 +53,28 @@ _HINTS = (
     _Hint(("current", "speed"), _words(rf"\b({_FACTOR})(?![a-z])[^\d\n]{{0,25}}{_NUMBER}"), "is that applied?", True),
     _Hint(("current", "speed"), _words(rf"\b(1|one) (count|digit|lsb|bit|inc\w*|step)\s*(=|is|:)\s*{_NUMBER}"),
           "are these counts still?", True),
-    _Hint(("current", "speed"), _words(r"\b(not corrected|uncorrected|uncalibrated|raw)\b"), "is it corrected?", True),
+    _Hint(("current", "speed"), _words(rf"{_NUMBER}\s*{_OF_UNIT}\s*(/|per|pro)\s*(bit|count|lsb|digit|inc)"),
+          "is that applied?"),
+    _Hint(("current", "speed"), _words(r"\b(tenths|hundredths|zehntel|hundertstel) (of|rpm|[1A])"), "are they still?"),
+    _Hint(("current", "speed"), _words(r"\b(divide|multiply|teile|value)\b[^\n]{0,25}(\bby\b|[x×*]) ?\d"),
+          "is that done?"),
+    _Hint(("current", "speed"), _words(r"\b(not corrected|uncorrected|uncalibrated|raw|not subtracted)\b"),
+          "is it corrected?", True),
+    _Hint(("current", "speed"), _words(r"\b(zero|offset|delay(ed)?|lags?|late)\b[^\d\n]{0,25}[\d.,]*[1-9]|motor off"),
+          "has that been taken out?", True),
 )  # fmt: skip
 _ONE = re.compile(r"\D*1(?:[.,]0*)?\D*")
-_NO_FACTOR = re.compile(r"vertical|horizontal|full.?scale|time.?scale|axis|plot|control|regler|\bP?ID\b", re.IGNORECASE)
-_STOPPED = re.compile(r"\b(brak(e[ds]?|ing)|short(ed|.?circuit)|gebremst|kurzgeschlossen)\b", re.IGNORECASE)
+_NO_FACTOR = re.compile(
+    r"vertical|horizontal|full.?scale|time.?scale|[xy][- ]axis|axis (scale|limits)|plot|\bcontroller (gain|scale)|"
+    r"\bP?ID\b|(current|speed) (control|regler)",
+    re.IGNORECASE,
+)
+_STOPPED = re.compile(
+    r"\b(brak(e[ds]?|ing)|short(ed|.?circuit)|gebremst|kurzgeschlossen|constant (motor )?(current|torque)|drive torque|"
+    r"resistor|widerstand)\b",
+    re.IGNORECASE,
+)
+_IN_MA = r"(?i:\b(?:in|all|currents?|strom|ströme)\b[^\n]{0,12})\b(mA)\b"
 _TIME_UNIT = re.compile(
     r"\b(minutes?|hours?|ticks?|hundredths|100 ?ns|centiseconds?|every \d+(?!\d*(st|nd|rd|th)))\b", re.I
 )
@@ -65,21 +84,24 @@ def hint_about(line: Line, column: Column | None, table: RawTable) -> str:
     """What a text beside the numbers hints at of what was taken, as a question; empty where nothing does."""
     if column is None:
         return (
-            _quoted(_STOPPED, table.preamble, "did the wheel coast freely?") if line.name.startswith("current") else ""
+            _quoted(_STOPPED, (*table.preamble, *table.names, *table.words()), "did the wheel coast freely?")
+            if line.name.startswith("current")
+            else ""
         )
     if line.name == "time_s":
         of_time = (text for text in table.preamble if said_by(text).says_time or " row" in text)
         return _quoted(_TIME_UNIT, of_time, "what are the steps of the time?") if line.assumed else ""
     counted = column.said.unit is not None and bool(column.said.unit.per)  # by what was found or asked already
+    lines = (*table.preamble, *table.words())
     for hint in _HINTS[1:] if counted else _HINTS:
         if line.name.startswith(hint.of):
-            texts = [column.remark, *(text for text in table.preamble if not hint.is_named or _names(text, column))]
+            texts = [column.remark, *(text for text in lines if not hint.is_named or _names(text, column))]
             kept = (text for text in texts if not (_FACTOR in hint.words.pattern and _is_no_factor(text, hint)))
             if found := _quoted(hint.words, kept, hint.asked):
                 return found
     if found := _formula(column, table.preamble):
         return found
-    return _other_unit(line, column, table.preamble) if line.name.startswith("speed") else ""
+    return _other_unit(line, column, table.preamble)
 
 
 def _quoted(words: re.Pattern[str], texts: Iterable[str], asked: str) -> str:
@@ -111,12 +133,14 @@ def _formula(column: Column, preamble: Iterable[str]) -> str:
 
 
 def _other_unit(line: Line, column: Column, preamble: Iterable[str]) -> str:
-    """A unit of speed, or SI, that a line has, where the speed's own was concluded from its name or numbers."""
+    """A unit that a line above has, where the column's own was concluded from its name or numbers."""
+    speed = line.name.startswith("speed")
     if not line.assumed:
         return ""
-    own = unit_of("rpm" if line.name == "speed_rpm" else str(line.entry.get("unit", "rad/s")))
+    own = unit_of("rpm" if line.name == "speed_rpm" else str(line.entry.get("unit", "rad/s" if speed else "A")))
+    spellings = r"\b(?:deg/s|rad/s|rpm|rev/s|SI|1/min)(?!\w)" if speed else _IN_MA
     for text in preamble:
-        for spelt in re.findall(r"\b(?:deg/s|rad/s|rpm|rev/s|SI|1/min)(?!\w)", text):
+        for spelt in re.findall(spellings, text):
             if unit_of("rad/s" if spelt == "SI" else spelt) != own:
-                return f"above stands {' '.join(text.split())[:_LONGEST]!r}: is the speed in {spelt}?"
+                return f"above stands {' '.join(text.split())[:_LONGEST]!r}: are its numbers in {spelt}?"
     return ""

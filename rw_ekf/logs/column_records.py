@@ -150,9 +150,10 @@ def columns_of(table: RawTable) -> list[Column]:
     """The columns that hold numbers, each with its role; a stamp's numbers are seconds."""
     found = []
     remarks = {**_dictionary(table), **table.remarks}
+    units = {**_columns_of_units(table), **table.units}
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
-        said = said_by(name).in_unit(table.units.get(name) or habitual_unit(name)).with_remark(remarks.get(name, ""))
+        said = said_by(name).in_unit(units.get(name) or habitual_unit(name)).with_remark(remarks.get(name, ""))
         try:
             values = table.floats(number, stamps=True)
         except LogError:
@@ -162,8 +163,19 @@ def columns_of(table: RawTable) -> list[Column]:
         role = role_of(said) if name else "other"
         if role == "speed" and said.unit is None and _counts_rows(values):
             role = "count"
-        by_habit = said_by(name).unit is None and not table.units.get(name) and bool(habitual_unit(name))
+        by_habit = said_by(name).unit is None and not units.get(name) and bool(habitual_unit(name))
         found.append(Column(number, name, said, role, values, key, remark, by_habit))
+    return found
+
+
+def _columns_of_units(table: RawTable) -> dict[str, str]:
+    """Units that a column of words beside another has in every row: `speed`, `speed_unit`."""
+    found: dict[str, str] = {}
+    for index, name in enumerate(table.names):
+        owner = re.sub(r"[ _]units?$", "", name, flags=re.IGNORECASE)
+        said = table.distinct(index, 1) if owner != name and table.is_text(index) else []
+        if said:
+            found |= {other: said[0] for other in table.names if other in (owner, f"{owner}_value")}
     return found
 
 

@@ -66,6 +66,8 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     known = unit_of(unit) if unit else None
     time_s = raw * (known.factor if known is not None else 1.0)
     clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap)
+    if why.startswith(_BY_STEPS) and _is_packed(raw):
+        clock.asks = (unit, "hhmmss")
     clock.concluded = why.startswith(_BY_STEPS)
     step = np.diff(time_s)
     run = restarted(time_s)
@@ -135,7 +137,8 @@ def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...],
     span = float(np.ptp(values))
     if not whole:
         if usual < _A_SECOND:
-            longer = next((unit for unit, size in (("min", 60.0), ("h", 3600.0)) if _is_round(usual * size)), "")
+            units = (("min", 60.0), ("h", 3600.0), ("days", 86400.0))
+            longer = next((unit for unit, size in units if _is_round(usual * size)), "")
             return ("", ("s", longer), told) if longer and not _is_round(usual) else ("s", (), told)
         return ("ms", (), told) if usual > _SLOWEST_S else ("", ("s", "ms"), told)
     if usual < _SLOWEST_S or (usual < _THOUSAND[0] and 1e-3 * span < _SHORTEST_S):
@@ -143,6 +146,18 @@ def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...],
     if usual < _THOUSAND[0]:
         return "ms", (), told
     return ("", ("ms", "us"), told) if usual < _THOUSAND[1] or usual > _SLOW_US else ("us", (), told)
+
+
+def _is_packed(values: Float64Array) -> bool:
+    """Whether numbers are a time of day written without colons: they jump by 40 where a minute is full."""
+    step = np.diff(values)
+    usual = float(np.median(step))
+    for second in (1.0, 1000.0):  # hhmmss, hhmmssmmm
+        whole = np.floor(values / second)
+        jumps = np.abs(step - usual - 40.0 * second) < max(0.6 * usual, 0.1 * second)
+        if usual < 20.0 * second and whole.max() >= 100.0 and float((whole % 100.0).max()) < 60.0 and jumps.any():
+            return True
+    return False
 
 
 def _is_round(step: float) -> bool:

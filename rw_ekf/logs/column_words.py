@@ -6,6 +6,7 @@ WORDS: dict[str, frozenset[str]] = {
     name: frozenset(words.split())
     for name, words in {
         "set": """
+            inputpos inputtorque inputvel input_pos input_torque input_vel
             bor cmd comandada command commanded consigna consigne dem demand demanded des desired gewenst
             goal impostata impostato iset istenen komut mandada mandado nset objetivo ordenada order ordered
             planned profil profile program programme ref reference req request requested set setcurrent
@@ -13,8 +14,8 @@ WORDS: dict[str, frozenset[str]] = {
             wanted zadana zadane zadany """,
         "time": """
             abszisse aika cas clock czas date datetime datum elapsed fecha heure hora ido micros millis saat
-            sec seconds stamp t tempo temps tid tiempo tijd time timestamp timestamps ts uhrzeit x_axis
-            x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
+            sec seconds stamp t tempo temps tid tiempo tijd time timestamp timesec timeseconds timestamps ts uhrzeit
+            x_axis x_value xaxis xvalue zaman zeit zeitpunkt zeitstempel """,
         "speed": """
             angvel devir dq drehzahl dtheta erpm fordulatszam geschwindigkeit giri gyro hastighet hiz hizi
             istdrehzahl motordrehzahl motorspeed n nm1 nopeus obratky obrotowa obroty omega omegas omg

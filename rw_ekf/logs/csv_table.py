@@ -25,6 +25,8 @@ _GAPS = ["", "nan", "NaN", "NAN", "Nan"]  # rarer spellings and blanks are settl
 _LOOKED_AT_BYTES = 1 << 18  # to see how a text is laid out
 _LOOKED_AT_ROWS = 40
 _SHOWN = 60  # characters of a line that is quoted
+_SOME_WORDS = re.compile(rb"[A-Za-z]{3,}[^A-Za-z]+[A-Za-z]{3,}")
+_LAST_BYTES = 400  # of a text, in which a line of words may stand below the rows
 _A_NAME = 8  # characters: a shorter line may come again by chance
 
 
@@ -76,6 +78,7 @@ def read_csv_table(
     read = _read_plain(replace(text, unpacked=written.text), plain, must_be_numeric, name_shown)
     read.preamble, read.names, read.doubts = found.preamble, found.names or read.names, found.doubts
     read.remarks = {name: text for name, text in zip(found.names, found.remarks, strict=False) if name and text}
+    read.preamble = (*read.preamble, *written.words)
     if found.seconds:
         read.units[found.seconds] = "s"
     if written.left_out:
@@ -110,7 +113,7 @@ def _is_own(head: bytes, layout: CsvLayout) -> bool:
 
 
 def _names_again(text: LogText, layout: CsvLayout) -> bool:
-    """Whether the row of names stands in the text again, as where runs were put under each other."""
+    """Whether the row of names stands in the text again, as where runs were put together, or words below the rows."""
     with text.open() as stream:
         for _ in range(layout.skip_rows):
             stream.readline()
@@ -121,8 +124,10 @@ def _names_again(text: LogText, layout: CsvLayout) -> bool:
         while piece := stream.read(_BLOCK_BYTES):  # the text may be larger than the memory
             if b"\n" + names in (seen := seen + piece):
                 return True
-            seen = seen[-len(names) - 1 :]
-    return False
+            seen = seen[-max(len(names) + 1, _LAST_BYTES) :]
+    last = seen.rstrip().rsplit(b"\n", 1)[-1]
+    mark = layout.separator.encode()
+    return last.count(mark) < names.count(mark) and _SOME_WORDS.search(last) is not None
 
 
 def _is_plain(head: bytes, layout: CsvLayout, must_be_numeric: Callable[[int, str], bool]) -> bool:

@@ -46,6 +46,9 @@ def table_of_variables(content: dict[str, Any], name: str, variable: str | None,
             for value in list(content.values()):  # the only struct with vectors, and what others say beside it
                 if np.asarray(value).dtype.names and not several:
                     content = content | _fields(np.asarray(value))
+            for key, value in list(content.items()) if several else []:  # of each wheel, say, beside a time for all
+                if np.asarray(value).dtype.names:
+                    content = content | _fields(np.asarray(value), key)
         columns = _columns_in(content)
         kind = "the file holds no numeric vectors"
     else:
@@ -128,8 +131,12 @@ def _fields(array: Any, path: str = "") -> dict[str, Any]:
             place = own
         for field in array.dtype.names:
             value, name = np.asarray(record[field]), f"{place}.{field}".lstrip(".")
+            cells = list(value.reshape(-1)) if value.dtype.kind == "O" else []
             if value.dtype.names:
                 found |= _fields(value, name)
+            elif cells and all(np.asarray(cell).dtype.names for cell in cells):  # a cell array of structs
+                for cell_number, cell in enumerate(cells):
+                    found |= _fields(np.asarray(cell), f"{name}[{cell_number}]")
             else:
                 found[own if field == data and place == own else name] = value
     return found

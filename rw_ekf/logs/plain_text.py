@@ -8,7 +8,11 @@ from typing import NamedTuple
 from rw_ekf.logs.text_layout import TextLayout, lines_of
 
 _NEARLY_ALL = 0.9  # of the rows are whole where a shorter one is a damaged one, and no row whose last cells are empty
-_WHEEL = re.compile(r"\b(wheel|motor|rw|unit|serial|s/?n|rad|rueda|roue)\b.*\d", re.IGNORECASE)
+_WHEEL = re.compile(r"\b(wheel|motor|rw|unit|serial|s/?n|rad|rueda|roue|disc|disk)\b\D{0,15}\d+", re.IGNORECASE)
+_CHANGED = re.compile(
+    r"\b(second|another|other|new|changed?|from here|swapped|exchanged|put on|removed)\b", re.IGNORECASE
+)
+_SAID = 40  # lines
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"
 
 
@@ -17,7 +21,8 @@ class PlainText(NamedTuple):
 
     text: bytes
     left_out: tuple[int, ...]  # physical lines behind the first row that hold no row
-    another: str | None = None  # the first of them that names a wheel
+    another: str | None = None  # the first of them that names a wheel, or other columns
+    words: tuple[str, ...] = ()  # those of them that say something
 
 
 def rewritten(text: bytes, layout: TextLayout) -> PlainText:
@@ -42,8 +47,21 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
         filled = cells if last else [*cells, *[""] * (layout.width - len(cells))]
         out.append(_row(["" if _UNREADABLE in cell else layout.number(cell) for cell in filled]))
     ended = "\n" if text[-4:].translate(None, b"\0").endswith((b"\n", b"\r")) else ""
-    another = next((line for number in left_out if _WHEEL.search(line := lines[number - 1])), None)
-    return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another)
+    before = {match[0] for line in layout.preamble for match in _WHEEL.finditer(line)}
+    named = ((lines[number - 1], match[0]) for number in left_out for match in _WHEEL.finditer(lines[number - 1]))
+    seen = {line.strip() for line in lines[: layout.first_line - 1]}  # heads of pages
+    new = (line for number in left_out if (line := lines[number - 1]).strip() not in seen)
+    said = [line for line in new if re.search(r"[^\W\d]{3}", line)]
+    other = (line for line in said if _CHANGED.search(line) or _other_names(layout.filled(line), layout))
+    another = next((line for line, wheel in named if wheel not in before), next(other, None))
+    return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another, tuple(dict.fromkeys(said))[:_SAID])
+
+
+def _other_names(cells: list[str], layout: TextLayout) -> bool:
+    """Whether a line is a row of names, and not of those above the first row."""
+    known = {name.split(" [")[0] for name in layout.names}
+    names = len(cells) == layout.width and not any(map(layout.is_value, cells))
+    return names and not known & set(cells) and all(re.search(r"[^\W\d]", cell) for cell in cells)
 
 
 def _cells(line: str, layout: TextLayout) -> list[str]:

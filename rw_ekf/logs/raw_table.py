@@ -108,6 +108,10 @@ class RawTable:
         held = [value for value in _listed(values) if value is not None and str(value) != "nan"]
         return sorted(_spelt(value) for value in held) if len(held) <= most else []
 
+    def words(self, most: int = 20) -> list[str]:
+        """What stands in columns of words that have few different ones: states, notes."""
+        return [text for index in range(len(self.names)) if self.is_text(index) for text in self.distinct(index, most)]
+
     def of_only(self, key: str | int, value: str) -> RawTable:
         """The rows in which a column, by name or number, has a value. Raises LogError where none has."""
         index = key if isinstance(key, int) else self.index_of(key)

@@ -228,7 +228,12 @@ def test_a_point_that_may_be_between_thousands_is_asked_about(tmp_path: Path, ru
     t_s,rpm,humidity [%]        t_s,rpm,axial load [N]      t_s,rpm,reaction torque [mNm]
     t_s,motor speed (Hz),current_A      t_s,n* [rpm],current_A      t_s,yaw_rate_rad_s,rw_current_A
     t_s,rpm1,current2_A     t_s,left_rpm,right_current_A        ,Load machine,Wheel motor|t_s,n [rpm],I [A]
-    ;Sollwert;Istwert|t_s;n [rpm];i [A]
+    ;Sollwert;Istwert|t_s;n [rpm];i [A]     # speed scale factor 0.1, not yet applied|t_s,rpm,current_A
+    # eRPM read directly from the ESC, 14 poles|t_s,rpm,current_A       # resolution 0.125 rpm per bit|t_s,rpm,current_A
+    # speed in tenths of rpm|t_s,rpm,current_A      # all channels: value x 100|t_s,rpm,current_A
+    # all currents in mA|t_s,rpm,current       t_s,rpm,I [Arms]        t_s,speed_cmd_V,current_limit_A
+    # current: zero offset 0.06 A, not subtracted|t_s,rpm,current_A     t_s,wheel vibration [mV],speed command (%)
+    # speed channel is delayed by 0.5 s against the current|t_s,rpm,current_A
     """.strip()
     .replace("\n", "   ")
     .split("   "),
@@ -307,3 +312,57 @@ def test_a_line_that_names_another_wheel_between_the_rows_is_asked_about(tmp_pat
     one = _csv(run, "t_s,rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
     text = f"# wheel SN 12\n{one}# wheel SN 15\n{one}"
     assert "layout" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    other = text.replace("# wheel SN 15\nt_s,rpm,current_A", "zeit,sollwert,strom")
+    assert "layout" in [question.name for question in _guess(tmp_path / "b.csv", other).guess.questions]
+    footer = f"{one}# speed is electrical, 7 pole pairs\n"
+    assert "speed_rpm" in [question.name for question in _guess(tmp_path / "c.csv", footer).guess.questions]
+
+
+def test_rows_of_one_time_that_differ_in_a_column_are_of_several_wheels(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Whatever the column is called that tells them apart."""
+    text = _csv(
+        run, "t_s,which,rpm,current_A",
+        lambda i, t, w, c: f"{t!r},left,{0.7 * w * RPM!r},{0.3 * c!r}\n{t!r},right,{w * RPM!r},{c!r}",
+    )  # fmt: skip
+    assert "only" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_a_time_of_day_without_colons_is_no_count_of_seconds(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """hhmmss: behind 125959 comes 130000."""
+    text = _csv(
+        run, "time,rpm,current_A", lambda i, t, w, c: f"{120030 + t + 40 * (t >= 30):.1f},{w * RPM!r},{c!r}"
+    )  # fmt: skip
+    assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_units_in_a_column_beside_are_heard(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`omega`, `omega_unit`; a set-point that has the published unit of the reading is none."""
+    text = _csv(
+        run, "t_s,omega,omega_unit,current,current_unit,input_vel",
+        lambda i, t, w, c: f"{t!r},{math.degrees(w)!r},deg/s,{1e3 * c!r},mA,{w!r}",
+    )  # fmt: skip
+    (tmp_path / "a.csv").write_text(text)
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-9)
+    assert log.current_A == pytest.approx(run.current_A, abs=1e-12)
+
+
+def test_counts_of_each_row_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Increments are a speed already; differentiated again they would be an acceleration."""
+    head = "# 4096 counts per turn\nt_s,delta_counts,current_A"
+    text = _csv(run, head, lambda i, t, w, c: f"{t!r},{round(65 * w)},{c!r}")
+    assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:
+    """A state that says so, a line that says so, a quantity beside it that hardly moves."""
+    fall = [(0.1 * i, 300.0 * math.exp(-0.01 * i) + 1.0) for i in range(400)]
+    for head, more in (
+        ("t_s,rpm,state", ",BRAKE"), ("# spin-down at constant current -20 mA\nt_s,rpm", ""),
+        ("# drive torque: 2 mNm\nt_s,rpm", ""),
+    ):  # fmt: skip
+        text = f"{head}\n" + "".join(f"{t:.1f},{w:.3f}{more}\n" for t, w in fall)
+        found = _guess(tmp_path / "a.csv", text).guess
+        assert any(question.name.startswith("current") for question in found.questions), head
+    text = "t_s,rpm,voltage [V]\n" + "".join(f"{t:.1f},{w:.3f},{12.05 + 1e-4 * w:.4f}\n" for t, w in fall)
+    assert [question.name for question in _guess(tmp_path / "b.csv", text).guess.questions] == ["current_A"]

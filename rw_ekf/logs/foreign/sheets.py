@@ -75,29 +75,37 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
         raise EmptyLogError(f"{name}: the sheet '{columns.variable}' holds no table of numbers: nothing was logged")
     data = rows[first:]
     width = max(len(row) for _, row in data)
-    names = _names(rows[:first], width, columns)
+    names, of_names = _names(rows[:first], width, columns)
     filled = [column for column in range(width) if names[column] or any(_cell(row, column) != "" for _, row in data)]
     numbers = np.array([number for number, _ in data])
     held = [_column([_cell(row, column) for _, row in data], names[column], column, columns, name, numbers)
             for column in filled]  # fmt: skip
     kept = tuple(names[column] for column in filled)
     above = tuple(" ".join(str(cell) for cell in row if cell not in ("", None)) for _, row in rows[:first])
-    preamble = tuple(text for text in above[:-1] if text)
-    return RawTable(name, kept, held, len(data), lambda row: f"row {numbers[row]} of the sheet", preamble=preamble)
+    preamble = tuple(text for text in above[: len(above) - of_names] if text)
+    table = RawTable(name, kept, held, len(data), lambda row: f"row {numbers[row]} of the sheet", preamble=preamble)
+    groups = [
+        str(_cell(row, column)).strip() for _, row in rows[first - of_names - 1 : first - of_names] for column in filled
+    ]
+    if sum(map(bool, groups)) > 1:  # a row above the names, of which each cell is for those to its right too
+        for at in range(1, len(groups)):
+            groups[at] = groups[at] or groups[at - 1]
+        table.remarks = dict(zip(kept, groups, strict=True))
+    return table
 
 
-def _names(above: list[tuple[int, list[Any]]], width: int, columns: ColumnMap) -> list[str]:
-    """Names of the columns from the row above the numbers; where that has their units, from the row above it."""
+def _names(above: list[tuple[int, list[Any]]], width: int, columns: ColumnMap) -> tuple[list[str], int]:
+    """Names of the columns, and how many rows above the numbers have them: one, or two where the last has the units."""
     if columns.csv.header is False:
         above = []
     texts = [[str(_cell(row, column)).strip() for column in range(width)] for _, row in above[-2:]]
     if not texts:
-        return [""] * width
+        return [""] * width, 0
     last = texts[-1]
     upper = texts[0] if len(texts) == 2 else [""] * width
     if _are_units(upper, last):
-        return list(map(with_unit, upper, last))
-    return last
+        return list(map(with_unit, upper, last)), 2
+    return last, 1
 
 
 def _are_units(names: list[str], units: list[str]) -> bool:
