@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import openpyxl
 import pytest
 
+import rw_ekf
 from rw_ekf.logs.reader import read_log
 from tests.foreign_logs import (
     Record,
@@ -115,3 +117,19 @@ def test_columns_of_the_log_s_own_names_need_no_map(tmp_path: Path) -> None:
     record = Record(6, digits=6)
     path = save(tmp_path / "a.xlsx", {"a": [["time_s", "speed_rad_s", "current_A"], *rows_of(record)]})
     assert_same(read_log(path), record)
+
+
+def test_a_sheet_of_words_beside_the_table_is_heard(tmp_path: Path) -> None:
+    """What an `Info` sheet says of the numbers is asked about."""
+    book = openpyxl.Workbook()
+    info = book.active
+    assert info is not None
+    info.title = "Info"
+    info.append(["speed", "electrical, 7 pole pairs"])
+    sheet = book.create_sheet("data")
+    sheet.append(["t [s]", "n [rpm]", "I [A]"])
+    for i in range(100):
+        sheet.append([0.1 * i, 100.0 * math.sin(0.1 * i), 0.1 * math.cos(0.1 * i)])
+    book.save(tmp_path / "a.xlsx")
+    asked = rw_ekf.guess_columns(tmp_path / "a.xlsx").guess.questions
+    assert [question.name for question in asked] == ["speed_rpm"]

@@ -20,6 +20,7 @@ _ZIP = b"PK\x03\x04"
 _FIRST_IN_ZIP = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetypeapplication/vnd.oasis")
 _EPOCH, _DAY_0 = datetime.datetime(1970, 1, 1), datetime.datetime(1899, 12, 31)
 _HEADER_WITHIN = 200  # rows
+_SAID = 100  # rows of a sheet without a table
 _BELOW = 3  # rows under a header that are looked at
 
 
@@ -34,14 +35,23 @@ def _read(path: Path, name: str, columns: ColumnMap) -> RawTable:
             if columns.variable not in sheets:
                 raise LogError(f"{name}: has no sheet '{columns.variable}'; sheets: {', '.join(sheets)}")
             return _table(_rows(book, columns.variable), name, columns)
-        found = {sheet: rows for sheet in sheets if _first_data(rows := _rows(book, sheet), columns) is not None}
+        held = {sheet: _rows(book, sheet) for sheet in sheets}
+    found = {sheet: rows for sheet, rows in held.items() if _first_data(rows, columns) is not None}
     if not found:
         raise EmptyLogError(f"{name}: no sheet ({', '.join(sheets)}) holds a table of numbers: nothing was logged")
     if len(found) > 1:
         raise LogError(
             f"{name}: {len(found)} sheets hold tables ({', '.join(found)}): name one (`variable` in the column map)"
         )
-    return _table(next(iter(found.values())), name, columns)
+    table = _table(next(iter(found.values())), name, columns)
+    beside = (row for sheet, rows in held.items() if sheet not in found for _, row in rows[:_SAID])
+    table.preamble = (*table.preamble, *map(_line, beside))
+    return table
+
+
+def _line(row: list[Any]) -> str:
+    """What a row says, as a line of text."""
+    return " ".join(str(cell) for cell in row if cell not in ("", None))
 
 
 def _rows(book: Any, sheet: str) -> list[tuple[int, list[Any]]]:
@@ -81,7 +91,7 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     held = [_column([_cell(row, column) for _, row in data], names[column], column, columns, name, numbers)
             for column in filled]  # fmt: skip
     kept = tuple(names[column] for column in filled)
-    above = tuple(" ".join(str(cell) for cell in row if cell not in ("", None)) for _, row in rows[:first])
+    above = tuple(_line(row) for _, row in rows[:first])
     preamble = tuple(text for text in above[: len(above) - of_names] if text)
     table = RawTable(name, kept, held, len(data), lambda row: f"row {numbers[row]} of the sheet", preamble=preamble)
     groups = [
