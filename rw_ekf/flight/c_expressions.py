@@ -100,7 +100,10 @@ class Scope:
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
             raise self.fail(node, "has no C")
+        used = set(self.used)
         found: Value = method(node)
+        if found.is_known:
+            self.used = used  # C knows it without the variables that it came from
         return found
 
     def _constant(self, node: ast.Constant) -> Value:
@@ -121,10 +124,8 @@ class Scope:
         return Value("", None, ATOM, getattr(builtins, name))
 
     def _attribute(self, node: ast.Attribute) -> Value:
-        used = set(self.used)
         base = self.value(node.value)
         if isinstance(base.type, Array) and node.attr in ("shape", "size"):
-            self.used = used  # C knows it without the array
             return Value("", None, ATOM, base.type.shape) if node.attr == "shape" else self._int(base.type.shape[0])
         if isinstance(base.type, Struct) and base.code:
             of = base.type.member(node.attr)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rw_ekf.flight.c_expressions import Scope, c_name, member_code
 from rw_ekf.flight.c_types import (
+    BOOL,
     INT,
     REAL,
     UNARY,
@@ -63,6 +64,8 @@ class Body:
         self.lines: list[str] = []
         self.indent = 1
         self._times = assigned_names(source.tree) if before is None else before.stores
+        self._same = set() if before is None else before.same  # names that are only ever given one known value
+        self.given: dict[str, list[Any]] = {}
         self._parameters = parameters
         self._temporaries = 0
         self._whiles = 0
@@ -79,12 +82,17 @@ class Body:
             self._told = self.source.tree.body[0].lineno - 1
         self.ends = self._block(body)
 
+    @property
+    def same(self) -> set[str]:
+        """Names that are only ever given one value, which is known."""
+        return {name for name, values in self.given.items() if len(set(values)) == 1 and values[0] is not None}
+
     def is_settled(self, before: Body | None) -> bool:
         """Whether another pass would find the same."""
         if before is None:
             return False
         mine, other = (self.types, self.scope.used, self.stores), (before.types, before.scope.used, before.stores)
-        return mine == other
+        return mine == other and self.same == before.same
 
     def declarations(self) -> list[str]:
         """Of the local variables."""
@@ -254,14 +262,16 @@ class Body:
             self._unpack(targets[0].elts, node)
             return
         if all(isinstance(t, ast.Name) and not self._is_wanted(t.id) for t in targets):
+            used = set(self.scope.used)
             value = self.scope.value(node) if self._may_be_known(targets) else None
-            if value is None or not (value.is_known and value.type in (None, INT)):
+            self.scope.used = used
+            if value is None or not (_is_constant(value)):
                 self.stores.update(t.id for t in targets if isinstance(t, ast.Name))
                 return
         self._store_all(targets, self.scope.value(node))
 
     def _may_be_known(self, targets: list[ast.expr]) -> bool:
-        return all(isinstance(t, ast.Name) and self._times[t.id] == 1 for t in targets)
+        return all(isinstance(t, ast.Name) and (self._times[t.id] == 1 or t.id in self._same) for t in targets)
 
     def _store_all(self, targets: list[ast.expr], value: Value) -> None:
         for target in reversed(targets):
@@ -301,7 +311,9 @@ class Body:
 
     def _store_name(self, name: str, value: Value) -> None:
         self.stores[name] += 1
-        if value.is_known and self._times[name] == 1 and name not in self._parameters and value.type in (None, INT):
+        known = value.known if value.is_known and value.type in (INT, BOOL) else None
+        self.given.setdefault(name, []).append(known)
+        if value.is_known and (self._times[name] == 1 or name in self._same) and name not in self._parameters and value.type in (None, INT):
             self.scope.constants[name] = value
             return
         if not self._is_wanted(name):
@@ -362,7 +374,7 @@ class Body:
             for target, node in pairs:
                 if isinstance(target, ast.Name) and not self._is_wanted(target.id):
                     value = self.scope.value(node)
-                    if value.is_known and value.type in (None, INT):
+                    if _is_constant(value):
                         self._store(target, value)
                     else:
                         self.stores[target.id] += 1
@@ -415,3 +427,8 @@ def _part(value: Value, i: int) -> Value:
     name, of = value.type.members[i]
     code = member_code(value, name)
     return Value(f"&{code}", of, UNARY, by_address=True) if isinstance(of, Struct) and of.held else Value(code, of)
+
+
+def _is_constant(value: Value) -> bool:
+    """Whether a variable of this one value needs no C."""
+    return value.is_known and value.type in (None, INT, BOOL)
