@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 from rw_ekf.arrays import Float64Array
@@ -44,7 +45,7 @@ def outlook(
     """
     to_s = time_s + given.currents.delay_s
     durations, currents = pieces_between(given.currents.in_force_A, given.currents.pending, time_s, to_s)
-    begins = [time_s + sum(durations[:i]) for i in range(len(durations))]
+    begins = accumulate(durations[:-1], initial=time_s)
     rows = [*given.past, *zip(begins, durations, currents, strict=True)]  # past ones only where the model looks back
     warmth, angle, columns = given.conditions
     interval = Interval(time_s, to_s, warmth, angle, 0, len(given.past), len(rows), columns)

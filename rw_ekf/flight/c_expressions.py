@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import functools
 import inspect
 import operator
 import re
@@ -23,6 +24,7 @@ from rw_ekf.flight.c_types import (
     SUM,
     UNARY,
     Array,
+    Bound,
     NotPrintableError,
     Row,
     Scalar,
@@ -71,6 +73,7 @@ def c_name(name: str) -> str:
 
 def member_code(base: Value, name: str) -> str:
     """A member of a structure, or of one that a pointer leads to."""
+    name = c_name(name)
     if base.code.startswith("&"):
         return f"{base.code[1:]}.{name}"
     return f"{base.within(UNARY)}{'->' if base.by_address else '.'}{name}"
@@ -257,6 +260,8 @@ class Scope:
 
     def _call(self, node: ast.Call) -> Value:
         if isinstance(node.func, ast.Attribute):
+            if node.func.attr == "tolist":
+                return self.value(node.func.value)  # nothing that is printed writes into the list
             if node.func.attr == "_replace":
                 return self._replaced(node, node.func.value)
             if isinstance(node.func.value, ast.Name) and node.func.value.id == "math":
@@ -269,10 +274,15 @@ class Scope:
             if isinstance(part, ast.Starred):
                 whole = self.value(part.value)
                 assert isinstance(whole.type, Struct)
-                given += [Value(f"{whole.within(UNARY)}.{name}", of) for name, of in whole.type.members]
+                given += [Value(member_code(whole, name), of) for name, of in whole.type.members]
             else:
                 given.append(self.value(part))
         named = {item.arg: self.value(item.value) for item in node.keywords if item.arg is not None}
+        if callee is functools.partial:
+            return Value("", None, ATOM, Bound(given[0].known, tuple(given[1:])))
+        if isinstance(callee, Bound):
+            self.used |= {value.code for value in callee.given}
+            callee, given = callee.function, [*callee.given, *given]
         if inspect.isclass(callee):
             return self.program.made(callee, given, named)
         return self.program.called(callee, given, named)
@@ -282,7 +292,7 @@ class Scope:
         if not isinstance(base.type, Struct):
             raise self.fail(node, "replaces members of what is no named tuple")
         new = {item.arg: self.value(item.value) for item in node.keywords if item.arg is not None}
-        parts = [new.get(name, Value(f"{base.code}.{name}", member)) for name, member in base.type.members]
+        parts = [new.get(name, Value(member_code(base, name), member)) for name, member in base.type.members]
         return self.program.filled(base.type, parts)
 
     def _of_math(self, name: str, parts: list[Value]) -> Value:

@@ -10,14 +10,17 @@ import numpy as np
 
 from rw_ekf.filter.constants import FilterConstants
 from rw_ekf.flight import onboard
+from rw_ekf.flight.c_expressions import c_name
 from rw_ekf.flight.c_program import Printed, Program
 from rw_ekf.flight.c_types import ATOM, INT, Array, Scalar, Struct, Value
+from rw_ekf.flight.onboard_compensation import Crossing, crossing_of, current_by_crossing, current_by_dmc
 from rw_ekf.wheel.effect_table import EffectTable
 
 _CLOCKS = frozenset({"last_s", "acts_s", "health"})  # single precision would stop these within days
-_BOUNDS = {"stop": onboard.PIECES_MOST}
+_BOUNDS = {"stop": onboard.PIECES_MOST, "count": onboard.PIECES_MOST}
 # One turn a piece; a piece is one step, for no effect that is exported has a lag.
-_WHILES = {"effect_interval": (onboard.PIECES_MOST, onboard.PIECES_MOST, 1)}
+# Steps that double from 1e-9 rad/s over a slope until 1e3 A are passed, whatever the slope is.
+_WHILES = {"effect_interval": (onboard.PIECES_MOST, onboard.PIECES_MOST, 1), "inverted": (128, 128)}
 _VALUES_IN_LINE = 4
 
 
@@ -29,6 +32,11 @@ class Estimator:
     constants: FilterConstants
     table: EffectTable | None
     names: tuple[str, ...]  # of the states
+
+    @property
+    def crossing(self) -> Crossing:
+        """What predictive crossing begins with."""
+        return crossing_of(self.held)
 
     @property
     def size(self) -> int:
@@ -47,9 +55,13 @@ def printed(estimator: Estimator, *, single: bool) -> Program:
         program.name_known(table, "effects")
     known = [program.of_known(constants, ""), Value("", None, ATOM, table)]
     reading = Value("reading", program.structure(onboard.Reading))
+    relative = Value("", None, ATOM, single)
     amount = Value("", Scalar("real"))
-    program.entry(onboard.take_reading, "rw_ekf_step", [held, *known, reading, Value("", None, ATOM, single)])
+    program.entry(onboard.take_reading, "rw_ekf_step", [held, *known, reading, relative])
     program.entry(onboard.take_command, "rw_ekf_command", [held, amount, amount])
+    crossing = Value("crossing", program.hold(estimator.crossing), by_address=True)
+    program.entry(current_by_dmc, "rw_ekf_dmc_current", [held, *known, amount, relative])
+    program.entry(current_by_crossing, "rw_ekf_crossing_current", [crossing, held, *known, amount, amount, relative])
     program.entry(onboard.sigma, "rw_ekf_std", [held, Value("", INT)])
     return program
 
@@ -77,6 +89,9 @@ typedef {"float" if program.single else "double"} rw_real;
 /* Begin; before anything else, and again to begin anew. */
 void rw_ekf_start(struct rw_onboard *held);
 
+/* Begin predictive crossing; once, before its first current. */
+void rw_ekf_crossing_start(struct rw_crossing *crossing);
+
 {prototypes}
 #endif
 """
@@ -86,7 +101,8 @@ def source(program: Program, estimator: Estimator, origin: str) -> str:
     """rw_ekf.c."""
     functions = program.reached()
     text = "\n".join("\n".join(found.lines) for found in functions)
-    start = _start(program, estimator)
+    start = _start(program, "rw_ekf_start", "held", estimator.held)
+    start += "\n" + _start(program, "rw_ekf_crossing_start", "crossing", estimator.crossing)
     tables = "".join(
         f"static const {_numbers(program, name, value, of)}\n"
         for name, value, of in program.arrays.values()
@@ -133,7 +149,7 @@ def _structure(program: Program, name: str) -> str:
     found, comments = program.structs[name]
     lines = []
     for member, of in found.members:
-        text = of.embedded(member) if isinstance(of, Array) else f"{_spelled(of)} {member}"
+        text = of.embedded(c_name(member)) if isinstance(of, Array) else f"{_spelled(of)} {c_name(member)}"
         comment = comments.get(member, "")
         lines.append(f"    {text};{f'  /* {comment} */' if comment else ''}\n")
     return f"struct {name} {{\n{''.join(lines)}}};\n\n"
@@ -154,15 +170,15 @@ def _numbers(program: Program, name: str, value: Any, of: Array) -> str:
     return f"{of.embedded(name)} = {{\n{inner}\n}};"
 
 
-def _start(program: Program, estimator: Estimator) -> str:
-    """rw_ekf_start: all that is held as it is before the first reading."""
+def _start(program: Program, name: str, argument: str, example: Any) -> str:
+    """A function that makes all that is held what it is in an example."""
     tables: list[str] = []
     lines: list[str] = []
 
     def fill(struct: Struct, value: Any, path: str, label: str) -> None:
-        for (name, of), part in zip(struct.members, value, strict=True):
+        for (member, of), part in zip(struct.members, value, strict=True):
             if isinstance(of, Struct):
-                fill(of, part, f"{path}{name}.", f"{label}_{name}")
+                fill(of, part, f"{path}{member}.", f"{label}_{member}")
                 continue
             assert isinstance(of, Array)
             indent, index = "    ", ""
@@ -172,11 +188,11 @@ def _start(program: Program, estimator: Estimator) -> str:
                 indent, index = indent + "    ", f"{index}[{counter}]"
             begins = program.number(0, of.item).code
             if np.any(np.asarray(part) != 0.0):
-                tables.append(f"static const {_numbers(program, f'{label}_{name}', part, of)}\n")
-                begins = f"{label}_{name}{index}"
-            lines.append(f"{indent}held->{path}{name}{index} = {begins};")
-            for axis in reversed(range(len(of.shape))):
-                lines.append("    " * (axis + 1) + "}")
+                tables.append(f"static const {_numbers(program, f'{label}_{member}', part, of)}\n")
+                begins = f"{label}_{member}{index}"
+            lines.append(f"{indent}{argument}->{path}{member}{index} = {begins};")
+            lines.extend("    " * (axis + 1) + "}" for axis in reversed(range(len(of.shape))))
 
-    fill(program.hold(estimator.held), estimator.held, "", "start")
-    return "\n".join([*tables, "void rw_ekf_start(struct rw_onboard *held)", "{", *lines, "}", ""])
+    struct = program.hold(example)
+    fill(struct, example, "", "start")
+    return "\n".join([*tables, f"void {name}(struct {struct.name} *{argument})", "{", *lines, "}", ""])

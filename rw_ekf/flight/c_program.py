@@ -22,6 +22,7 @@ from rw_ekf.flight.c_types import (
     REAL,
     UNARY,
     Array,
+    Bound,
     NotPrintableError,
     Row,
     Scalar,
@@ -296,6 +297,14 @@ class Program:
             value = bound.arguments.get(name)
             value = self.of_known(parameter.default, name) if value is None else value
             value = self._as_annotated(value, str(parameter.annotation))
+            if isinstance(value.known, Bound):
+                parts = [self._bound_part(f"{name}_{i}", part) for i, part in enumerate(value.known.given)]
+                names[name] = Value("", None, ATOM, Bound(value.known.function, tuple(parts)))
+                open_parts = [(of, part) for of, part in zip(parts, value.known.given, strict=True) if part.type]
+                parameters += [(of.code, part.type) for of, part in open_parts if part.type is not None]
+                runtime += [part for _, part in open_parts]
+                key.append((name, value.known.function, tuple((of.code, of.type, id(of.known)) for of in parts)))
+                continue
             if value.is_known and (value.type is None or value.type == INT) and name not in changed:
                 names[name] = value
                 key.append((name, value.known if value.type == INT else id(value.known)))
@@ -316,6 +325,11 @@ class Program:
             key.append((name, of, domain))
         found = self._print(function, tuple(key), names, parameters)
         return found, runtime
+
+    @staticmethod
+    def _bound_part(name: str, part: Value) -> Value:
+        """An argument that was given before, as the callee knows it."""
+        return Value(name, part.type, ATOM, by_address=part.by_address) if part.type is not None else part
 
     def _fixed(self, value: Value) -> Any:
         return next((array for name, array, _ in self.arrays.values() if name == value.code), None)

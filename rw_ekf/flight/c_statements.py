@@ -280,7 +280,7 @@ class Body:
                 value = self.scope.value(_loaded(target))
 
     def _is_wanted(self, name: str) -> bool:
-        return self.wanted is None or name in self.wanted or name in self._parameters
+        return name != "_" and (self.wanted is None or name in self.wanted or name in self._parameters)
 
     def _store(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
@@ -313,7 +313,12 @@ class Body:
         self.stores[name] += 1
         known = value.known if value.is_known and value.type in (INT, BOOL) else None
         self.given.setdefault(name, []).append(known)
-        if value.is_known and (self._times[name] == 1 or name in self._same) and name not in self._parameters and value.type in (None, INT):
+        if (
+            value.is_known
+            and (self._times[name] == 1 or name in self._same)
+            and name not in self._parameters
+            and value.type in (None, INT)
+        ):
             self.scope.constants[name] = value
             return
         if not self._is_wanted(name):

@@ -119,6 +119,14 @@ class Value:
         return self.domain
 
 
+@dataclass(frozen=True)
+class Bound:
+    """A function with its first arguments, as functools.partial has it."""
+
+    function: Any
+    given: tuple[Value, ...]
+
+
 def c_type(of: Type) -> str:
     """A type by itself: of a result, or of a structure that is handed over whole."""
     if isinstance(of, Scalar):

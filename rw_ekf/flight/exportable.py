@@ -48,9 +48,7 @@ def estimator_of(setup: FilterSetup, name: str, *, single: bool) -> Estimator:
     constants = setup.constants
     constants = constants._replace(speed_variance=constants.speed_variance + setup.effects.reading_variance)
     belief = setup.prior
-    return Estimator(
-        onboard_of(belief.mean, belief.covariance, constants, known), constants, known, setup.state_names
-    )
+    return Estimator(onboard_of(belief.mean, belief.covariance, constants, known), constants, known, setup.state_names)
 
 
 def _refused(term: Term, *, single: bool) -> str | None:

@@ -44,6 +44,7 @@ Clock = float  # a time [s] that is kept in double precision whatever the rest i
 
 PENDING_MOST = 8  # commands that wait to take force
 PIECES_MOST = PENDING_MOST + 1  # of constant current in one interval
+_LONGEST_S = 2.0  # between samples that follow one another
 
 # Places in `Onboard.counts`.
 SEEN = 0  # 1 once there was a sample
@@ -52,7 +53,8 @@ PENDING = 2  # commands that wait to take force
 TROUBLE = 3  # what is wrong with the filter: 0, or a code of `health`
 WAS_RESET = 4  # what was reset for that
 HOPELESS = 5  # 1 where resetting does not help any more
-_COUNTS = 6
+BROKEN = 6  # 1 where the last sample did not follow the one before it: a compensation that remembers begins anew
+_COUNTS = 7
 
 # Places in `Onboard.now`.
 IN_FORCE_A = 0  # current in force
@@ -60,7 +62,12 @@ DELAY_S = 1  # of the last command
 TEMPERATURE_DEGC = 2
 ANGLE_RAD = 3
 COLUMN = 4  # and the two behind it: columns that learned laws are functions of
-_NOW = 7
+PREDICTED_RAD_S = 7  # speed before the last reading was weighed
+_NOW = 8
+
+# Places in `Onboard.last_s`.
+USED = 0  # time of the last sample that was used
+TOLD = 1  # and of the last that came
 
 
 @by_identity
@@ -70,9 +77,9 @@ class Onboard(NamedTuple):
     x: Float64Array  # (n,) speed, motor gain, viscous, Coulomb, static friction, coefficients of effects
     P: Float64Array  # (n, n) their covariance
     memory: Memory
-    last_s: Any  # (1,) time of the last sample
-    now: Any  # (7,)
-    counts: Any  # (6,)
+    last_s: Any  # (2,) time of the last sample that was used, and of the last that came
+    now: Any  # (8,)
+    counts: Any  # (7,)
     acts_s: Any  # (8,) when pending commands take force, in order of time
     pending_A: Any  # (8,)
     pieces: Pieces  # of the last interval
@@ -113,7 +120,7 @@ def onboard_of(
         x,
         P,
         memory_of(x, P, constants, table, mends=True),
-        np.zeros(1),
+        np.zeros(2),
         now,
         np.zeros(_COUNTS, dtype=np.int64),
         np.zeros(PENDING_MOST),
@@ -132,7 +139,7 @@ def take_command(held: Onboard, current_A: float, delay_s: float) -> bool:
     if held.counts[SEEN] == 0:
         return True
     late = max(delay_s, 0.0)
-    acts = held.last_s[0] + late
+    acts = held.last_s[USED] + late
     count = held.counts[PENDING]
     for i in range(PENDING_MOST):
         if i < count and held.acts_s[i] >= acts:
@@ -149,14 +156,13 @@ def take_command(held: Onboard, current_A: float, delay_s: float) -> bool:
     return True
 
 
-def _gather(held: Onboard, to_s: Clock, epoch_s: Clock) -> int:
-    """The pieces of current from the last sample to `to_s`, into `held.pieces`, and how many; uses up what acted.
+def lay_pieces(held: Onboard, pieces: Pieces, to_s: Clock, epoch_s: Clock) -> tuple[int, int]:
+    """The pieces of current from the last sample to `to_s`: how many, and how many pending commands act until then.
 
     epoch_s: what the begins of pieces count from.
     """
-    at = held.last_s[0]
+    at = held.last_s[USED]
     begin = at
-    pieces = held.pieces
     current = held.now[IN_FORCE_A]
     waiting = held.counts[PENDING]
     used = 0
@@ -177,14 +183,21 @@ def _gather(held: Onboard, to_s: Clock, epoch_s: Clock) -> int:
     pieces.begin_s[found] = begin - epoch_s
     pieces.duration_s[found] = to_s - at
     pieces.current_A[found] = current
+    return found + 1, used
+
+
+def _gather(held: Onboard, to_s: Clock, epoch_s: Clock) -> int:
+    """The pieces of current from the last sample to `to_s`, and how many; uses up the commands that acted."""
+    found, used = lay_pieces(held, held.pieces, to_s, epoch_s)
+    left = held.counts[PENDING] - used
     for i in range(PENDING_MOST):
-        if i + used < waiting:
+        if i < left:
             held.acts_s[i] = held.acts_s[i + used]
             held.pending_A[i] = held.pending_A[i + used]
-    held.counts[PENDING] = waiting - used
+    held.counts[PENDING] = left
     held.counts[KNOWS] = 1  # none, where none was issued
-    held.now[IN_FORCE_A] = current
-    return found + 1
+    held.now[IN_FORCE_A] = held.pieces.current_A[found - 1]
+    return found
 
 
 def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float) -> None:
@@ -237,8 +250,12 @@ def take_reading(
     """
     speed = math.nan if math.isinf(reading.speed_rad_s) else reading.speed_rad_s
     begins = held.counts[SEEN] == 0 or reading.new_segment
-    last = reading.time_s - 1.0 if held.counts[SEEN] == 0 else held.last_s[0]
+    last = reading.time_s - 1.0 if held.counts[SEEN] == 0 else held.last_s[USED]
     dt = float(reading.time_s - last)
+    span = float(reading.time_s - held.last_s[TOLD])
+    held.counts[BROKEN] = 1 if begins or not 0.0 < span <= _LONGEST_S else 0
+    held.last_s[TOLD] = reading.time_s
+    held.now[PREDICTED_RAD_S] = math.nan
     what = timing(dt, begins)
     if what != UPDATED:
         return _taken(held, what, math.nan, (0.0, 1.0))
@@ -261,13 +278,14 @@ def take_reading(
     before = held.x[SPEED]
     what = advance(held.x, held.P, held.memory, constants, table, sample, held.pieces, interval)
     predicted = held.x[SPEED]
+    now[PREDICTED_RAD_S] = predicted
     judged = (0.0, 1.0)
     if what == UPDATED:
         judged = innovation_of(held.x, held.P, constants, sample)
         what = weigh(held.x, held.P, held.memory, constants, table, sample)
     moved = 0.5 * (before + predicted) if held.memory.now[CONTINUOUS] == 1.0 else 0.0
     _note(held, reading, moved, dt)
-    held.last_s[0] = reading.time_s
+    held.last_s[USED] = reading.time_s
     held.counts[SEEN] = 1
     verdict = look_after(held.x, held.P, held.memory, constants, table, sample, what, judged)
     if verdict != WELL:
