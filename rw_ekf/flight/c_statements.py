@@ -313,12 +313,8 @@ class Body:
         self.stores[name] += 1
         known = value.known if value.is_known and value.type in (INT, BOOL) else None
         self.given.setdefault(name, []).append(known)
-        if (
-            value.is_known
-            and (self._times[name] == 1 or name in self._same)
-            and name not in self._parameters
-            and value.type in (None, INT)
-        ):
+        once = self._times[name] == 1 or name in self._same
+        if once and name not in self._parameters and _is_constant(value):
             self.scope.constants[name] = value
             return
         if not self._is_wanted(name):

@@ -56,15 +56,16 @@ def _refused(term: Term, *, single: bool) -> str | None:
     for kind, why in _NOT_EXPORTED.items():
         if issubclass(term.effect, kind):
             return why
-    if single and _is_of_time(term):
+    if single and reads(term, "time"):
         return "is a function of the time, which single precision does not keep (leave out --float)"
     return None
 
 
-def _is_of_time(term: Term) -> bool:
+def reads(term: Term, quantity: str) -> bool:
+    """Whether an effect is a function of "time", "temperature" or "angle"."""
     if term.law is not None:
-        return term.law.quantity == "time"
+        return term.law.quantity == quantity
     if not issubclass(term.effect, StaticEffect):
         return False
     tree = source_of(term.effect.contribution).tree
-    return any(isinstance(node, ast.Name) and node.id == "time" for node in ast.walk(tree))
+    return any(isinstance(node, ast.Name) and node.id == quantity for node in ast.walk(tree))

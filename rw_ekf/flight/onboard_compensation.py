@@ -160,9 +160,8 @@ def _look_ahead(
     if table is None:
         curve = FrictionCurve(x[VISCOUS], x[COULOMB], x[STATIC], stribeck.omega_s, stribeck.law)
         for piece in range(0, count):
-            x[SPEED] = flow(x[SPEED], x[MOTOR_GAIN] * pieces.current_A[piece], curve, pieces.duration_s[piece], False)[
-                0
-            ]
+            drive = x[MOTOR_GAIN] * pieces.current_A[piece]
+            x[SPEED] = flow(x[SPEED], drive, curve, pieces.duration_s[piece], False)[0]
     else:
         given = held.now
         columns = (given[COLUMN], given[COLUMN + 1], given[COLUMN + 2])

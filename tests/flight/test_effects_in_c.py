@@ -69,7 +69,7 @@ def test_several_effects_at_once(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_printed_is_refused_by_name() -> None:
-    """A lag, a friction with a memory, a delay, a window: a sentence that names the effect; single: the time as well."""
+    """A lag, a friction with a memory, a delay, a window: a sentence that names the effect."""
     for effect in FORMULAS:
         if issubclass(effect, _REFUSED):
             effects = in_use(effect.id)

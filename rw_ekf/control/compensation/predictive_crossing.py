@@ -111,9 +111,8 @@ class PredictiveCrossing:
         if estimate is None or estimate is not tick.estimate:
             return known.speed_rad_s == 0.0
         due = self._owed_rad_s + wanted
-        return is_taken_to_stand(
-            known.speed_rad_s, estimate.std.speed_rad_s, estimate.predicted_speed_rad_s, due, self._payback
-        )
+        predicted = estimate.predicted_speed_rad_s
+        return is_taken_to_stand(known.speed_rad_s, estimate.std.speed_rad_s, predicted, due, self._payback)
 
 
 def is_taken_to_stand(speed: float, sigma: float, predicted: float, due: float, pay: Payback) -> bool:
@@ -150,8 +149,9 @@ def guess(begin: float, target: float, period_s: float, parameters: FrictionPara
 def inverted(end: Callable[[float], float], target: float, tried: float, slope: float) -> float:
     """The current [A] at which `end`, which rises with it, reaches the target [rad/s]; what lies nearest if none does.
 
-    slope >= 0 [rad/s/A]: what it is far from zero speed. From the current that is tried first steps that grow until the target lies between
-    two currents, then regula falsi as in the Illinois method, the end that stays at half its weight, and bisections.
+    slope >= 0 [rad/s/A]: what it is far from zero speed. From the current that is tried first steps that grow until
+    the target lies between two currents, then regula falsi as in the Illinois method, the end that stays at half its
+    weight, and bisections.
     """
     exact = _EXACT * (1.0 + abs(target))
     low = high = max(-_MOST_A, min(_MOST_A, tried))
