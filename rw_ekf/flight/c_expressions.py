@@ -135,7 +135,7 @@ class Scope:
             code = member_code(base, node.attr)
             if isinstance(of, Struct) and of.held:
                 return Value(f"&{code}", of, UNARY, by_address=True)
-            return Value(code, of)
+            return Value(code, of, domain=self.program.domains.get(node.attr))
         if base.is_known:
             return self.program.member_of(base.known, node.attr)
         raise self.fail(node, "has no such member")
@@ -274,7 +274,8 @@ class Scope:
             if isinstance(part, ast.Starred):
                 whole = self.value(part.value)
                 assert isinstance(whole.type, Struct)
-                given += [Value(member_code(whole, name), of) for name, of in whole.type.members]
+                domains = self.program.domains
+                given += [Value(member_code(whole, n), of, domain=domains.get(n)) for n, of in whole.type.members]
             else:
                 given.append(self.value(part))
         named = {item.arg: self.value(item.value) for item in node.keywords if item.arg is not None}

@@ -46,7 +46,11 @@ class Estimator:
 
 def printed(estimator: Estimator, *, single: bool) -> Program:
     """The program; raises NotPrintableError for what has no C."""
-    program = Program(single=single, clocks=_CLOCKS, bounds=_BOUNDS, whiles=_WHILES)
+    laws = {estimator.constants.stribeck.law}
+    if estimator.table is not None and estimator.table.stribeck_at >= 0:
+        laws.add(estimator.table.stribeck_law)
+    domains = {"law": frozenset(laws)}
+    program = Program(single=single, clocks=_CLOCKS, bounds=_BOUNDS, whiles=_WHILES, domains=domains)
     held = Value("held", program.hold(estimator.held), by_address=True)
     constants, table = estimator.constants, estimator.table
     program.name_known(constants, "filter")

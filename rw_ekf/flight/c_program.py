@@ -78,13 +78,16 @@ class Program:
     """What is printed so far. Constants of a model are known; what is held in memory has the types of an example."""
 
     def __init__(
-        self, *, single: bool, clocks: frozenset[str], bounds: Mapping[str, int], whiles: Mapping[str, tuple[int, ...]]
-    ) -> None:
+        self, *, single: bool, clocks: frozenset[str], bounds: Mapping[str, int], whiles: Mapping[str, tuple[int, ...]],
+        domains: Mapping[str, frozenset[int]],
+    ) -> None:  # fmt: skip
         """single: reals are float. clocks: members that stay double. bounds: of loops that end at a variable.
 
-        whiles: how often each loop of a function turns at most, in their order.
+        whiles: how often each loop of a function turns at most, in their order. domains: all values of whole numbers
+        that are members.
         """
         self.single = single
+        self.domains = domains
         self.cost = 0
         self.functions: list[Printed] = []
         self.structs: dict[str, tuple[Struct, dict[str, str]]] = {}

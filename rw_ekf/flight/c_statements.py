@@ -356,7 +356,19 @@ class Body:
             self._line(f"const {c_type(value.type)} {name} = {value.code};")
             value = Value(name, value.type)
         for i, target in enumerate(targets):
-            self._store(target, _part(value, i))
+            self._store(target, self._part(value, i))
+
+    def _part(self, value: Value, i: int) -> Value:
+        """An element of a tuple."""
+        if isinstance(value.type, Row):
+            return Value(f"{value.code}.v[{i}]", REAL)
+        if not isinstance(value.type, Struct):
+            raise NotPrintableError(f"{value.code} is no tuple")
+        name, of = value.type.members[i]
+        code = member_code(value, name)
+        if isinstance(of, Struct) and of.held:
+            return Value(f"&{code}", of, UNARY, by_address=True)
+        return Value(code, of, domain=self.program.domains.get(name))
 
     def _at_once(self, targets: list[ast.expr], nodes: list[ast.expr]) -> None:
         """Several at once: over temporaries where one is read after it is written."""
@@ -417,17 +429,6 @@ def _loaded(target: ast.expr) -> ast.expr:
 
 def _variable(name: str, of: Type, domain: frozenset[int] | None = None) -> Value:
     return Value(c_name(name), of, domain=domain, by_address=isinstance(of, Struct) and of.held)
-
-
-def _part(value: Value, i: int) -> Value:
-    """An element of a tuple."""
-    if isinstance(value.type, Row):
-        return Value(f"{value.code}.v[{i}]", REAL)
-    if not isinstance(value.type, Struct):
-        raise NotPrintableError(f"{value.code} is no tuple")
-    name, of = value.type.members[i]
-    code = member_code(value, name)
-    return Value(f"&{code}", of, UNARY, by_address=True) if isinstance(of, Struct) and of.held else Value(code, of)
 
 
 def _is_constant(value: Value) -> bool:

@@ -244,10 +244,7 @@ def _taken(held: Onboard, outcome: int, predicted: float, innovation: tuple[floa
 def take_reading(
     held: Onboard, constants: FilterConstants, table: EffectTable | None, reading: Reading, relative: bool
 ) -> Taken:
-    """Bring the belief to a reading's time and weigh its speed; `Estimator.step`.
-
-    relative: times within an interval count from its begin, for single precision; else from where the clock does.
-    """
+    """Bring the belief to a reading's time and weigh its speed; `Estimator.step`."""
     speed = math.nan if math.isinf(reading.speed_rad_s) else reading.speed_rad_s
     begins = held.counts[SEEN] == 0 or reading.new_segment
     last = reading.time_s - 1.0 if held.counts[SEEN] == 0 else held.last_s[USED]
@@ -268,6 +265,7 @@ def take_reading(
         held.counts[PENDING] = 0
         now[IN_FORCE_A] = 0.0
     else:
+        # In single precision times within an interval count from its begin, else from where the clock does.
         epoch = last if relative else 0.0
         count = _gather(held, reading.time_s, epoch)
         from_s = float(last - epoch)

@@ -1,0 +1,153 @@
+"""`rw-ekf export-model --c`: a folder that compiles by itself, tests itself, and needs libm alone."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from rw_ekf.checking.effect_file import read_effect_file
+from rw_ekf.cli import main
+from rw_ekf.effects.catalogue import CATALOGUE_IDS
+from rw_ekf.effects.own_effect import effect_of
+from rw_ekf.filter.belief import DEFAULT_PRIOR
+from rw_ekf.model.effect import Term
+from rw_ekf.model.state import CK13_STATISTICAL
+from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
+from rw_ekf.wheel.model_file import WheelModel
+from tests.filter.effect_replay import in_use
+from tests.flight.c_library import EXACT, LIBM, STRICT, gcc, needs_gcc
+
+_FILES = ["Makefile", "README.md", "rw_ekf.c", "rw_ekf.h", "test_rw_ekf.c"]
+
+
+def model_file(folder: Path, effects: EffectSet = NO_EFFECTS) -> Path:
+    """A model as `diagnose` leaves it."""
+    base = DEFAULT_PRIOR.core.parameter_covariance
+    size = 4 + effects.size
+    stds = [std for term in effects.state_terms for std in term.stds]
+    covariance = [[0.0] * size for _ in range(size)]
+    for i in range(4):
+        for j in range(4):
+            covariance[i][j] = float(base[i, j])
+    for i, std in enumerate(stds, start=4):
+        covariance[i][i] = std**2
+    path = folder / "wheel.yaml"
+    rows = tuple(tuple(row) for row in covariance)
+    WheelModel(CK13_STATISTICAL, rows, 0.4, speed_noise_rad_s=0.1, acceleration_noise=0.003, effects=effects).save(path)
+    return path
+
+
+@needs_gcc
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+@pytest.mark.parametrize("name", ["", "quadratic_drag", "stribeck_shape", "viscous_temperature", "torque_ripple"])
+def test_an_export_compiles_strictly_and_passes_its_own_test(name: str, single: bool, tmp_path: Path) -> None:
+    """Every warning an error, nothing from outside but libm, and the recorded answers of the estimator."""
+    effects = in_use(name) if name else NO_EFFECTS
+    folder = tmp_path / "c"
+    assert main(["export-model", "--c", str(folder), str(model_file(tmp_path, effects)), *["--float"] * single]) == 0
+    assert sorted(path.name for path in folder.iterdir()) == _FILES
+    gcc(folder, *STRICT, *EXACT, "-c", "rw_ekf.c")
+    symbols = subprocess.run(["nm", "-u", "rw_ekf.o"], cwd=folder, capture_output=True, text=True, check=True).stdout
+    outside = set(re.findall(r"U (\w+)", symbols))
+    assert outside <= ({f"{function}f" for function in LIBM} if single else LIBM)
+    gcc(folder, *STRICT, *EXACT, "test_rw_ekf.c", "rw_ekf.o", "-lm", "-o", "test_rw_ekf")
+    done = subprocess.run(["./test_rw_ekf"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.startswith("3000 of 3000 samples")
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    "constant",
+    ["FILTER_GATE", "FLOW_STEP_IN_STRIBECK_SPEEDS", "TRANSITION_SPREAD", "AVERAGES_SHORT", "FILTER_MAX_GAP_S"],
+)
+def test_the_self_test_notices_a_changed_constant(constant: str, tmp_path: Path) -> None:
+    """Six numbers of the gate, the flow and the transition, each a little larger: exit status 1."""
+    folder = tmp_path / "c"
+    main(["export-model", "--c", str(folder), str(model_file(tmp_path))])
+    text = (folder / "rw_ekf.c").read_text()
+    changed = re.sub(rf"(#define {constant}) (\S+)", r"\1 (\2 * CHANGE)", text)
+    assert changed != text
+    changed = changed.replace("CHANGE", "20.0" if constant == "FILTER_MAX_GAP_S" else "1.1")
+    (folder / "rw_ekf.c").write_text(changed)
+    gcc(folder, *EXACT, "rw_ekf.c", "test_rw_ekf.c", "-lm", "-o", "test_rw_ekf")
+    assert subprocess.run(["./test_rw_ekf"], cwd=folder, capture_output=True, check=False).returncode == 1
+
+
+@needs_gcc
+def test_sanitizers_find_nothing(tmp_path: Path) -> None:
+    """Neither an address nor an operation without a meaning, over the recorded readings."""
+    folder = tmp_path / "c"
+    main(["export-model", "--c", str(folder), str(model_file(tmp_path, in_use("quadratic_drag")))])
+    checks = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g"]
+    gcc(folder, "-std=c99", "-ffp-contract=off", *checks, "rw_ekf.c", "test_rw_ekf.c", "-lm", "-o", "test_rw_ekf")
+    done = subprocess.run(["./test_rw_ekf"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="no arm-none-eabi-gcc on this machine")
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+def test_it_compiles_for_a_cortex_m4(single: bool, tmp_path: Path) -> None:
+    """As strictly; and memory and stack of the four-parameter filter are below 4 kB together."""
+    folder = tmp_path / "c"
+    main(["export-model", "--c", str(folder), str(model_file(tmp_path)), *["--float"] * single])
+    target = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
+    done = subprocess.run(
+        ["arm-none-eabi-gcc", *STRICT, *EXACT, *target, "-fstack-usage", "-c", "rw_ekf.c"],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    frames = [int(line.split("\t")[1]) for line in (folder / "rw_ekf.su").read_text().splitlines()]
+    held = re.search(r"an estimator, `struct rw_onboard` \| (\d+) bytes", (folder / "README.md").read_text())
+    assert held is not None
+    # No call is deeper than the sum of all frames but those of functions that are called side by side.
+    assert int(held[1]) + sum(sorted(frames)[-6:]) <= 4096
+
+
+def test_the_document_tells_what_was_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files, states, memory, and the bound of a reading's statements."""
+    folder = tmp_path / "c"
+    assert main(["export-model", "--c", str(folder), str(model_file(tmp_path)), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "rw_ekf.export_model/1"
+    assert sorted(document["files"]) == _FILES
+    assert document["states"] == ["speed_rad_s", "motor_gain", "viscous", "coulomb", "static"]
+    assert document["precision"] == "double"
+    assert 0 < document["estimator_bytes"] < 4096
+    assert document["statements_at_most"] > 0
+
+
+@pytest.mark.parametrize(
+    ("effects", "options", "said"),
+    [
+        (in_use("actuator_lag"), [], "actuator_lag has a memory of its own"),
+        (in_use("presliding_hysteresis"), [], "presliding_hysteresis has a memory of its own"),
+        (in_use("transport_delay"), [], "transport_delay looks back at past currents"),
+        (in_use("drag_spike"), ["--float"], "drag_spike is a function of the time"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_by_name(
+    effects: EffectSet, options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One sentence that names the effect, exit status 2, and nothing is written."""
+    folder = tmp_path / "c"
+    assert main(["export-model", "--c", str(folder), str(model_file(tmp_path, effects)), *options]) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert len(told.splitlines()) == 1
+    assert not folder.exists()
+
+
+def test_a_formula_of_ones_own_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its name is told."""
+    file = tmp_path / "effects.yaml"
+    file.write_text('eddy: {drag: "a * omega / (1 + omega)", a: {unit: 1/s}}\n')
+    (formula,) = read_effect_file(file, CATALOGUE_IDS)
+    effects = EffectSet((Term.of(effect_of(formula), value=0.01, std=0.01),))
+    assert main(["export-model", "--c", str(tmp_path / "c"), str(model_file(tmp_path, effects))]) == 2
+    assert "is a formula of your own" in capsys.readouterr().err
