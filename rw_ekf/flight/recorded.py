@@ -71,7 +71,7 @@ def recorded(setup: FilterSetup, period_s: float) -> Recorded:
     speed = true + noise * rng.normal(size=n)
     speed[rng.choice(n, n // 40, replace=False)] = math.nan
     speed[[50, 170, 330]] += 1.0e3 * noise
-    for at in (450, _OTHER_WHEEL - 200):
+    for at in (450, _STEADY - 100):
         speed[at : at + 7] += 15.0 * noise
     speed[_ELSEWHERE:] += 1.0e4 * noise + 1.0e3 * abs(c) * step_s
     time_s = step_s * np.arange(n)
