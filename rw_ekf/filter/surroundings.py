@@ -130,7 +130,9 @@ class Gatherer:
 
     def note(self, sample: WheelSample, mean_speed_rad_s: float, dt: float) -> None:
         """Note the conditions at a sample: logged, or the angle from the mean speed since the one before."""
-        self.angle_rad += mean_speed_rad_s * dt
+        turned = mean_speed_rad_s * dt
+        if math.isfinite(turned):  # not while the filter is broken: no effect of the angle would recover with it
+            self.angle_rad += turned
         if sample.angle_rad is not None and not math.isnan(sample.angle_rad):
             self.angle_rad = sample.angle_rad
         if sample.temperature_degC is not None and not math.isnan(sample.temperature_degC):

@@ -203,7 +203,9 @@ def _gather(held: Onboard, to_s: Clock, epoch_s: Clock) -> int:
 def _note(held: Onboard, reading: Reading, mean_speed: float, dt: float) -> None:
     """Note the conditions at a reading: as they are told, or the angle from the mean speed since the one before."""
     now = held.now
-    now[ANGLE_RAD] += mean_speed * dt
+    turned = mean_speed * dt
+    if math.isfinite(turned):
+        now[ANGLE_RAD] += turned
     if not math.isnan(reading.angle_rad):
         now[ANGLE_RAD] = reading.angle_rad
     if not math.isnan(reading.temperature_degC):

@@ -158,3 +158,66 @@ def test_a_formula_of_ones_own_is_refused(tmp_path: Path, capsys: pytest.Capture
     effects = EffectSet((Term.of(effect_of(formula), value=0.01, std=0.01),))
     assert main(["export-model", "--c", str(tmp_path / "c"), str(model_file(tmp_path, effects))]) == 2
     assert "is a formula of your own" in capsys.readouterr().err
+
+
+_FUZZ = """
+#include "rw_ekf.h"
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+static struct rw_onboard held;
+static struct rw_crossing crossing;
+static uint64_t state = 88172645463325252u;
+static double next(void)
+{
+    state ^= state << 13; state ^= state >> 7; state ^= state << 17;
+    return (double)(state >> 11) / 9007199254740992.0;
+}
+static double odd(double usual)
+{
+    static const double wild[] = {NAN, INFINITY, -INFINITY, 1e308, -1e308, 1e30, -1e30, 1e-300, 0.0, -0.0, 1e9, -5.0};
+    return next() < 0.05 ? wild[(int)(next() * 12.0)] : usual;
+}
+int main(void)
+{
+    double time = 0.0;
+    int left = 0;
+    rw_ekf_start(&held);
+    rw_ekf_crossing_start(&crossing);
+    for (int i = 0; i < 20000; ++i) {
+        time += next() < 0.02 ? -1.0 : 0.1;
+        const struct rw_reading reading = {
+            odd(time), (rw_real)odd(20.0 * sin(0.01 * i) + next()), next() < 0.01, (rw_real)odd(25.0),
+            (rw_real)odd(6.0 * next()), {{(rw_real)odd(1.0), (rw_real)odd(2.0), (rw_real)odd(3.0)}}};
+        const struct rw_taken taken = rw_ekf_step(&held, reading);
+        const rw_real request = (rw_real)odd(next() - 0.5);
+        const rw_real asked = rw_ekf_dmc_current(&held, request);
+        const rw_real more = rw_ekf_crossing_current(&crossing, &held, request, (rw_real)odd(0.1));
+        if (!isfinite(asked) || !isfinite(more)) {
+            return 2;
+        }
+        if (taken.outcome < 0 || taken.outcome > 6 || taken.trouble < 0 || taken.trouble > 6) {
+            return 3;
+        }
+        (void)rw_ekf_command(&held, (rw_real)odd(0.1 * sin(0.03 * i)), (rw_real)odd(0.3 * next()));
+        left += isfinite(held.x[0]) && isfinite(held.x[1]);
+    }
+    printf("%d\\n", left);
+    return left > 15000 ? 0 : 4;
+}
+"""
+
+
+@needs_gcc
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+@pytest.mark.parametrize("name", ["", "torque_ripple", "motor_saturation"])
+def test_nothing_that_is_told_breaks_it(name: str, single: bool, tmp_path: Path) -> None:
+    """Infinite, absent and absurd numbers in every place, under sanitizers: it ends, and it recovers."""
+    folder = tmp_path / "c"
+    effects = in_use(name) if name else NO_EFFECTS
+    main(["export-model", "--c", str(folder), str(model_file(tmp_path, effects)), *["--float"] * single])
+    (folder / "fuzz.c").write_text(_FUZZ)
+    checks = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O1"]
+    gcc(folder, "-std=c99", "-ffp-contract=off", *checks, "rw_ekf.c", "fuzz.c", "-lm", "-o", "fuzz")
+    done = subprocess.run(["./fuzz"], cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, (done.returncode, done.stdout, done.stderr[-2000:])

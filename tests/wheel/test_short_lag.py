@@ -10,6 +10,7 @@ import pytest
 
 from rw_ekf.model.friction import GAUSS, Stribeck
 from rw_ekf.wheel import pieces as home
+from rw_ekf.wheel.dispatch import lagged
 from rw_ekf.wheel.interval import Interval, Pieces
 from tests.filter.effect_replay import believed, in_use
 
@@ -20,7 +21,7 @@ def test_a_lag_of_next_to_nothing_ends(tau: float, from_s: float, monkeypatch: p
     """Steps that rounding makes none were taken for ever: a daemon that believed such a lag hung."""
     effects = in_use("actuator_lag")
     table, belief = effects.table(), believed(effects)
-    lagged, steps, ends = home.lagged, itertools.count(), []
+    steps, ends = itertools.count(), []
 
     def counted(*given: Any) -> Any:
         assert next(steps) < 1000
