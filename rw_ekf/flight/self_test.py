@@ -7,7 +7,7 @@ from typing import Any
 
 from rw_ekf.flight.recorded import EVERY, Recorded
 
-SIGMAS = 0.05  # by which single precision may differ from the estimator; measured 0.012 at most (docs/flight.md)
+SIGMAS = 0.05  # by which single precision may differ from the estimator; measured: docs/flight.md
 
 _MAIN = """static struct rw_onboard held;
 static struct rw_crossing crossing;
