@@ -19,6 +19,7 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.model_file import WheelModel
+from tests.contract import check_document
 from tests.filter.effect_replay import in_use
 from tests.flight.c_library import EXACT, LIBM, STRICT, gcc, needs_gcc
 from tools.measure.flight_on_m4 import missing, run_on_m4
@@ -45,7 +46,14 @@ def model_file(folder: Path, effects: EffectSet = NO_EFFECTS) -> Path:
 
 @needs_gcc
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
-@pytest.mark.parametrize("name", ["", "quadratic_drag", "stribeck_shape", "viscous_temperature", "torque_ripple"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "viscous_temperature",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("quadratic_drag", "stribeck_shape", "torque_ripple")),
+    ],
+)
 def test_an_export_compiles_strictly_and_passes_its_own_test(name: str, single: bool, tmp_path: Path) -> None:
     """Every warning an error, nothing from outside but libm, and the recorded answers of the estimator."""
     effects = in_use(name) if name else NO_EFFECTS
@@ -121,7 +129,7 @@ def test_the_document_tells_what_was_written(tmp_path: Path, capsys: pytest.Capt
     folder = tmp_path / "c"
     assert main(["export-model", "--c", str(folder), str(model_file(tmp_path)), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == "rw_ekf.export_model/1"
+    check_document(document)
     assert sorted(document["files"]) == _FILES
     assert document["states"] == ["speed_rad_s", "motor_gain", "viscous", "coulomb", "static"]
     assert document["precision"] == "double"
@@ -209,6 +217,7 @@ int main(void)
 
 
 @needs_gcc
+@pytest.mark.slow
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
 @pytest.mark.parametrize("name", ["", "torque_ripple", "motor_saturation"])
 def test_nothing_that_is_told_breaks_it(name: str, single: bool, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def long_log(n: int, seed: int = 4) -> Columns:
 @needs_gcc
 @pytest.mark.parametrize(
     "samples",
-    [pytest.param(20_000, id="short"), pytest.param(1_000_000, id="million", marks=pytest.mark.slow)],
+    [pytest.param(10_000, id="short"), pytest.param(1_000_000, id="million", marks=pytest.mark.slow)],
 )
 def test_every_sample_has_the_bits_of_the_estimator(samples: int, tmp_path: Path) -> None:
     """Outcome, trouble, all means and all covariances of every sample: not one bit differs."""
@@ -100,6 +100,7 @@ def test_the_compiled_pass_has_them_too(tmp_path: Path) -> None:
 
 
 @needs_gcc
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", _PROFILES)
 def test_single_precision_stays_within_its_bound(profile: str, tmp_path: Path) -> None:
     """100,000 readings of a wheel: never further than the stated share of a sigma, and no decision differs."""
