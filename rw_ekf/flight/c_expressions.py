@@ -315,7 +315,7 @@ class Scope:
         if name == "float":
             return self.program.convert(first, REAL)
         if name == "int":
-            return first if first.type == INT else self.program.helper("rw_to_int", [first], INT)
+            return first if first.type == INT else self.program.builtin("rw_to_int", [first], INT)
         if name == "abs":
             if first.type == INT:
                 raise NotPrintableError("abs of a whole number is not printed")
@@ -328,5 +328,5 @@ class Scope:
             of = wider(of, part.type)
         found = self.program.convert(first, of or REAL)
         for part in parts[1:]:
-            found = self.program.helper(f"rw_{name}", [found, self.program.convert(part, of or REAL)], of or REAL)
+            found = self.program.builtin(f"rw_{name}", [found, self.program.convert(part, of or REAL)], of or REAL)
         return found

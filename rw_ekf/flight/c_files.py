@@ -114,7 +114,7 @@ def source(program: Program, estimator: Estimator, origin: str) -> str:
     )
     inner = program.structs.keys() - _structures_of([found for found in functions if found.public])
     structures = "".join(_structure(program, name) for name in program.structs if name in inner and name in text)
-    helpers = "\n".join(body for name, body in program.helpers.items() if f"{name}(" in text)
+    builtins = "\n".join(body for name, body in program.builtins.items() if f"{name}(" in text)
     macros = "".join(
         f"#define {name} {code}{f'  /* {comment} */' if comment else ''}\n"
         for name, (code, comment) in sorted(program.macros.items())
@@ -127,7 +127,7 @@ def source(program: Program, estimator: Estimator, origin: str) -> str:
 
 {macros}
 {structures}{tables}
-{helpers}
+{builtins}
 {start}
 {text}"""
 

@@ -30,7 +30,7 @@ from rw_ekf.flight.c_types import (
 )
 from rw_ekf.flight.python_source import comment_of_constant, comments_of_members, origin_of
 
-_HELPERS = {
+_BUILTINS = {
     "rw_min": "static {t} {name}({t} a, {t} b)\n{{\n    return (b < a) ? b : a;\n}}\n",
     "rw_max": "static {t} {name}({t} a, {t} b)\n{{\n    return (b > a) ? b : a;\n}}\n",
     "rw_to_int": (
@@ -50,7 +50,7 @@ class Names:
         self.structs: dict[str, tuple[Struct, dict[str, str]]] = {}
         self.macros: dict[str, tuple[str, str]] = {}
         self.arrays: dict[int, tuple[str, Any, Type]] = {}
-        self.helpers: dict[str, str] = {}
+        self.builtins: dict[str, str] = {}
         self._clocks = clocks
         self._classes: dict[type[Any], Struct] = {}
         self._names: dict[int, str] = {}  # of known structures
@@ -199,7 +199,7 @@ class Names:
         defaults = kind._field_defaults
         return self.filled(of, [values.get(n) or self.of_known(defaults[n], n) for n in kind._fields])
 
-    def helper(self, name: str, parts: list[Value], of: Type) -> Value:
+    def builtin(self, name: str, parts: list[Value], of: Type) -> Value:
         """A small function of C that Python has built in."""
         assert isinstance(of, Scalar)
         first = parts[0].type
@@ -207,7 +207,7 @@ class Names:
         label = name if REAL in (of, first) else f"{name}_{first.name if name == 'rw_to_int' else of.name}"
         if not self.single and label.endswith("_clock"):
             label = name
-        self.helpers[label] = _HELPERS[name].format(t=of.c, of=first.c, name=label)
+        self.builtins[label] = _BUILTINS[name].format(t=of.c, of=first.c, name=label)
         return Value(f"{label}({', '.join(part.code for part in parts)})", of)
 
 
