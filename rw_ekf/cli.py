@@ -26,6 +26,7 @@ VERBS = {
     "check-config": "check_config",
     "columns": "columns",
     "export": "export",
+    "export-model": "export_model",
     "compile": "compile",
     "stop": "stop",
     "status": "status",

@@ -12,7 +12,7 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.filter.decisions import GATED, RESEEDED, UPDATED
-from rw_ekf.model.state import MOTOR_GAIN, SPEED
+from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED
 
 # What is wrong.
 WELL = 0
@@ -21,6 +21,7 @@ NOT_POSITIVE = 2
 RAN_AWAY = 3
 DIVERGED = 4
 LOCKED_OUT = 5
+UNPHYSICAL = 6  # told, and reset by nothing
 
 # What is reset.
 NOTHING = 0
@@ -62,6 +63,7 @@ _BEYOND_MENDING = 3.5  # accidents that are not forgotten yet
 _RECOVERY = 20.0  # readings
 _NOT_SO_SURE = 4.0  # times the variance that was believed
 _WIDE_AGAIN = 0.25  # of the ceiling: half the sigmas of a wide prior
+_SURE = 5.0  # sigmas by which a motor gain or a Coulomb friction is negative
 _ROUNDING = 1.0e-9  # of a variance: so much may a pivot be below zero
 
 
@@ -186,6 +188,20 @@ def is_recovering(memory: Any) -> bool:
 def is_beyond_mending(memory: Any) -> bool:
     """Whether the filter had to be reset so often of late that resetting does not help."""
     return bool(memory[_ACCIDENTS] > _BEYOND_MENDING)
+
+
+def still_wrong(memory: Any, x: Any, P: Any) -> int:
+    """WELL, or what is wrong with a filter of which nothing has to be reset now: LOCKED_OUT, DIVERGED, UNPHYSICAL."""
+    if is_refusing(memory):
+        return LOCKED_OUT
+    if is_diverged(memory):
+        return DIVERGED
+    return UNPHYSICAL if _is_negative(x, P, MOTOR_GAIN) or _is_negative(x, P, COULOMB) else WELL
+
+
+def _is_negative(x: Any, P: Any, i: int) -> bool:
+    """Whether a parameter is below zero by five of its sigmas."""
+    return bool(x[i] < 0.0 and x[i] * x[i] > _SURE * _SURE * P[i, i])
 
 
 def keep(memory: Any, x: Any, P: Any, grounds: Grounds) -> int:

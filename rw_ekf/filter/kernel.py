@@ -136,7 +136,8 @@ def _filter_each(
             what = advance(x, P, memory, constants, table, sample, pieces, interval)
             if table is not None:
                 if memory.now[CONTINUOUS] == 1.0:
-                    angle += 0.5 * (before + x[SPEED]) * sample.dt_s
+                    turned = 0.5 * (before + x[SPEED]) * sample.dt_s
+                    angle += turned if math.isfinite(turned) else 0.0
                 elif not math.isnan(sample.speed_rad_s):
                     opens = piece_start[i] <= first_piece[i] < current_A.size
             if keep_all:

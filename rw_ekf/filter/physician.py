@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rw_ekf.filter import health
 from rw_ekf.filter.step import LEARNS, RESET, Sample
-from rw_ekf.model.state import COULOMB, MOTOR_GAIN
 from rw_ekf.records import FilterHealth, FilterReset, FilterTrouble
 
 if TYPE_CHECKING:
@@ -23,6 +22,7 @@ TROUBLES = {
     health.RAN_AWAY: FilterTrouble.RAN_AWAY,
     health.DIVERGED: FilterTrouble.DIVERGED,
     health.LOCKED_OUT: FilterTrouble.LOCKED_OUT,
+    health.UNPHYSICAL: FilterTrouble.UNPHYSICAL,
 }
 _RESETS = {
     health.NOTHING: FilterReset.NOTHING,
@@ -50,7 +50,6 @@ _DONE = {
     FilterReset.PARAMETERS: "the last good parameters were taken with wider sigmas",
     FilterReset.ALL: "everything began again from the start",
 }
-_SURE = 5.0  # sigmas
 
 
 class Physician:
@@ -93,20 +92,10 @@ class Physician:
         memory, last = self._memory, self._last
         if health.is_recovering(memory):
             return last
-        trouble = None
-        if health.is_refusing(memory):
-            trouble = FilterTrouble.LOCKED_OUT
-        elif health.is_diverged(memory):
-            trouble = FilterTrouble.DIVERGED
-        elif self._is_unphysical():
-            trouble = FilterTrouble.UNPHYSICAL
+        trouble = TROUBLES.get(health.still_wrong(memory, self._ekf.x, self._ekf.P))
         if trouble is None or (last is not None and last.trouble is trouble):
             return None if trouble is None else last
         return self._found(trouble, FilterReset.NOTHING, time_s)
-
-    def _is_unphysical(self) -> bool:
-        x, P = self._ekf.x, self._ekf.P
-        return any(x[i] < 0.0 and x[i] * x[i] > _SURE * _SURE * P[i, i] for i in (MOTOR_GAIN, COULOMB))
 
     def _found(self, trouble: FilterTrouble, reset: FilterReset, time_s: float) -> FilterHealth:
         hopeless = health.is_beyond_mending(self._memory)

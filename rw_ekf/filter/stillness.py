@@ -71,7 +71,8 @@ def unlearn_shift(P: Any, shift: float) -> None:
 
     What was learned about the old reference was, in the end, measured at the new one.
     """
-    P[COULOMB, COULOMB] += (_UNLEARNED * shift) ** 2 * P[VISCOUS, VISCOUS]
+    hidden = _UNLEARNED * shift
+    P[COULOMB, COULOMB] += hidden * hidden * P[VISCOUS, VISCOUS]
 
 
 def away_from_reference(memory: Any, speed: float, band: float, omega_s: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 from rw_ekf.arrays import Float64Array
@@ -44,7 +45,7 @@ def outlook(
     """
     to_s = time_s + given.currents.delay_s
     durations, currents = pieces_between(given.currents.in_force_A, given.currents.pending, time_s, to_s)
-    begins = [time_s + sum(durations[:i]) for i in range(len(durations))]
+    begins = accumulate(durations[:-1], initial=time_s)
     rows = [*given.past, *zip(begins, durations, currents, strict=True)]  # past ones only where the model looks back
     warmth, angle, columns = given.conditions
     interval = Interval(time_s, to_s, warmth, angle, 0, len(given.past), len(rows), columns)
@@ -129,7 +130,9 @@ class Gatherer:
 
     def note(self, sample: WheelSample, mean_speed_rad_s: float, dt: float) -> None:
         """Note the conditions at a sample: logged, or the angle from the mean speed since the one before."""
-        self.angle_rad += mean_speed_rad_s * dt
+        turned = mean_speed_rad_s * dt
+        if math.isfinite(turned):  # not while the filter is broken: no effect of the angle would recover with it
+            self.angle_rad += turned
         if sample.angle_rad is not None and not math.isnan(sample.angle_rad):
             self.angle_rad = sample.angle_rad
         if sample.temperature_degC is not None and not math.isnan(sample.temperature_degC):

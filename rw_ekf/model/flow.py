@@ -62,7 +62,8 @@ def _time_to_stop(v: float, rate: float, h: float, end: float, end_rate: float) 
     tau = h * v / (v - end)
     for _ in range(60):
         r = tau / h
-        value = (1.0 + 2.0 * r) * (1.0 - r) ** 2 * v + r * (1.0 - r) ** 2 * h * rate
+        rest = (1.0 - r) * (1.0 - r)
+        value = (1.0 + 2.0 * r) * rest * v + r * rest * h * rate
         value += r * r * (3.0 - 2.0 * r) * end - r * r * (1.0 - r) * h * end_rate
         if value > 0.0:
             low = tau

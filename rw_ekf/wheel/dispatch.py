@@ -42,6 +42,7 @@ def _choice(
     namespace["__name__"] = __name__
     exec("\n".join(lines), namespace)
     made: Callable[..., Any] = namespace[name]
+    vars(made)["source"] = "\n".join(lines)  # for `rw_ekf.flight`, which prints it as C
     return made
 
 

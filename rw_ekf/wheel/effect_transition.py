@@ -81,7 +81,7 @@ def effect_transition(
         bends = _differences(x, P, table, stribeck, pieces, interval, end, F, work)
     is_near = nearest <= FAST_STRIBECK_SPEEDS * stribeck.omega_s
     for m in range(hidden):
-        work[n + 1, 1 + m] = work[n + 1, 1 + m] ** 2 / 12.0 if is_near else 0.0
+        work[n + 1, 1 + m] = work[n + 1, 1 + m] * work[n + 1, 1 + m] / 12.0 if is_near else 0.0
     x[SPEED] = end[SPEED]
     for j in range(n - hidden, n):
         x[j] = end[j]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class FrictionTorque(NamedTuple):
         values = self.x.tolist()
         if speed_rad_s is not None:
             values[SPEED] = speed_rad_s
-        return _friction(values, self.table, self.stribeck, self.at)
+        return friction_of(values, self.table, self.stribeck, self.at)
 
     def believed_rad_s2(self, speed_rad_s: float | None = None) -> Believed:
         """The same with its standard deviation, by divided differences (docs/filter.md eq. 7).
@@ -58,7 +58,7 @@ class FrictionTorque(NamedTuple):
         factor_covariance(spread, root)
 
         def friction(state: Float64Array) -> float:
-            return _friction(state.tolist(), self.table, self.stribeck, self.at)
+            return friction_of(state.tolist(), self.table, self.stribeck, self.at)
 
         differences = [friction(x + step) - friction(x - step) for step in math.sqrt(3.0) * root.T]
         return Believed(friction(x), math.hypot(*differences) / math.sqrt(12.0))
@@ -90,7 +90,8 @@ def current_for(
     return current
 
 
-def _friction(values: list[float], table: EffectTable, stribeck: Stribeck, moment: Moment) -> float:
+def friction_of(values: Any, table: EffectTable, stribeck: Stribeck, moment: Moment) -> float:
+    """Friction per unit inertia [rad/s^2] at the speed of a belief; values (n,): numbers that divide as Python's do."""
     speed, gain = values[SPEED], values[MOTOR_GAIN]
     current = moment.current if table.lag_state_at == ABSENT else values[table.lag_state_at]
     now = moment._replace(omega=speed, current=current)

@@ -19,7 +19,7 @@ _STEP = 1.0e-3  # of a friction or the Stribeck speed, in differences over one p
 _LEAST_VISCOUS_STEP = 1.0e-6  # 1/s
 _COEFFICIENT_STEP = 1.0e-3
 _INPUTS = 7  # of a flow with a memory: speed, memory, drive, b, c, s, the effect's coefficient
-_LAG_STEPS = 8  # a lagging current is followed in this many steps at most, each half a time constant
+_LAG_STEPS = 8  # a step of a lagging current is half a time constant, or this share of what is left
 
 
 class Moment(NamedTuple):
@@ -256,6 +256,8 @@ def effect_interval(
                 tau = x[table.lag_at]
                 if tau > 0.0:
                     h = min(left, max(0.5 * tau, left / _LAG_STEPS))
+                    if at + h <= at:  # of a lag of next to nothing: a step that moves no time would be taken for ever
+                        h = left
                 q = table.lag_shape
                 current, end[table.lag_state_at] = lagged(
                     table.lag_code, tau, q[0], q[1], q[2], end[table.lag_state_at], current, h

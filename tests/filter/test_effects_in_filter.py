@@ -221,3 +221,18 @@ def test_the_flow_of_a_table_without_effects_is_the_models() -> None:
         effect_interval(x, table, Stribeck(OMEGA_S, GAUSS), pieces, whole, True, row, end)
         plain = interval(x[0], x[1], FrictionCurve(x[2], x[3], x[4], OMEGA_S, GAUSS), pieces, 0, 2)
         assert (end[0], *row) == plain
+
+
+def test_a_filter_with_an_effect_of_the_angle_recovers_from_broken_arithmetic() -> None:
+    """A parameter that is no number for once: the angle that was reckoned with it goes on, and so does the filter."""
+    effects = in_use("torque_ripple")
+    belief = believed(effects)
+    estimator = Estimator(constants_for(), belief.mean, belief.covariance, effects, np.full(effects.size, 1.0e-9))
+    outcomes = []
+    for i in range(60):
+        if i == 20:
+            estimator.ekf.x[2] = math.nan
+        outcomes.append(estimator.step(WheelSample(0.1 * i, 10.0 + 0.01 * i)).outcome)
+        estimator.command_issued(IssuedCommand(0.05))
+    assert Outcome.RESEEDED in outcomes[20:22]
+    assert set(outcomes[25:]) == {Outcome.UPDATED}

@@ -57,7 +57,7 @@ class WheelKnown:
         """Friction at a speed; of a wheel at rest that which has to be broken in the drive's direction: [CK13 (15)]."""
         if speed_rad_s == 0.0 == drive_rad_s2:
             return 0.0
-        return self.friction_rad_s2(math.copysign(_CREEP_RAD_S, drive_rad_s2) if speed_rad_s == 0.0 else speed_rad_s)
+        return self.friction_rad_s2(speed_against(drive_rad_s2, speed_rad_s))
 
     def current_for_A(self, drive_rad_s2: float) -> float:
         """The current [A] of a drive: over the motor gain, and more where the model's effects take from it."""
@@ -79,6 +79,11 @@ class WheelKnown:
 def parameters_of(state: WheelState) -> FrictionParameters:
     """The four parameters of a state."""
     return FrictionParameters(state.motor_gain, state.viscous, state.coulomb, state.static)
+
+
+def speed_against(drive_rad_s2: float, speed_rad_s: float) -> float:
+    """The speed [rad/s] at which friction is asked for: of a wheel at rest that of the first motion by the drive."""
+    return math.copysign(_CREEP_RAD_S, drive_rad_s2) if speed_rad_s == 0.0 else speed_rad_s
 
 
 def signed_friction(omega: float, b: float, c: float, s: float, omega_s: float, law: int) -> float:

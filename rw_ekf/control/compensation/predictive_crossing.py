@@ -75,15 +75,17 @@ class PredictiveCrossing:
         if stands and not self._stood:
             self._promised_rad_s = None  # what the belief was off is not owed
         self._stood = stands
-        self._note_shortfall(begin)
+        if self._promised_rad_s is not None:
+            self._owed_rad_s = owed_after(self._owed_rad_s, self._promised_rad_s, begin, self._period_s, self._payback)
         self._promised_rad_s = begin + wanted
-        target = begin + wanted + self._paid(wanted, begin, known)
+        sigma = 0.0 if known.estimate is None else known.estimate.std.speed_rad_s
+        target = begin + wanted + paid(self._owed_rad_s, wanted, begin, sigma, self._payback)
         if begin == target == 0.0:
             return self._timeline.asked(0.0)
         current_A = inverted(
             lambda current: ahead.end_rad_s(current, self._period_s),
             target,
-            _guess(begin, target, self._period_s, known.parameters, known.stribeck),
+            guess(begin, target, self._period_s, known.parameters, known.stribeck),
             known.parameters.motor_gain * self._period_s,
         )
         if self._wheel is not None:
@@ -108,44 +110,51 @@ class PredictiveCrossing:
         estimate = known.estimate
         if estimate is None or estimate is not tick.estimate:
             return known.speed_rad_s == 0.0
-        if not abs(known.speed_rad_s) <= _REST_SIGMAS * estimate.std.speed_rad_s:
-            return False
-        return estimate.predicted_speed_rad_s == 0.0 or abs(self._owed_rad_s + wanted) <= self._payback.least_rad_s
-
-    def _note_shortfall(self, begin: float) -> None:
-        if self._promised_rad_s is None:
-            return
-        pay = self._payback
-        owed = self._owed_rad_s * math.exp(-self._period_s / pay.forgotten_s) + self._promised_rad_s - begin
-        self._owed_rad_s = max(-pay.most_rad_s, min(pay.most_rad_s, owed))
-
-    def _paid(self, wanted: float, begin: float, known: WheelKnown) -> float:
-        """What this interval gives beyond what is asked for [rad/s]; at rest all of what is due, or nothing of it."""
-        owed, pay = self._owed_rad_s, self._payback
-        if begin == 0.0:
-            return owed if abs(owed + wanted) > pay.least_rad_s else -wanted
-        sigma = 0.0 if known.estimate is None else known.estimate.std.speed_rad_s
-        return math.copysign(pay.share * max(abs(owed) - pay.sigmas * sigma, 0.0), owed)
+        due = self._owed_rad_s + wanted
+        predicted = estimate.predicted_speed_rad_s
+        return is_taken_to_stand(known.speed_rad_s, estimate.std.speed_rad_s, predicted, due, self._payback)
 
 
-def _guess(begin: float, target: float, period_s: float, parameters: FrictionParameters, stribeck: Stribeck) -> float:
+def is_taken_to_stand(speed: float, sigma: float, predicted: float, due: float, pay: Payback) -> bool:
+    """Whether a wheel is taken to stand; predicted [rad/s]: before the reading, due: what it is to gain [rad/s]."""
+    if not abs(speed) <= _REST_SIGMAS * sigma:
+        return False
+    return predicted == 0.0 or abs(due) <= pay.least_rad_s
+
+
+def owed_after(owed: float, promised: float, begin: float, period_s: float, pay: Payback) -> float:
+    """What is owed [rad/s] where a command acts, of which another speed was promised."""
+    owed = owed * math.exp(-period_s / pay.forgotten_s) + promised - begin
+    return max(-pay.most_rad_s, min(pay.most_rad_s, owed))
+
+
+def paid(owed: float, wanted: float, begin: float, sigma: float, pay: Payback) -> float:
+    """What this interval gives beyond what is asked for [rad/s]; at rest all of what is due, or nothing of it."""
+    if begin == 0.0:
+        return owed if abs(owed + wanted) > pay.least_rad_s else -wanted
+    return math.copysign(pay.share * max(abs(owed) - pay.sigmas * sigma, 0.0), owed)
+
+
+def guess(begin: float, target: float, period_s: float, parameters: FrictionParameters, stribeck: Stribeck) -> float:
     """The current [A] of the base model: friction at the begin, or break-away where the wheel starts or turns."""
     if begin * target > 0.0:
-        curve = (parameters.viscous, parameters.coulomb, parameters.static, *stribeck)
-        friction = signed_friction(begin, *curve)
+        friction = signed_friction(
+            begin, parameters.viscous, parameters.coulomb, parameters.static, stribeck.omega_s, stribeck.law
+        )
     else:
         friction = math.copysign(parameters.static, target)
     return ((target - begin) / period_s + friction) / parameters.motor_gain
 
 
-def inverted(end: Callable[[float], float], target: float, guess: float, slope: float) -> float:
+def inverted(end: Callable[[float], float], target: float, tried: float, slope: float) -> float:
     """The current [A] at which `end`, which rises with it, reaches the target [rad/s]; what lies nearest if none does.
 
-    slope >= 0 [rad/s/A]: what it is far from zero speed. From the guess steps that grow until the target lies between
-    two currents, then regula falsi as in the Illinois method, the end that stays at half its weight, and bisections.
+    slope >= 0 [rad/s/A]: what it is far from zero speed. From the current that is tried first steps that grow until
+    the target lies between two currents, then regula falsi as in the Illinois method, the end that stays at half its
+    weight, and bisections.
     """
     exact = _EXACT * (1.0 + abs(target))
-    low = high = max(-_MOST_A, min(_MOST_A, guess))
+    low = high = max(-_MOST_A, min(_MOST_A, tried))
     below = above = end(low) - target
     step = max(abs(below), exact) / max(slope, _LEAST_SLOPE)
     while above < -exact and high < _MOST_A:

@@ -1,0 +1,66 @@
+"""A model as a folder of C99: the estimator, its self-test, a Makefile, a README."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rw_ekf import __version__
+from rw_ekf.errors import BadInputError
+from rw_ekf.flight.c_files import header, printed, source
+from rw_ekf.flight.c_readme import MAKEFILE, memory_of, readme
+from rw_ekf.flight.c_types import NotPrintableError
+from rw_ekf.flight.exportable import estimator_of, reads
+from rw_ekf.flight.recorded import SAMPLES, recorded
+from rw_ekf.flight.self_test import self_test
+from rw_ekf.logs.atomic import write_text
+from rw_ekf.starting_point import FilterSetup
+
+EXPORT_SCHEMA = "rw_ekf.export_model/1"
+FILES = ("rw_ekf.h", "rw_ekf.c", "test_rw_ekf.c", "Makefile", "README.md")
+
+
+def export_c(setup: FilterSetup, name: str, folder: Path, period_s: float, *, single: bool) -> dict[str, Any]:
+    """Write the files; what was written, as `export-model --json` has it.
+
+    name: of the model. Raises BadInputError for a model that cannot be exported, or a folder that cannot be written.
+    """
+    estimator = estimator_of(setup, name, single=single)
+    try:
+        program = printed(estimator, single=single)
+    except NotPrintableError as error:
+        raise BadInputError(f"{name}: cannot be exported as C: {error}") from None
+    origin = f"Printed by rw_ekf {__version__} from the model {name}"
+    run = recorded(setup, period_s)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInputError(f"{folder}: {error.strerror}: give another folder with --c") from None
+    texts = (
+        header(program, estimator, origin),
+        source(program, estimator, origin),
+        self_test(run, origin, single=single),
+        MAKEFILE,
+        readme(program, estimator, origin, SAMPLES, _conditions(setup)),
+    )
+    for file, text in zip(FILES, texts, strict=True):
+        write_text(folder / file, text)
+    return {
+        "schema": EXPORT_SCHEMA,
+        "model": name,
+        "folder": str(folder),
+        "files": list(FILES),
+        "states": list(estimator.names),
+        "precision": "float" if single else "double",
+        **memory_of(program, estimator),
+    }
+
+
+def _conditions(setup: FilterSetup) -> tuple[str, ...]:
+    """What effects read of a wheel beside its speed."""
+    found: list[str] = []
+    for term in setup.effects.state_terms:
+        found += [quantity for quantity in ("temperature", "angle") if reads(term, quantity)]
+        if term.law is not None and term.law.column:
+            found.append(f"{term.law.column} (`columns.v[{term.law.slot}]`)")
+    return tuple(dict.fromkeys(found))

@@ -1,0 +1,202 @@
+"""rw_ekf.h and rw_ekf.c: the printed program with its memory, its constants and where it starts from."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.filter.constants import FilterConstants
+from rw_ekf.flight import onboard
+from rw_ekf.flight.c_expressions import c_name
+from rw_ekf.flight.c_program import Printed, Program
+from rw_ekf.flight.c_types import ATOM, INT, Array, Scalar, Struct, Value
+from rw_ekf.flight.onboard_compensation import Crossing, crossing_of, current_by_crossing, current_by_dmc
+from rw_ekf.wheel.effect_table import EffectTable
+
+_CLOCKS = frozenset({"last_s", "acts_s", "health"})  # single precision would stop these within days
+_BOUNDS = {"stop": onboard.PIECES_MOST, "count": onboard.PIECES_MOST}
+# One turn a piece; a piece is one step, for no effect that is exported has a lag.
+# Steps that double from 1e-9 rad/s over a slope until 1e3 A are passed, whatever the slope is.
+_WHILES = {"effect_interval": (onboard.PIECES_MOST, onboard.PIECES_MOST, 1), "inverted": (128, 128)}
+_VALUES_IN_LINE = 4
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """What is printed: a start, the constants of the filter, the effects."""
+
+    held: onboard.Onboard
+    constants: FilterConstants
+    table: EffectTable | None
+    names: tuple[str, ...]  # of the states
+
+    @property
+    def crossing(self) -> Crossing:
+        """What predictive crossing begins with."""
+        return crossing_of(self.held)
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return self.held.x.size
+
+
+def printed(estimator: Estimator, *, single: bool) -> Program:
+    """The program; raises NotPrintableError for what has no C."""
+    laws = {estimator.constants.stribeck.law}
+    if estimator.table is not None and estimator.table.stribeck_at >= 0:
+        laws.add(estimator.table.stribeck_law)
+    domains = {"law": frozenset(laws)}
+    program = Program(single=single, clocks=_CLOCKS, bounds=_BOUNDS, whiles=_WHILES, domains=domains)
+    held = Value("held", program.hold(estimator.held), by_address=True)
+    constants, table = estimator.constants, estimator.table
+    program.name_known(constants, "filter")
+    program.name_known(constants.stribeck, "stribeck")
+    if table is not None:
+        program.name_known(table, "effects")
+    known = [program.of_known(constants, ""), Value("", None, ATOM, table)]
+    reading = Value("reading", program.structure(onboard.Reading))
+    relative = Value("", None, ATOM, single)
+    amount = Value("", Scalar("real"))
+    program.entry(onboard.take_reading, "rw_ekf_step", [held, *known, reading, relative])
+    program.entry(onboard.take_command, "rw_ekf_command", [held, amount, amount])
+    crossing = Value("crossing", program.hold(estimator.crossing), by_address=True)
+    program.entry(current_by_dmc, "rw_ekf_dmc_current", [held, *known, amount, relative])
+    program.entry(current_by_crossing, "rw_ekf_crossing_current", [crossing, held, *known, amount, amount, relative])
+    program.entry(onboard.sigma, "rw_ekf_std", [held, Value("", INT)])
+    return program
+
+
+def header(program: Program, estimator: Estimator, origin: str) -> str:
+    """rw_ekf.h."""
+    public = [found for found in program.reached() if found.public]
+    needed = _structures_of(public)
+    states = "\n".join(f"#define RW_EKF_{name.upper()} {i}" for i, name in enumerate(estimator.names))
+    prototypes = "\n".join("\n".join([*found.comment, f"{found.head};\n"]) for found in public)
+    return f"""/* {origin} */
+#ifndef RW_EKF_H
+#define RW_EKF_H
+
+#include <stdbool.h>
+
+typedef {"float" if program.single else "double"} rw_real;
+
+#define RW_EKF_STATES {estimator.size}
+
+/* Places in `x`, and in the rows and columns of `P`. */
+{states}
+
+{"".join(_structure(program, name) for name in program.structs if name in needed)}
+/* Begin; before anything else, and again to begin anew. */
+void rw_ekf_start(struct rw_onboard *held);
+
+/* Begin predictive crossing; once, before its first current. */
+void rw_ekf_crossing_start(struct rw_crossing *crossing);
+
+{prototypes}
+#endif
+"""
+
+
+def source(program: Program, estimator: Estimator, origin: str) -> str:
+    """rw_ekf.c."""
+    functions = program.reached()
+    text = "\n".join("\n".join(found.lines) for found in functions)
+    start = _start(program, "rw_ekf_start", "held", estimator.held)
+    start += "\n" + _start(program, "rw_ekf_crossing_start", "crossing", estimator.crossing)
+    tables = "".join(
+        f"static const {_numbers(program, name, value, of)}\n"
+        for name, value, of in program.arrays.values()
+        if isinstance(of, Array) and re.search(rf"\b{name}\b", text)
+    )
+    inner = program.structs.keys() - _structures_of([found for found in functions if found.public])
+    structures = "".join(_structure(program, name) for name in program.structs if name in inner and name in text)
+    builtins = "\n".join(body for name, body in program.builtins.items() if f"{name}(" in text)
+    macros = "".join(
+        f"#define {name} {code}{f'  /* {comment} */' if comment else ''}\n"
+        for name, (code, comment) in sorted(program.macros.items())
+        if re.search(rf"\b{name}\b", text)
+    )
+    return f"""/* {origin} */
+#include "rw_ekf.h"
+
+#include <math.h>
+
+{macros}
+{structures}{tables}
+{builtins}
+{start}
+{text}"""
+
+
+def _structures_of(functions: list[Printed]) -> set[str]:
+    found: set[str] = set()
+
+    def add(of: Any) -> None:
+        if isinstance(of, Struct):
+            for _, member in of.members:
+                add(member)
+        if hasattr(of, "name") and not isinstance(of, Scalar):
+            found.add(of.name)
+
+    for function in functions:
+        for _, of in function.parameters:
+            add(of)
+        add(function.result)
+    return found
+
+
+def _structure(program: Program, name: str) -> str:
+    found, comments = program.structs[name]
+    lines = []
+    for member, of in found.members:
+        text = of.embedded(c_name(member)) if isinstance(of, Array) else f"{_spelled(of)} {c_name(member)}"
+        comment = comments.get(member, "")
+        lines.append(f"    {text};{f'  /* {comment} */' if comment else ''}\n")
+    return f"struct {name} {{\n{''.join(lines)}}};\n\n"
+
+
+def _spelled(of: Any) -> str:
+    return of.c if isinstance(of, Scalar) else f"struct {of.name}"
+
+
+def _numbers(program: Program, name: str, value: Any, of: Array) -> str:
+    flat = [program.number(number, of.item).code for number in np.asarray(value).reshape(-1).tolist()]
+    if len(of.shape) == 2:
+        rows = [flat[i : i + of.shape[1]] for i in range(0, len(flat), of.shape[1])]
+        inner = ",\n".join(f"    {{{', '.join(row)}}}" for row in rows)
+    else:
+        rows = [flat[i : i + _VALUES_IN_LINE] for i in range(0, len(flat), _VALUES_IN_LINE)]
+        inner = ",\n".join("    " + ", ".join(row) for row in rows)
+    return f"{of.embedded(name)} = {{\n{inner}\n}};"
+
+
+def _start(program: Program, name: str, argument: str, example: Any) -> str:
+    """A function that makes all that is held what it is in an example."""
+    tables: list[str] = []
+    lines: list[str] = []
+
+    def fill(struct: Struct, value: Any, path: str, label: str) -> None:
+        for (member, of), part in zip(struct.members, value, strict=True):
+            if isinstance(of, Struct):
+                fill(of, part, f"{path}{member}.", f"{label}_{member}")
+                continue
+            assert isinstance(of, Array)
+            indent, index = "    ", ""
+            for axis, count in enumerate(of.shape):
+                counter = "ij"[axis]
+                lines.append(f"{indent}for (int {counter} = 0; {counter} < {count}; ++{counter}) {{")
+                indent, index = indent + "    ", f"{index}[{counter}]"
+            begins = program.number(0, of.item).code
+            if np.any(np.asarray(part) != 0.0):
+                tables.append(f"static const {_numbers(program, f'{label}_{member}', part, of)}\n")
+                begins = f"{label}_{member}{index}"
+            lines.append(f"{indent}{argument}->{path}{member}{index} = {begins};")
+            lines.extend("    " * (axis + 1) + "}" for axis in reversed(range(len(of.shape))))
+
+    struct = program.hold(example)
+    fill(struct, example, "", "start")
+    return "\n".join([*tables, f"void {name}(struct {struct.name} *{argument})", "{", *lines, "}", ""])

@@ -1,0 +1,71 @@
+"""Which models can be printed as C, and what of one is: the filter's start, its constants, its effects."""
+
+from __future__ import annotations
+
+import ast
+
+from rw_ekf.errors import BadInputError
+from rw_ekf.flight.c_files import Estimator
+from rw_ekf.flight.onboard import onboard_of
+from rw_ekf.flight.python_source import source_of
+from rw_ekf.model.effect import Term
+from rw_ekf.model.effect_kinds import (
+    CurrentEffect,
+    DelayEffect,
+    FormulaEffect,
+    FrictionMemoryEffect,
+    StaticEffect,
+    WindowEffect,
+)
+from rw_ekf.model.state import STATE_SIZE
+from rw_ekf.starting_point import FilterSetup
+
+_HIDDEN = "has a memory of its own, whose equations are stiff"
+_PAST = "looks back at past currents, which the exported memory does not keep"
+_NOT_EXPORTED: dict[type, str] = {
+    CurrentEffect: _HIDDEN,
+    FrictionMemoryEffect: _HIDDEN,
+    DelayEffect: _PAST,
+    WindowEffect: _PAST,
+    FormulaEffect: "is a formula of your own, which is run and not compiled",
+}
+
+
+def estimator_of(setup: FilterSetup, name: str, *, single: bool) -> Estimator:
+    """What is printed of a filter's start. Raises BadInputError, naming the effect, for what cannot be.
+
+    name: of the model, for messages. single: reals are float, and times count from each reading on.
+    """
+    for term in setup.effects.state_terms:
+        why = _refused(term, single=single)
+        if why is not None:
+            raise BadInputError(
+                f"{name}: the effect {term.id} {why}: it cannot be exported as C. Fit the wheel again without it, "
+                "or run the estimator itself"
+            )
+    table = setup.effects.table(setup.effect_drift)
+    known = table if table.size > STATE_SIZE else None
+    constants = setup.constants
+    constants = constants._replace(speed_variance=constants.speed_variance + setup.effects.reading_variance)
+    belief = setup.prior
+    return Estimator(onboard_of(belief.mean, belief.covariance, constants, known), constants, known, setup.state_names)
+
+
+def _refused(term: Term, *, single: bool) -> str | None:
+    """Why an effect is not exported; None where it is."""
+    for kind, why in _NOT_EXPORTED.items():
+        if issubclass(term.effect, kind):
+            return why
+    if single and reads(term, "time"):
+        return "is a function of the time, which single precision does not keep (leave out --float)"
+    return None
+
+
+def reads(term: Term, quantity: str) -> bool:
+    """Whether an effect is a function of "time", "temperature" or "angle"."""
+    if term.law is not None:
+        return term.law.quantity == quantity
+    if not issubclass(term.effect, StaticEffect):
+        return False
+    tree = source_of(term.effect.contribution).tree
+    return any(isinstance(node, ast.Name) and node.id == quantity for node in ast.walk(tree))
