@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.commissioning.bench import Row
 
 _LEAST_READINGS = 4  # of a stretch
@@ -101,6 +101,7 @@ def fit_delay(rows: Sequence[Row], rest_rad_s: float) -> DelayFit | None:
     return DelayFit(float(delays[best]) + offset * _DELAY_STEP_S, std_s)
 
 
+@by_identity
 class _Charge(NamedTuple):
     """The integral of the current as a function of time: straight between the times at which it changed."""
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array
+from rw_ekf.arrays import Float64Array, by_identity
 from rw_ekf.commissioning.progress import Progress
 from rw_ekf.commissioning.setting import CONFIGURATION_FILE
 from rw_ekf.diagnosis.report.canvas import AFTER, BEFORE, INK, legend, new_figure, plain, png
@@ -33,6 +33,7 @@ _SLOWEST_RAD_S = 1.0e-3
 _USUAL_NOISE_RAD_S, _USUAL_TORQUE_NOISE, _PERIOD_S = 0.1, 0.003, 0.1
 
 
+@by_identity
 class FrictionCurve(NamedTuple):
     """Friction against speed: the model's with its band (k,), and what windows of the log show (m,)."""
 

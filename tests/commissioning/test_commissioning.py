@@ -163,5 +163,5 @@ def test_no_port_says_what_was_tried(tmp_path: Path) -> None:
     with StopSignal() as stop:
         made = rig(replace(USUAL, turned=()), tmp_path, VirtualClock(), stop)
         put_faults(made.server, "drop:1")
-        with pytest.raises(RefusedError, match=r"no valid reply through nsp-wheel.* at the map's baud, 9600"):
+        with pytest.raises(RefusedError, match=r"no valid reply through .*nsp-wheel.* at the map's baud, 9600"):
             commission(made.work)
