@@ -35,7 +35,7 @@ _SEED = 42
 _READ = frozenset(WheelSample.__dataclass_fields__)  # columns that the estimator reads of a wheel
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Recorded:
     """n readings with what follows them, and what the estimator and the compensations made of them."""
 
