@@ -16,6 +16,10 @@ _PUBLISHED = (
     # VESC Tool, real-time data: the position in sixths of an electrical turn, the speed in electrical turns a minute
     (re.compile(r"tacho(meter)?(_value|_abs(_value)?)?"), "steps"),
     (re.compile(r"(.*[._])?erpm"), "erpm"),
+    # ROS, sensor_msgs/JointState of a joint that turns, as `rostopic echo -p` names its columns
+    (re.compile(r"field\.velocity\d*"), "rad/s"),
+    (re.compile(r"field\.effort\d*"), "N m"),
+    (re.compile(r"field\.position\d*"), "rad"),
     # PX4, EscReport.msg
     (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_rpm"), "rpm"),
     (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_current"), "A"),

@@ -405,3 +405,25 @@ def test_a_damaged_row_gives_no_value_to_another_column(tmp_path: Path) -> None:
     assert table.rows == 598
     assert any("2 lines, first line 103," in text for text in table.warnings)
     assert np.flatnonzero(np.isnan(table.floats(1))).tolist() == [199]
+
+
+@pytest.mark.parametrize(
+    ("header", "factor"),
+    [
+        ("%time,field.header.stamp,field.velocity0,field.effort0", 1.0),
+        ("t_ns,t2_ns,axis0.encoder.vel_estimate,axis0.motor.current_control.Iq_measured", 0.5 / math.pi),
+    ],
+)
+def test_a_program_s_own_names_have_the_units_that_it_publishes(
+    tmp_path: Path, run: rw_ekf.Log, header: str, factor: float
+) -> None:
+    """ROS's JointState as `rostopic echo -p` prints it, ODrive's estimates in turns a second."""
+
+    def line(i: int, t: float, w: float, c: float) -> str:
+        stamp = 1652967301000000000 + round(1e9 * t)
+        return f"{stamp},{stamp},{factor * w!r},{c!r}"
+
+    (tmp_path / "a.csv").write_text(_table(_rows(run), header, line))
+    log = rw_ekf.read(tmp_path / "a.csv")
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s, abs=1e-9)
+    assert log.current_A == pytest.approx(run.current_A, abs=1e-9)
