@@ -49,7 +49,7 @@ _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
 _BRACKETED = re.compile(r"[\[(<{]([^\])>}]+)[\])>}]")
 _IDS = frozenset((
     "id", "wheel", "rw", "unit", "motor", "axis", "node", "device", "dev", "serial", "sn", "name", "address", "addr",
-    "wheelid", "motorid", "rwid", "instance", "canid", "can", "dut", "bearing", "specimen", "esc", "sample", "unit",
+    "wheelid", "motorid", "rwid", "instance", "canid", "can", "dut", "bearing", "specimen", "esc",
 ))  # fmt: skip
 _BESIDE_IDS = frozenset(["no", "nr", "num", "number", "index", "idx", "of", "the"])
 _INSTANCE = re.compile(
@@ -125,9 +125,8 @@ def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tup
             f"{column.shown}: '{letters[0]}' may be {_LETTERS[letters[0]]}: is it the wheel's measured speed?",
             (line,),
         )
-    if (said.any_of(*_OTHER_MACHINES) or said_by(column.remark).any_of(*_OTHER_MACHINES)) and not said.any_of(
-        "wheel", "rw", "flywheel", "schwungrad"
-    ):
+    of_another = said.any_of(*_OTHER_MACHINES) or said_by(column.remark).any_of(*_OTHER_MACHINES)
+    if of_another and not said.any_of("wheel", "rw", "flywheel", "schwungrad"):
         yield f"{column.shown} may be another machine's: is it the wheel's speed?", (line,)
     if unit is None or unit_was_set or unit.quantity != "speed":
         return

@@ -30,13 +30,14 @@ class _Hint(NamedTuple):
     words: re.Pattern[str]
     asked: str
     is_named: bool = False  # whether the line has to speak of that column
+    is_factor: bool = False  # whether the words end in a `number`, of which 1 hints at nothing
 
 
 def _words(text: str) -> re.Pattern[str]:
     return re.compile(text, re.IGNORECASE)
 
 
-_NUMBER = r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?|[.,]\d+)"
+_NUMBER = r"(?P<number>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?|[.,]\d+)"
 _OF_UNIT = r"(?:rpm|rad/s|deg/s|m?A|mN ?m|N ?m|V)"
 _FACTOR = r"scale[ds]?|scale[_ ]?factor|scaling|factor|faktor|multipl\w*|divided|gain|lsb|skalier\w*|\w+_scale"
 _HINTS = (
@@ -50,7 +51,8 @@ _HINTS = (
           True),
     _Hint(("current",), _words(r"\b(supply|netzteil|battery|bus line|electronics included)\b"),
           "is it the motor's current, or the supply's?", True),
-    _Hint(("current", "speed"), _words(rf"\b({_FACTOR})(?![a-z])[^\d\n]{{0,25}}{_NUMBER}"), "is that applied?", True),
+    _Hint(("current", "speed"), _words(rf"\b({_FACTOR})(?![a-z])[^\d\n]{{0,25}}{_NUMBER}"), "is that applied?",
+          True, True),
     _Hint(("current", "speed"), _words(rf"\b(1|one) (count|digit|lsb|bit|inc\w*|step)\s*(=|is|:)\s*{_NUMBER}"),
           "are these counts still?", True),
     _Hint(("current", "speed"), _words(rf"{_NUMBER}\s*{_OF_UNIT}\s*(/|per|pro)\s*(bit|count|lsb|digit|inc)"),
@@ -63,7 +65,7 @@ _HINTS = (
     _Hint(("current", "speed"), _words(r"\b(zero|offset|delay(ed)?|lags?|late)\b[^\d\n]{0,25}[\d.,]*[1-9]|motor off"),
           "has that been taken out?", True),
 )  # fmt: skip
-_ONE = re.compile(r"\D*1(?:[.,]0*)?\D*")
+_ONE = re.compile(r"1(?:[.,]0*)?")
 _NO_FACTOR = re.compile(
     r"vertical|horizontal|full.?scale|time.?scale|[xy][- ]axis|axis (scale|limits)|plot|\bcontroller (gain|scale)|"
     r"\bP?ID\b|(current|speed) (control|regler)",
@@ -96,12 +98,12 @@ def hint_about(line: Line, column: Column | None, table: RawTable) -> str:
     for hint in _HINTS[1:] if counted else _HINTS:
         if line.name.startswith(hint.of):
             texts = [column.remark, *(text for text in lines if not hint.is_named or _names(text, column))]
-            kept = (text for text in texts if not (_FACTOR in hint.words.pattern and _is_no_factor(text, hint)))
+            kept = (text for text in texts if not (hint.is_factor and _is_no_factor(text, hint)))
             if found := _quoted(hint.words, kept, hint.asked):
                 return found
     if found := _formula(column, table.preamble):
         return found
-    return _other_unit(line, column, table.preamble)
+    return _other_unit(line, table.preamble)
 
 
 def _quoted(words: re.Pattern[str], texts: Iterable[str], asked: str) -> str:
@@ -113,7 +115,7 @@ def _quoted(words: re.Pattern[str], texts: Iterable[str], asked: str) -> str:
 
 def _is_no_factor(text: str, hint: _Hint) -> bool:
     match = hint.words.search(text)
-    return match is not None and (_NO_FACTOR.search(text) is not None or _ONE.fullmatch(match[2]) is not None)
+    return match is not None and (_NO_FACTOR.search(text) is not None or _ONE.fullmatch(match["number"]) is not None)
 
 
 def _names(text: str, column: Column) -> bool:
@@ -132,7 +134,7 @@ def _formula(column: Column, preamble: Iterable[str]) -> str:
     return _quoted(equation, preamble, "are its numbers before or after that?")
 
 
-def _other_unit(line: Line, column: Column, preamble: Iterable[str]) -> str:
+def _other_unit(line: Line, preamble: Iterable[str]) -> str:
     """A unit that a line above has, where the column's own was concluded from its name or numbers."""
     speed = line.name.startswith("speed")
     if not line.assumed:
