@@ -146,7 +146,9 @@ def _counter(table: RawTable, columns: list[Column]) -> tuple[Clock, float, str]
 
 
 def _take_clock(clock: Clock, column: Column, told: Answers, guess: Guess) -> None:
-    if clock.asks:
+    if clock.odd:
+        guess.ask("time_s", f"{column.shown} {clock.odd}", Line("time_s", column.entry(clock.unit), clock.why))
+    elif clock.asks:
         text = f"{column.shown} has no unit, and its steps may be of {' or '.join(clock.asks)}: which?"
         guess.ask("time_s", text, *(Line("time_s", column.entry(unit), unit) for unit in clock.asks))
     else:

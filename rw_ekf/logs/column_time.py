@@ -52,6 +52,7 @@ class Clock:
     repeats: str = ""
     rank: int = 0
     is_clock: bool = True
+    odd: str = ""  # what is asked of it, as a clause
     concluded: bool = False  # the unit is, from the steps
     notes: list[str] = field(default_factory=list)
 
@@ -67,7 +68,7 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
     time_s = raw * (known.factor if known is not None else 1.0)
     clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap)
     if why.startswith(_BY_STEPS) and _is_packed(raw):
-        clock.asks = (unit, "hhmmss")
+        clock.odd = "jumps where 60 would be full: is it a time of day, or minutes and seconds, without colons?"
     clock.concluded = why.startswith(_BY_STEPS)
     step = np.diff(time_s)
     run = restarted(time_s)
@@ -152,8 +153,8 @@ def _is_packed(values: Float64Array) -> bool:
     """Whether numbers are a time of day written without colons: they jump by 40 where a minute is full."""
     step = np.diff(values)
     usual = float(np.median(step))
-    for second in (1.0, 1000.0):  # hhmmss, hhmmssmmm
-        whole = np.floor(values / second)
+    for second in (1.0, 1000.0, 0.01):  # hhmmss, hhmmssmmm, and minutes.seconds
+        whole = np.floor(values / second + 1.0e-6)
         jumps = np.abs(step - usual - 40.0 * second) < max(0.6 * usual, 0.1 * second)
         if usual < 20.0 * second and whole.max() >= 100.0 and float((whole % 100.0).max()) < 60.0 and jumps.any():
             return True

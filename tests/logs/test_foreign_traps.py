@@ -333,6 +333,9 @@ def test_a_time_of_day_without_colons_is_no_count_of_seconds(tmp_path: Path, run
         run, "time,rpm,current_A", lambda i, t, w, c: f"{120030 + t + 40 * (t >= 30):.1f},{w * RPM!r},{c!r}"
     )  # fmt: skip
     assert "time_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+    by_hand = "".join(f"{i // 6}.{i % 6}0,{300 - 4 * i}\n" for i in range(40))
+    found = _guess(tmp_path / "b.csv", f"time,rpm\n{by_hand}")
+    assert "time_s" in [question.name for question in found.guess.questions]
 
 
 def test_units_in_a_column_beside_are_heard(tmp_path: Path, run: rw_ekf.Log) -> None:
