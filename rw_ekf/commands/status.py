@@ -69,6 +69,7 @@ def _document(found: Published) -> dict[str, Any]:
         "pid": told["pid"],
         "utc": told.get("utc"),
         "dead_since_utc": None if found.alive else told.get("ended_utc") or told.get("utc"),
+        "ended_utc": told.get("ended_utc"),
         "state": found.run_state,
         "since_utc": told.get("since_utc"),
         "reason": str(told.get("reason")),
@@ -83,7 +84,7 @@ def _document(found: Published) -> dict[str, Any]:
 
 
 def _unknown(*, alive: bool, pid: int | None, reason: str) -> dict[str, Any]:
-    keys = ("utc", "dead_since_utc", "state", "since_utc", "link")
+    keys = ("utc", "dead_since_utc", "ended_utc", "state", "since_utc", "link")
     rest = ("estimate", "current_command_A", "temperature_degC", "log")
     return {
         "schema": "rw_ekf.status/1",
@@ -135,7 +136,8 @@ def _headline(document: dict[str, Any]) -> str:
         return f"{state or 'unknown'}{since} (process {document['pid']}): {reason}"
     if state is None:
         return f"dead: {reason}"
-    return f"dead since {document['dead_since_utc']}; it was {state} since {document['since_utc']}: {reason}"
+    over = "ended at" if document.get("ended_utc") else "dead since"
+    return f"{over} {document['dead_since_utc']}; it was {state} since {document['since_utc']}: {reason}"
 
 
 def _lines(document: dict[str, Any]) -> list[str]:

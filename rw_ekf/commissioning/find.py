@@ -106,6 +106,7 @@ class Search:
         self._stop = stop
         self._protocol_of = protocol_of
         self.tried: list[str] = []
+        self.heard = False  # whether a port could be used
 
     def answers(self, port: str, names: Sequence[str], bauds: Sequence[int | None]) -> list[Found]:
         """Every map that the port answers through, at the first baud where one does. A boot loader counts last."""
@@ -123,9 +124,10 @@ class Search:
                         found += [] if answer is None else [answer]
                     if found:
                         return found
+                self.heard = True
                 self.tried.append(f"{port}: no valid reply through {', '.join(names)} at {_words(bauds)}")
         except DriverError as error:
-            self.tried.append(str(error))
+            self.tried.append(str(error).rstrip("."))
         if waiting is not None:
             raise _Waiting(port, *waiting)
         return []
@@ -209,6 +211,8 @@ def find_wheel(
         found += _started(search, loader, names)
     if not found:
         tried = "; ".join(search.tried) or "there is no serial port on this machine"
+        if search.tried and not search.heard:
+            raise RefusedError(f"no port could be used: {tried}")
         raise RefusedError(
             f"no wheel answers. Tried: {tried}. Give --port, --protocol with the wheel's wire map, or --baud"
         )

@@ -21,7 +21,8 @@ def picture_of(published: tuple[dict[str, Any] | None, str], width: int) -> str:
     recent = document.get("recent") or {}
     shown = document.get("run_state") if document.get("alive") else "ended" if document.get("ended_utc") else "dead"
     label = min(28, width // 3)
-    since = str(document.get("since_utc") or "")[11:19]
+    began = document.get("since_utc") if document.get("alive") else document.get("ended_utc") or document.get("utc")
+    since = str(began or "")[11:19]
     lines = [
         f"{document.get('wheel')} on {document.get('port')}   {shown}{f' since {since} UTC' if since else ''}",
         f"{document.get('reason') or ''}",

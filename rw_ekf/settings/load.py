@@ -57,6 +57,11 @@ def configuration_from(document: YamlDocument) -> Configuration:
     if not isinstance(document.data, dict):
         message = f"the configuration must be a table of sections, found {shown(document.data)}"
         raise ConfigError(f"{document.where()}: {message}; known here: {', '.join(SECTIONS)}")
+    if "wheel" not in document.data and {"registers", "family"} & document.data.keys():
+        raise ConfigError(
+            f"{document.where()}: this is a wire map, no configuration: give the configuration whose wheel.protocol "
+            "names it, and what is wrong in the map is told too"
+        )
     data = _with_resolved_paths(document)
     sections, findings = validated_sections(document, data, SECTIONS)
     findings += _cross_findings(document, sections)

@@ -24,6 +24,12 @@ def config_directory() -> Path:
     raise ConfigError(f"{installed}: the shipped configuration files are missing; install the package again")
 
 
+def available_wire_maps() -> list[str]:
+    """Names of the shipped files that are wire maps, sorted: each says `registers`, or a family."""
+    named = ((path.stem, path.read_text(encoding="utf-8")) for path in config_directory().glob("*.yaml"))
+    return sorted(name for name, text in named if any(f"\n{key}:" in text for key in ("registers", "family")))
+
+
 def available_resources() -> list[str]:
     """Names (without .yaml) of the shipped files, sorted."""
     return sorted(path.stem for path in config_directory().glob("*.yaml"))
@@ -66,8 +72,11 @@ def is_path(text: str) -> bool:
 def protocol_path(protocol: str) -> Path:
     """Find the wire map: `protocol` is a name from config/ or a path. Raises ConfigError if there is no such file."""
     if not is_path(protocol):
-        return config_resource(protocol)
+        maps = available_wire_maps()
+        if protocol in maps:
+            return config_resource(protocol)
+        raise ConfigError(f"no shipped wire map is called {protocol!r}; give a path, or one of: {', '.join(maps)}")
     path = Path(os.path.expanduser(protocol))
     if os.path.isfile(path):  # false also for what no file can be called
         return path
-    raise ConfigError(f"{protocol}: no such wire map; give a path, or one of: {', '.join(available_resources())}")
+    raise ConfigError(f"{protocol}: no such wire map; give a path, or one of: {', '.join(available_wire_maps())}")

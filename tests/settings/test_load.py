@@ -13,7 +13,7 @@ from rw_ekf.checking.yaml_loader import load_yaml, parse_yaml
 from rw_ekf.control.profiles import PROFILE_NAMES, make_profile
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings.load import configuration_from, load_configuration, resolved_lines
-from rw_ekf.settings.resources import config_directory
+from rw_ekf.settings.resources import config_directory, config_resource
 from rw_ekf.settings.schema import CommandSection, Configuration
 
 LEAST = "wheel: {port: /dev/ttyUSB0, protocol: ./map.yaml}\nlimits: {current_A: 0.6}\n"
@@ -141,8 +141,11 @@ def test_a_command_beyond_the_limit_names_both_keys(tmp_path: Path) -> None:
 def test_an_unknown_protocol_lists_the_shipped_ones(tmp_path: Path) -> None:
     """Proves that a wrong protocol name is found before the port is opened."""
     found = findings(tmp_path, "wheel: {port: x, protocol: sunspce}\nlimits: {current_A: 0.6}\n")
-    assert found[0].startswith("wheel.yaml:1:28: wheel.protocol: no shipped file is called 'sunspce'; available: ")
-    assert "example" in found[0]
+    assert found[0].startswith(
+        "wheel.yaml:1:28: wheel.protocol: no shipped wire map is called 'sunspce'; give a path, or one of: "
+    )
+    assert "sunspace-wheel" in found[0]
+    assert "example" not in found[0]
 
 
 def test_paths_of_input_files_are_relative_to_the_configuration(
@@ -194,3 +197,9 @@ def test_settings_import_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_wire_map_in_a_configuration_s_place_is_told_from_it() -> None:
+    """One sentence, and no list of sections that a map does not have."""
+    with pytest.raises(ConfigError, match="this is a wire map, no configuration"):
+        load_configuration(config_resource("ascii-wheel"))
