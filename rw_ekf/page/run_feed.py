@@ -82,9 +82,9 @@ class RunFeed:
             return []
 
     def recent(self, rows: int = 600) -> Columns:
-        """The last rows of log and estimates, so many of each column."""
+        """The last rows of estimates and log, so many of each column; what both have is the log's, without holes."""
         found: Columns = {}
-        for estimates in (False, True):
+        for estimates in (True, False):
             parts = [path for path in self._parts(estimates=estimates) if path.suffix == ".csv"]
             if parts:
                 table = GrowingTable(parts[-1], () if estimates else _OF_LOG, last_bytes=_RECENT_BYTES)

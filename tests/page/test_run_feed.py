@@ -110,3 +110,13 @@ def test_the_curve_is_the_models_friction(tmp_path: Path) -> None:
     assert now["friction_rad_s2"][-1] == pytest.approx(30.0 * viscous + coulomb, rel=1e-3)
     assert now["friction_rad_s2"][0] == pytest.approx(-now["friction_rad_s2"][-1], rel=1e-6)
     assert 0.0 < now["std_rad_s2"][-1] < 0.2 * now["friction_rad_s2"][-1]
+
+
+def test_the_last_minute_of_the_speed_has_no_holes(tmp_path: Path) -> None:
+    """The estimates have the speed in every tenth row alone; the log has it in each."""
+    run = RunOnDisk(tmp_path)
+    run.add(100)
+    recent = RunFeed(run.log).recent()
+    assert len(recent["speed_rad_s"]) == 100
+    assert None not in recent["speed_rad_s"]
+    assert len(recent["innovation_rad_s"]) == 100
