@@ -44,6 +44,12 @@ def ask_limits(work: Work) -> dict[str, Any]:
             f"{' and '.join(missing)}: give the limits within which the wheel may be moved; nobody is there to be "
             "asked, and --yes agrees to the move, not to limits that were not given"
         )
+    for option, value, most, of in (
+        ("--current-limit", numbers[0], most_A, unit),
+        ("--speed-limit", numbers[1], rpm_from_rad_s(wire.speed_rad_s[1]), "rpm"),
+    ):
+        if value > most:
+            raise BadInputError(f"{option} {value:g}: the wire map carries no more than {most:.5g} {of}: give less")
     heat = options.temperature_limit_degC
     if heat is None and wire.hottest_degC is not None:
         heat = min(_CAREFUL_DEGC, wire.hottest_degC)

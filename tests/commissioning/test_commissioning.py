@@ -165,3 +165,14 @@ def test_no_port_says_what_was_tried(tmp_path: Path) -> None:
         put_faults(made.server, "drop:1")
         with pytest.raises(RefusedError, match=r"no valid reply through .*nsp-wheel.* at the map's baud, 9600"):
             commission(made.work)
+
+
+def test_a_limit_beyond_the_map_is_told_before_anybody_agrees(tmp_path: Path) -> None:
+    """The largest number that the wire carries stands in the message; nothing is written."""
+    with StopSignal() as stop:
+        made = rig(replace(USUAL, turned=()), tmp_path, VirtualClock(), stop)
+        made.work.options = made.work.options._replace(speed_limit_rpm=1.0e9)
+        with pytest.raises(BadInputError, match=r"--speed-limit 1e\+09: the wire map carries no more than"):
+            commission(made.work)
+        assert made.work.progress["limits"] is None
+        assert made.watched.writes == 0
