@@ -71,10 +71,13 @@ def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> I
         text = f"loop.rate_hz is {loop.rate_hz:g}, but telemetry of {the_map} comes every {1e3 * period_s:g} ms only"
         yield ("loop", "rate_hz"), f"{text}: give at most {1.0 / period_s:.3g}."
     if period_s is not None and configuration.command.writes and loop.reply_timeout_ms < 2e3 * period_s:
-        text = (
-            f"loop.reply_timeout_ms is {loop.reply_timeout_ms:g}: a command is confirmed by telemetry behind it, and "
-        )
-        yield ("loop", "reply_timeout_ms"), f"{text}{the_map} has it every {1e3 * period_s:g} ms: give twice as much."
+        text = f"a command is confirmed by telemetry behind it, and {the_map} has it every {1e3 * period_s:g} ms"
+        if 2.0 * period_s * loop.rate_hz < 1.0:
+            found = f"loop.reply_timeout_ms is {loop.reply_timeout_ms:g}: {text}: give {2e3 * period_s:g} or more."
+            yield ("loop", "reply_timeout_ms"), found
+        else:  # which must end within a turn
+            slower = f"give less than {0.5 / period_s:.3g}, and loop.reply_timeout_ms: {2e3 * period_s:g}"
+            yield ("loop", "rate_hz"), f"loop.rate_hz is {loop.rate_hz:g}: {text}, twice within a turn: {slower}."
     if wire.command_within_s is not None and configuration.command.writes:
         least_hz = 1.0 / wire.command_within_s
         if loop.rate_hz <= least_hz:

@@ -284,7 +284,8 @@ def test_without_cantools_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) ->
     ("loop", "watchdog_ms", "words"),
     [
         ({"rate_hz": 150.0, "reply_timeout_ms": 5.0}, None, "give at most 100"),
-        ({"reply_timeout_ms": 15.0}, None, "give twice as much"),
+        ({"reply_timeout_ms": 15.0}, None, "give 20 or more"),
+        ({"rate_hz": 60.0, "reply_timeout_ms": 15.0}, None, "give less than 50, and loop.reply_timeout_ms: 20"),
         ({"rate_hz": 5.0}, 150, "give more than 6.66667"),
     ],
 )
