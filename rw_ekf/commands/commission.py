@@ -122,8 +122,10 @@ class Terminal:
                 return None
             if not answer:
                 return suggested
-            with contextlib.suppress(argparse.ArgumentTypeError):
+            try:
                 return _above_zero(answer)
+            except argparse.ArgumentTypeError as error:
+                self._put(f"{error}\n")
         return None
 
     def choose(self, question: str, names: Sequence[str]) -> int | None:

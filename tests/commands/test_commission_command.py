@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 from collections.abc import Iterator
@@ -59,3 +60,19 @@ def test_a_signal_ends_it_with_zero_and_its_document(bench: Bench, tmp_path: Pat
     assert set(bench.recorder.writes_A()) == {0.0}
     assert "goes on" in errors
     assert "Traceback" not in errors
+
+
+def test_a_number_that_is_none_is_asked_for_again_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`abc` and `-1` are told apart from a number; Enter takes what is suggested."""
+    from rw_ekf.commands import commission
+
+    monkeypatch.setattr(commission, "_is_terminal", lambda: True)
+    monkeypatch.setattr("sys.stdin", io.StringIO("abc\n-1\n0.3\n\n"))
+    terminal = commission.Terminal(as_json=False)
+    assert terminal.number("largest current [A]", 0.2) == 0.3
+    said = capsys.readouterr().err
+    assert "'abc' is no number" in said
+    assert "'-1' is not above zero" in said
+    assert terminal.number("largest current [A]", 0.2) == 0.2
