@@ -15,8 +15,8 @@ import serial
 from rw_ekf.clock import Clock
 from rw_ekf.drivers.can.can_frames import EXTENDED_IDS, STANDARD_IDS, CanFrame
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
-from rw_ekf.drivers.line.serial_link import LONGEST_GAP_S, QUIET_GAP_S, OpenPort
-from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port
+from rw_ekf.drivers.line.serial_link import OpenPort
+from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, let_pass, read_port
 from rw_ekf.errors import DriverError
 
 CR, BELL = b"\r", b"\a"
@@ -109,7 +109,7 @@ class SlcanBus:
         try:
             if settings.exclusive:
                 self._serial.write(CR + b"C" + CR)
-                self._settle()
+                let_pass(self._serial, clock)
                 self._serial.write(b"S%d" % BIT_RATES[bitrate] + CR)
             self._serial.write(b"O" + CR)
         except serial.SerialTimeoutException:
@@ -161,24 +161,8 @@ class SlcanBus:
         """Release the port; the channel stays open, for whoever shares it."""
         close_serial_port(self._serial)
 
-    def _settle(self) -> None:
-        """Let pass what comes just after opening: of a channel that was open, or of the plug."""
-        opened_s = heard_s = now_s = self._clock.monotonic()
-        while now_s - heard_s < QUIET_GAP_S and now_s - opened_s < LONGEST_GAP_S:
-            came = self._serial.read(1)
-            now_s = self._clock.monotonic()
-            if came:
-                heard_s = now_s
-                self._serial.reset_input_buffer()
-
     def _read(self, size: int) -> bytes:
-        """Bytes of the port; none where it is shared and the other reader took those that had been announced."""
+        """What has come, and no more than a buffer full of it; `size` may be 0."""
         if size <= 0:
             return b""
-        try:
-            chunk: bytes = self._serial.read(min(size, _MOST_BYTES))
-        except serial.SerialException:
-            if self.settings.exclusive:
-                raise
-            return b""
-        return chunk
+        return read_port(self._serial, min(size, _MOST_BYTES), self.settings.exclusive)

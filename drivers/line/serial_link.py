@@ -14,13 +14,11 @@ from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.framing import Codec, Frame
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, silent_error
-from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, open_serial_port
+from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, let_pass, open_serial_port, read_port
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
 
 DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
-# What comes just after opening is of whoever was here before, or of the plug: it is let pass until the line is quiet.
-QUIET_GAP_S, LONGEST_GAP_S = 0.010, 0.100
 OpenPort = Callable[[PortSettings, float], Any]  # gives an open port as pyserial's are
 
 
@@ -53,7 +51,8 @@ class SerialLink:
         self._came_s = clock.monotonic()  # when bytes came last
         self._serial = open_port(settings, max(reply_timeout_s, 0.050))
         try:
-            self._settle()
+            if settings.exclusive:  # beside another process that talks there is no quiet to wait for
+                let_pass(self._serial, clock)
         except LINE_EXCEPTIONS as error:
             self.close()
             raise lost_error(settings.port, error) from error
@@ -119,18 +118,6 @@ class SerialLink:
         """Release the port. Safe to call twice, and on a port that has vanished."""
         close_serial_port(self._serial)
 
-    def _settle(self) -> None:
-        """Let pass what comes just after opening; beside another process that talks there is no quiet to wait for."""
-        if not self.settings.exclusive:
-            return
-        opened_s = heard_s = now_s = self._clock.monotonic()
-        while now_s - heard_s < QUIET_GAP_S and now_s - opened_s < LONGEST_GAP_S:
-            came = self._serial.read(1)
-            now_s = self._clock.monotonic()
-            if came:
-                heard_s = now_s
-                self._serial.reset_input_buffer()
-
     def _drop_unfinished(self, now_s: float) -> None:
         """Drop the beginning of a frame whose end has not come in the time of a reply: no later byte is its end."""
         if len(self._rest) > 1 and now_s - self._came_s > self.reply_timeout_s:
@@ -174,9 +161,10 @@ class SerialLink:
 
     def _take(self, at_least: int, keep: list[Frame] | None = None) -> bytes:
         """Read what is there, waiting one poll for it; frames go to `keep`, or without it count as stale."""
-        chunk = self._read(at_least)
+        chunk = read_port(self._serial, at_least, self.settings.exclusive)
         if chunk and keep is not None:
-            chunk += self._read(min(self._serial.in_waiting, DRAIN_LIMIT_BYTES))
+            more = min(self._serial.in_waiting, DRAIN_LIMIT_BYTES)
+            chunk += read_port(self._serial, more, self.settings.exclusive)
         if not chunk:
             return chunk
         self._came_s = self._clock.monotonic()
@@ -189,17 +177,4 @@ class SerialLink:
             self.counters.stale += len(decoded.frames)
         else:
             keep.extend(decoded.frames)
-        return chunk
-
-    def _read(self, at_least: int) -> bytes:
-        """Bytes of the port; none where it is shared and the other reader took those that had been announced.
-
-        pyserial takes that for a port that is gone. One that is fails in the next write as well.
-        """
-        try:
-            chunk: bytes = self._serial.read(at_least)
-        except serial.SerialException:
-            if self.settings.exclusive:
-                raise
-            return b""
         return chunk

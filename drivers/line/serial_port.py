@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import serial
 
+from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, open_error
 from rw_ekf.drivers.line.wire_layout import LineSettings
@@ -27,6 +28,8 @@ except ImportError:  # not a POSIX system: what needs them is left out
 
 # How long one look at the port blocks. Setting pyserial's timeout per request would reprogram the port every time.
 POLL_S = 0.002
+# What comes just after opening is of whoever was here before, or of the plug: it is let pass until the line is quiet.
+_QUIET_GAP_S, _LONGEST_GAP_S = 0.010, 0.100
 _PARITIES = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
 _PSEUDO_TERMINALS = range(136, 144)  # major numbers of the devices
 
@@ -77,6 +80,31 @@ def open_serial_port(settings: PortSettings, write_timeout_s: float) -> Any:
         with contextlib.suppress(*LINE_EXCEPTIONS):  # ValueError where the device has no such mode
             opened.set_low_latency_mode(True)
     return opened
+
+
+def let_pass(opened: Any, clock: Clock) -> None:
+    """Drop what comes just after opening, until the line is quiet."""
+    opened_s = heard_s = now_s = clock.monotonic()
+    while now_s - heard_s < _QUIET_GAP_S and now_s - opened_s < _LONGEST_GAP_S:
+        came = opened.read(1)
+        now_s = clock.monotonic()
+        if came:
+            heard_s = now_s
+            opened.reset_input_buffer()
+
+
+def read_port(opened: Any, size: int, exclusive: bool) -> bytes:
+    """Bytes of a port; none where it is shared and the other reader took those that had been announced.
+
+    pyserial takes that for a port that is gone. One that is fails in the next write as well.
+    """
+    try:
+        chunk: bytes = opened.read(size)
+    except serial.SerialException:
+        if exclusive:
+            raise
+        return b""
+    return chunk
 
 
 def close_serial_port(opened: Any) -> None:
