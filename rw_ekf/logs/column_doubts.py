@@ -73,13 +73,14 @@ def ask_what_is_open(table: RawTable, columns: Sequence[Column], told: Answers, 
     _ask_which_wheel(table, columns, guess)
     by_key = {column.key: column for column in columns}
     lines = [(line, by_key.get(_key(line))) for line in guess.lines]
+    words = table.words()
     for line, column in lines:
-        if column is None and (text := hint_about(line, None, table)) and not told.has(line.name):
+        if column is None and (text := hint_about(line, None, table, words)) and not told.has(line.name):
             guess.lines.remove(line)
             guess.ask(line.name, f"no column is a drive, and {text}", line)
     taken = [_Taken(line, column) for line, column in lines if column is not None and not told.has(line.name)]
     for one in taken:
-        doubt = next(_doubts(one, table, told), None)
+        doubt = next(_doubts(one, table, words, told), None)
         if doubt is not None:
             guess.lines.remove(one.line)
             guess.ask(one.line.name, doubt[0], *doubt[1])
@@ -91,10 +92,12 @@ def _key(line: Line) -> str | int:
     return key if isinstance(key, str | int) else -1
 
 
-def _doubts(one: _Taken, table: RawTable, told: Answers) -> Iterator[tuple[str, tuple[Line, ...]]]:
+def _doubts(
+    one: _Taken, table: RawTable, words: Sequence[str], told: Answers
+) -> Iterator[tuple[str, tuple[Line, ...]]]:
     """Texts and answers of what is open of one column."""
     line, column = one
-    if text := hint_about(line, column, table):
+    if text := hint_about(line, column, table, words):
         yield f"{column.shown}: {text}", (line,)
     if line.name == "time_s" and column.said.unit is None and (text := _odd_stamp(column, table)):
         yield f"{column.shown}: {text}", (line,)
@@ -189,8 +192,7 @@ def _alternates(table: RawTable, column: Column, twice: BoolArray | None) -> boo
     """Whether rows of one time always have different values in a column of few."""
     if twice is None:
         return False
-    cells = table.columns[column.number]
-    held = cells.tolist() if isinstance(cells, np.ndarray) else cells.to_pylist()
+    held = table.cells(column.number)
     return all(a != b for a, b, same in zip(held[:-1], held[1:], twice.tolist(), strict=True) if same)
 
 

@@ -7,7 +7,7 @@ already, or is not so ("no gear", "1:1", "applied"), hints at nothing.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from rw_ekf.logs.column_names import role_of, said_by
@@ -82,11 +82,14 @@ _TIME_UNIT = re.compile(
 )
 
 
-def hint_about(line: Line, column: Column | None, table: RawTable) -> str:
-    """What a text beside the numbers hints at of what was taken, as a question; empty where nothing does."""
+def hint_about(line: Line, column: Column | None, table: RawTable, words: Sequence[str]) -> str:
+    """What a text beside the numbers hints at of what was taken, as a question; empty where nothing does.
+
+    words: what stands in columns of words.
+    """
     if column is None:
         return (
-            _quoted(_STOPPED, (*table.preamble, *table.names, *table.words()), "did the wheel coast freely?")
+            _quoted(_STOPPED, (*table.preamble, *table.names, *words), "did the wheel coast freely?")
             if line.name.startswith("current")
             else ""
         )
@@ -94,13 +97,14 @@ def hint_about(line: Line, column: Column | None, table: RawTable) -> str:
         of_time = (text for text in table.preamble if said_by(text).says_time or " row" in text)
         return _quoted(_TIME_UNIT, of_time, "what are the steps of the time?") if line.assumed else ""
     counted = column.said.unit is not None and bool(column.said.unit.per)  # by what was found or asked already
-    lines = (*table.preamble, *table.words())
-    for hint in _HINTS[1:] if counted else _HINTS:
-        if line.name.startswith(hint.of):
-            texts = [column.remark, *(text for text in lines if not hint.is_named or _names(text, column))]
-            kept = (text for text in texts if not (hint.is_factor and _is_no_factor(text, hint)))
-            if found := _quoted(hint.words, kept, hint.asked):
-                return found
+    hints = [hint for hint in (_HINTS[1:] if counted else _HINTS) if line.name.startswith(hint.of)]
+    lines = (*table.preamble, *words)
+    naming = [text for text in lines if _names(text, column)] if hints else []
+    for hint in hints:
+        texts = (column.remark, *(naming if hint.is_named else lines))
+        kept = (text for text in texts if not (hint.is_factor and _is_no_factor(text, hint)))
+        if found := _quoted(hint.words, kept, hint.asked):
+            return found
     if found := _formula(column, table.preamble):
         return found
     return _other_unit(line, table.preamble)

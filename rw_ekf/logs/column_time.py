@@ -20,7 +20,6 @@ _COUNTERS = (2.0**32, 2.0**16, 2.0**24, 2.0**31)
 _REPEATED = 0.01  # of the rows: beyond it, they are no accident
 _BACKWARD = 0.02  # of the rows: beyond it, a column is no clock
 _SLOWEST_S, _FASTEST_S = 5.0, 2.0e-4  # between rows
-_BY_STEPS = "its rows are"
 _SHORTEST_S = 3.0  # that a log lasts whose unit is concluded from its steps
 _SLOW_US = 3.0e5  # between rows, in whole numbers: us would be fewer than 3 rows a second, 100 ns or ns more
 _ROUND = 5.0e-3  # relative
@@ -63,13 +62,14 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
         return None
     wrap = _wrap(values)
     raw = unwrapped(values, wrap or 0.0)
-    unit, asks, why = _unit(name, said, raw, told, stamps)
+    usual = _usual_step(raw)
+    said_unit = _unit(name, said, raw, told, stamps, usual)
+    unit, asks, why = _by_steps(raw, usual) if said_unit is None else said_unit
     known = unit_of(unit) if unit else None
     time_s = raw * (known.factor if known is not None else 1.0)
-    clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap)
-    if why.startswith(_BY_STEPS) and _is_packed(raw):
+    clock = Clock(number, time_s, "" if stamps else unit, why, asks, wrap, concluded=said_unit is None)
+    if clock.concluded and _is_packed(raw):
         clock.odd = "jumps where 60 would be full: is it a time of day, or minutes and seconds, without colons?"
-    clock.concluded = why.startswith(_BY_STEPS)
     step = np.diff(time_s)
     run = restarted(time_s)
     clock.restarts = bool(run[-1])
@@ -101,7 +101,7 @@ def _wrap(values: Float64Array) -> float | None:
     falls = step < 0.0
     if not falls.any() or not np.all(values == np.round(values)):
         return None
-    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
+    usual = _usual_step(values)
     for turn in _COUNTERS:
         mended = step[falls] + turn
         if float(values.max()) < turn and np.all((mended > 0.0) & (mended < max(10.0 * usual, 1.0))):
@@ -109,8 +109,16 @@ def _wrap(values: Float64Array) -> float | None:
     return None
 
 
-def _unit(name: str, said: Said, values: Float64Array, told: str, stamps: bool) -> tuple[str, tuple[str, ...], str]:
-    """Unit, what it may be where that is open, and what says so."""
+def _usual_step(values: Float64Array) -> float:
+    """The median of the steps forth; 0 where there are none."""
+    step = np.diff(values)
+    return float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
+
+
+def _unit(
+    name: str, said: Said, values: Float64Array, told: str, stamps: bool, usual: float
+) -> tuple[str, tuple[str, ...], str] | None:
+    """Unit, what it may be where that is open, and what says so; None where nothing does."""
     if told:
         return told, (), "as it was set"
     if stamps:
@@ -120,21 +128,19 @@ def _unit(name: str, said: Said, values: Float64Array, told: str, stamps: bool) 
     if name == "time_s":
         return "", (), "its name is the log's own"
     middle = float(np.median(values))
-    step = np.diff(values)
-    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
     for low, high, unit in _EPOCHS:
         if low <= middle < high and usual < 0.01 * low:
             return unit, (), f"counts from 1970 in {unit}"
     for low, high, program in _SERIAL_DAYS:
         if low <= middle < high and 0.0 < usual < 1.0e-3 and not np.all(values == np.round(values)):
             return "days", (), f"serial days, as {program} has them"
-    return _by_steps(values, usual)
+    return None
 
 
 def _by_steps(values: Float64Array, usual: float) -> tuple[str, tuple[str, ...], str]:
     """The unit that the steps between rows leave: logs have 0.2 to 5,000 rows a second, and last some seconds."""
     whole = bool(np.all(values == np.round(values)))
-    told = f"{_BY_STEPS} {usual:.4g} apart"
+    told = f"its rows are {usual:.4g} apart"
     span = float(np.ptp(values))
     if not whole:
         if usual < _A_SECOND:

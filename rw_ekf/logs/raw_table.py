@@ -108,6 +108,10 @@ class RawTable:
         held = [value for value in _listed(values) if value is not None and str(value) != "nan"]
         return sorted(_spelt(value) for value in held) if len(held) <= most else []
 
+    def cells(self, index: int) -> list[Any]:
+        """The cells of the column at `index`, as Python has them."""
+        return _listed(self.columns[index])
+
     def words(self, most: int = 20) -> list[str]:
         """What stands in columns of words that have few different ones: states, notes."""
         return [text for index in range(len(self.names)) if self.is_text(index) for text in self.distinct(index, most)]
@@ -117,8 +121,7 @@ class RawTable:
         index = key if isinstance(key, int) else self.index_of(key)
         if index is None or index >= len(self.names):
             raise LogError(f"{self.path}: has no column {key!r} to choose rows by; it has {self.described_columns()}")
-        column = self.columns[index]
-        rows = np.flatnonzero([cell is not None and _spelt(cell) == value for cell in _listed(column)])
+        rows = np.flatnonzero([cell is not None and _spelt(cell) == value for cell in self.cells(index)])
         if not rows.size:
             known = ", ".join(self.distinct(index, MAX_NAMES_SHOWN)) or "others"
             raise LogError(f"{self.path}: no row has {value!r} in column {key!r}, which holds {known}")
