@@ -10,6 +10,8 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
+_PATIENCE_S = 30.0  # longer than any disk that works; one that does not must end a test, not hang it
+
 
 class Clock(Protocol):
     """What the loop and the drivers take time from."""
@@ -20,6 +22,10 @@ class Clock(Protocol):
 
     def sleep(self, seconds: float, unless: int | None = None) -> None:
         """Wait; no longer than until the descriptor `unless` is readable."""
+        ...
+
+    def patience_s(self, budget_s: float) -> float:
+        """How long, by the computer's time [s], a loop waits for another thread that it would give budget_s [s]."""
         ...
 
     def utc(self) -> datetime:
@@ -37,6 +43,10 @@ class SystemClock:
     def sleep(self, seconds: float, unless: int | None = None) -> None:
         """Wait; no longer than until the descriptor `unless` is readable."""
         select.select([] if unless is None else [unless], [], [], max(seconds, 0.0))
+
+    def patience_s(self, budget_s: float) -> float:
+        """The budget itself: this is the computer's time."""
+        return budget_s
 
     def utc(self) -> datetime:
         """The hour of the day."""
@@ -73,6 +83,10 @@ class VirtualClock:
             if unless is not None and select.select([unless], [], [], 0.0)[0]:
                 return
         self._now_s = end_s
+
+    def patience_s(self, budget_s: float) -> float:
+        """Half a minute: hours pass here in seconds, in which a disk has no time to keep up, and waiting costs none."""
+        return max(budget_s, _PATIENCE_S) if budget_s > 0.0 else 0.0
 
     def utc(self) -> datetime:
         """The hour of the day, counted from when the clock was made."""

@@ -104,9 +104,8 @@ class GuardedSink:
         most = rule.ticks
         with self._wake:
             if len(self._waiting) >= most and not self._behind:
-                self._behind = not self._wake.wait_for(
-                    lambda: len(self._waiting) < most, _BUDGET_S if rule.waits else 0.0
-                )
+                patience_s = self._clock.patience_s(_BUDGET_S) if rule.waits else 0.0
+                self._behind = not self._wake.wait_for(lambda: len(self._waiting) < most, patience_s)
             if len(self._waiting) >= most:
                 self._lost += 1
                 return

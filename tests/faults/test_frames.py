@@ -28,7 +28,9 @@ def samples_of(bench: Bench, wheel: SerialWheel, times: int) -> list[WheelSample
     assert server is not None
     older_s = 0.040 if is_unasked(wheel) else 0.002
     for _ in range(times):
-        asked_s = server.wheel_time_s() + 100.0  # the bench's wheels have been up for so long
+        # One that sends by itself is asked nothing: what it told last is the newest that can be on its way.
+        now_s = bench.registers.plant.time_s if is_unasked(wheel) else server.wheel_time_s()
+        asked_s = now_s + 100.0  # the bench's wheels have been up for so long
         samples.append(wheel.read(1.0))
         if samples[-1] is not None and wheel._uptime_field is not None:  # else its time is that of the request
             assert samples[-1].time_s > asked_s - older_s

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from rw_ekf.clock import VirtualClock
+from rw_ekf.clock import Clock, SystemClock, VirtualClock
 from rw_ekf.records import Tick, WheelSample
 from rw_ekf.sinks import guarded_sink
 from rw_ekf.sinks.guarded_sink import GuardedSink, Queue
@@ -41,7 +41,7 @@ class Taker:
         self.closed += 1
 
 
-def guarded(sink: Taker, queue: Queue | None, clock: VirtualClock) -> tuple[GuardedSink, Unwritten, Notes]:
+def guarded(sink: Taker, queue: Queue | None, clock: Clock) -> tuple[GuardedSink, Unwritten, Notes]:
     unwritten, notes = Unwritten(), Notes()
     return GuardedSink("taker", sink, queue, clock, unwritten, notes.error), unwritten, notes
 
@@ -71,7 +71,7 @@ def test_a_sink_that_hangs_costs_the_loop_its_budget_once(monkeypatch: pytest.Mo
     monkeypatch.setattr(guarded_sink, "_BUDGET_S", 0.3)
     taker = Taker()
     taker.let_go.clear()
-    sink, _, _ = guarded(taker, Queue(4, lost=taker.lost), VirtualClock())
+    sink, _, _ = guarded(taker, Queue(4, lost=taker.lost), SystemClock())
     feed(sink, 0.0)
     while sink._waiting:  # the thread has taken the first, and hangs with it
         time.sleep(0.001)
@@ -85,6 +85,20 @@ def test_a_sink_that_hangs_costs_the_loop_its_budget_once(monkeypatch: pytest.Mo
     sink.close()
     assert taker.taken == [0.0, 1.0, 2.0, 3.0, 4.0, 40.0]
     assert taker.lost_before == [(5, 35)]
+
+
+def test_hours_in_seconds_wait_for_a_disk_that_is_slow() -> None:
+    """On a virtual clock a full queue waits for its sink, however slow: each tick is taken and no time passes."""
+    taker, clock = Taker(), VirtualClock()
+    taker.let_go.clear()
+    sink, _, _ = guarded(taker, Queue(2, lost=taker.lost), clock)
+    slow = threading.Timer(3.0 * guarded_sink._BUDGET_S, taker.let_go.set)
+    slow.start()
+    feed(sink, *(float(i) for i in range(40)))
+    sink.close()
+    assert taker.taken == [float(i) for i in range(40)]
+    assert taker.lost_before == []
+    assert clock.monotonic() == 0.0
 
 
 def test_a_sink_that_never_comes_back_does_not_hold_the_end_up(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,11 +42,9 @@ from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import run_daemon
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.stop_signal import StopSignal
-from rw_ekf.records import Tick
 from rw_ekf.settings.load import load_configuration
 from rw_ekf.settings.resources import protocol_path
 from rw_ekf.sinks import all_sinks
-from rw_ekf.sinks.guarded_sink import GuardedSink
 from rw_ekf.units import RAD_S_PER_RPM, rpm_from_rad_s
 from tools.measure.witness import CURRENT_A, CYCLE, SILENCE_S, SPEED_RPM, Observer, Witness
 
@@ -60,7 +58,6 @@ PROFILE = "{profile: random-sines, amplitude_A: 0.25, period_s: 40, bias_A: 0.03
 STEADY = "{profile: sine, amplitude_A: 0.0, bias_A: 0.041}"
 _TOLD_WHOLLY = ("not_written", "part_not_begun", "drag_spike", "sink_failed")
 _MEMORY_EVERY_H = 4.0  # readings of memory stand 600 s apart
-_BEHIND = 500  # ticks in a queue, of the 4096 that it holds
 _SETTLED_S = 3600.0  # memory is compared from here on
 
 
@@ -114,7 +111,7 @@ def soak(plan: Plan, directory: Path, bar: Any) -> Soaked:
     told, began = Told(), time.monotonic()
     with StopSignal() as stop, _wheel(server, directory / "wheel", pty=plan.pty) as (protocol, clock, now_s):
         observer = Observer(server, now_s, faults, stop, bar)
-        with _watched_by(observer), contextlib.nullcontext() if plan.pty else _disks_keep_up():
+        with _watched_by(observer):
             configuration = load_configuration(path)
             outcome = run_daemon(configuration, protocol, GivenModel(), 3600.0 * plan.hours, told, stop, clock)
     return Soaked(observer, outcome, told, time.monotonic() - began)
@@ -153,24 +150,6 @@ def _watched_by(observer: Observer) -> Iterator[None]:
 
     sinks = {**all_sinks.SINKS, "observer": all_sinks.SinkKind(lambda run: (observer, None), every_turn=True)}
     with mock.patch.object(SerialLink, "request", witnessed), mock.patch.object(all_sinks, "SINKS", sinks):
-        yield
-
-
-@contextlib.contextmanager
-def _disks_keep_up() -> Iterator[None]:
-    """Let a virtual turn wait for files that are behind.
-
-    A turn has a tenth of a second in truth, and a few hundred times less here: a disk that hangs for seconds would fill
-    a queue that is made for seven minutes, 10 MB of ticks, and lose some of them.
-    """
-    write = GuardedSink.write
-
-    def waiting(sink: GuardedSink, tick: Tick) -> None:
-        while sink.behind > _BEHIND:
-            time.sleep(0.01)
-        write(sink, tick)
-
-    with mock.patch.object(GuardedSink, "write", waiting):
         yield
 
 
