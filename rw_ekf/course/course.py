@@ -123,6 +123,19 @@ class Course(NamedTuple):
             columns=self.columns[here],
         )
 
+    def at(self, rows: BoolArray) -> Course:
+        """Some rows (n,) alone, each segment's first and last among them, with all pieces of current between them."""
+        return self._replace(
+            time_s=self.time_s[rows],
+            speed_rad_s=self.speed_rad_s[rows],
+            segment=self.segment[rows],
+            temperature_degC=self.temperature_degC[rows] if self.temperature_degC.size else self.temperature_degC,
+            angle_rad=self.angle_rad[rows] if self.angle_rad.size else self.angle_rad,
+            piece_start=self.piece_start[rows],
+            first_piece=self.first_piece[rows],
+            columns=self.columns[rows] if self.columns.size else self.columns,
+        )
+
     def only(self, part: BoolArray) -> Course:
         """The same with the readings outside `part` (n,) taken for missing."""
         return self._replace(speed_rad_s=np.where(part, self.speed_rad_s, np.nan))

@@ -11,8 +11,7 @@ from rw_ekf.diagnosis.checks.confirmation import for_want_of_knowledge
 from rw_ekf.diagnosis.checks.heldout import performance
 from rw_ekf.diagnosis.hypotheses.contenders import Search
 from rw_ekf.diagnosis.hypotheses.excitation import information
-from rw_ekf.diagnosis.investigate.learned import with_laws
-from rw_ekf.diagnosis.investigate.rounding import investigated
+from rw_ekf.diagnosis.investigate.whole import thoroughly_investigated
 from rw_ekf.diagnosis.prepare.preparation import Prepared, prepare
 from rw_ekf.diagnosis.prepare.source import Source, source_of
 from rw_ekf.diagnosis.prepare.split import Kind, split_record
@@ -78,7 +77,7 @@ def _diagnosed(
     advance("fitting the base model")
     prepared = richer_part(prepare(source, configuration, model, split))
     prepared.record.work.start_clock()
-    found = with_laws(investigated(prepared, advance), advance)
+    found = thoroughly_investigated(prepared, advance)
     advance("judging on the held-out part")
     return conclude(found, advance)
 

@@ -32,6 +32,8 @@ def carried(model: Model, covariance: Float64Array) -> tuple[EffectSet, Float64A
     terms: list[Term] = []
     for term, at in model.placed:
         law = term.law if term.law is None or not term.law.column else replace(term.law, slot=slots[term.law.column])
+        if law is not None and law.prior_std and not any(term.values):
+            continue  # a law that is nothing throughout
         if law is None or not law.prior_std:
             terms.append(replace(term, law=law))
             rows += list(np.eye(covariance.shape[0])[at])

@@ -56,6 +56,7 @@ class Fit:
     likelihood: Likelihood
     linearised: Linearisation
     omit: BoolArray  # (n,) readings left out
+    simulated: bool = False  # its numbers are those by which it runs free best (`by_simulation`), not the likeliest
     _refits: dict[Model, Fit] = field(default_factory=dict, init=False, repr=False, compare=False)
     _sketches: dict[Model, Fit] = field(default_factory=dict, init=False, repr=False, compare=False)
 

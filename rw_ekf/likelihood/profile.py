@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -45,10 +46,11 @@ def likelihood(linearised: Linearisation, prior: Belief | None, noise: Noise) ->
     vector can follow would otherwise pass for one that wanders less.
     """
     known = None if prior is None else prior_rows(prior, linearised.model)
-    return _at_best_ratio(lambda ratio: at_ratio(linearised, known, noise.variance, ratio), noise)
+    at_one = partial(at_ratio, linearised, known, noise.variance)
+    return _at_best_ratio(at_one, noise, linearised.record.most_ratio)
 
 
-def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise) -> Likelihood:
+def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise, most: float) -> Likelihood:
     """Of the likelihoods at ratios of noises the one of the highest restricted likelihood, sought from `noise`."""
     found: dict[float, Likelihood] = {}
 
@@ -57,7 +59,7 @@ def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise) -> Likel
             found[log_ratio] = at_one(math.exp(log_ratio))
         return found[log_ratio].restricted
 
-    low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
+    low, high = math.log(LEAST_RATIO), math.log(min(most, MOST_RATIO))
     at(low)
     _climb(at, min(max(math.log(noise.ratio), low), high), low, high)
     return max(found.values(), key=lambda item: item.restricted)
@@ -142,6 +144,12 @@ def value_of(linearised: Linearisation, noise: Noise) -> Likelihood:
     return at_ratio(bare, None, noise.variance, noise.ratio)
 
 
+def uncorrected(linearised: Linearisation, noise: Noise) -> Likelihood:
+    """Likelihood of the model as it stands, nothing corrected, at its own best noises; sought from `noise`."""
+    at_one = partial(at_ratio, linearised, None, noise.variance, corrected=False)
+    return _at_best_ratio(at_one, noise, linearised.record.most_ratio)
+
+
 def as_it_stands(linearised: Linearisation, prior: Belief | None, corrected: Likelihood) -> Likelihood:
     """Likelihood of the model without the correction that `likelihood` found, at its own best noises.
 
@@ -151,5 +159,6 @@ def as_it_stands(linearised: Linearisation, prior: Belief | None, corrected: Lik
     here = value_of(linearised, corrected.noise)
     if corrected.value - here.value > _LITTLE:
         known, scale = None if prior is None else prior_rows(prior, linearised.model), corrected.noise.variance
-        here = _at_best_ratio(lambda ratio: at_ratio(linearised, known, scale, ratio, corrected=False), corrected.noise)
+        at_one = partial(at_ratio, linearised, known, scale, corrected=False)
+        here = _at_best_ratio(at_one, corrected.noise, linearised.record.most_ratio)
     return replace(here, covariance=corrected.covariance, correction=corrected.correction)

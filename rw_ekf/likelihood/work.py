@@ -14,7 +14,7 @@ from collections.abc import Callable
 from rw_ekf.wheel.effect_table import ABSENT, EffectTable
 
 # Of a whole diagnosis. Ten minutes at 10 Hz spend a twentieth to a half of it.
-MOST_UNITS = 1.6e10
+MOST_UNITS = 3.2e10
 MOST_SECONDS = 45.0
 
 # Shares of the whole that may be spent before a stage is begun, or goes on. What comes later is worth more: a verdict
@@ -22,6 +22,7 @@ MOST_SECONDS = 45.0
 SEARCH = 0.5
 RIVALS = 0.65
 WANDER = 0.85
+LAWS = 0.9
 FITS = 1.0
 
 
@@ -29,6 +30,8 @@ _PASS = 90.0  # an interval without effects
 _STATIC = 20.0  # a static effect's contribution, or its slope
 _MEMORY = 260.0  # a flow of friction with a memory
 _LAG_STEPS = 3.0  # pieces that a lagging current is followed in
+_DELAYED = 2.0  # pieces that an interval falls into where a command comes late
+_AVERAGED = 3.0  # and where readings are means over a window
 _PHASOR = 10.0  # a sample's phasor turned on by one frequency
 _WHITE = 16.0  # a sample of one regressor whitened and projected
 
@@ -39,7 +42,9 @@ def pass_units(intervals: int, table: EffectTable, *, slopes: bool, rows: bool) 
     one = flow + _STATIC * table.static_at.size
     runs = 1.0 + (4.0 if table.hidden > 0 else 0.5) * slopes
     more = (5.0 * _MEMORY * (table.memory_at != ABSENT) + _STATIC * table.static_at.size) * rows
-    return intervals * (runs * one + more) * (_LAG_STEPS if table.lag_at != ABSENT else 1.0)
+    pieces = _LAG_STEPS if table.lag_at != ABSENT else 1.0
+    pieces *= (_DELAYED if table.delay_at != ABSENT else 1.0) * (_AVERAGED if table.window_at != ABSENT else 1.0)
+    return intervals * (runs * one + more) * pieces
 
 
 def whitening_units(samples: int, regressors: int) -> float:
@@ -91,6 +96,11 @@ class Work:
         """Note for the user what was not done; the same thing once."""
         if what not in self.left_out:
             self.left_out.append(what)
+
+    def note(self, other: Work) -> None:
+        """Note what another count left out as well."""
+        for what in other.left_out:
+            self.leave_out(what)
 
     def sentences(self) -> list[str]:
         """What was left out, for a person; empty where nothing was."""

@@ -96,7 +96,7 @@ def test_ways_of_being_late_are_weighed_when_the_budget_is_nearly_spent(monkeypa
     Left out they had no probability, and hours of a lag were an average with 99 %.
     """
     run = simulated(["actuator_lag:time_constant_s=0.06"], seed=41, samples=3000, profile="P2")
-    monkeypatch.setattr(preparation, "Work", lambda: Work(6.0e8, 1.0, Clock()))
+    monkeypatch.setattr(preparation, "Work", lambda: Work(1.2e9, 1.0, Clock()))
     document = diagnose_log(log_of(run)).document()
     posterior = document["verdict"]["posterior"]
     assert document["left_out"]

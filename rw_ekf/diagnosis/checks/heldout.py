@@ -19,6 +19,7 @@ from rw_ekf.diagnosis.hypotheses.wander import walk_of, without_walk
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.result import ModelTrace
 from rw_ekf.effects.catalogue import GRID, WANDERING
+from rw_ekf.likelihood.by_simulation import by_simulation
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.frozen_filter import run_frozen
 from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
@@ -88,7 +89,12 @@ def foretold_better(prepared: Prepared, fit: Fit) -> float:
 
 def by_fit_part(prepared: Prepared, fit: Fit) -> Fit:
     """The model of a fit of the whole record fitted to the part that is not held out; worked out once a fit."""
-    return prepared.remembered("fit", fit, lambda: fit.on_part(prepared.fit_part))
+
+    def fitted() -> Fit:
+        part = fit.on_part(prepared.fit_part)
+        return by_simulation(part) if fit.simulated else part
+
+    return prepared.remembered("fit", fit, fitted)
 
 
 def performance_read(prepared: Prepared, corrected: Prepared, fit: Fit, lattice: Lattice) -> Performance:

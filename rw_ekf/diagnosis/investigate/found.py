@@ -12,7 +12,7 @@ from rw_ekf.diagnosis.checks.lattice import Lattice
 from rw_ekf.diagnosis.checks.residual_map import Dependence, residual_map
 from rw_ekf.diagnosis.hypotheses.selection import Selection
 from rw_ekf.diagnosis.hypotheses.wander import followed_finely, walk_of
-from rw_ekf.diagnosis.ledger.ledger import Ledger
+from rw_ekf.diagnosis.ledger.ledger import Ledger, Row
 from rw_ekf.diagnosis.prepare.preparation import Prepared
 from rw_ekf.diagnosis.standing import Decision, Reason
 from rw_ekf.diagnosis.thresholds import EXPLAINED_SHARE, MAP_P
@@ -45,8 +45,14 @@ class Found:
     unnamed_odds: float | None = None  # log of those of a law without a name to what was named; None: not weighed
     orders: dict[float, float] = field(default_factory=dict)  # how probable each is, of a ripple without a logged angle
     laws: dict[str, dict[str, float]] = field(default_factory=dict)  # of each effect that may follow several
+    weighed: tuple[Row, ...] = ()  # hypotheses with laws without a formula, where none of them stands
     lattice: Lattice | None = None  # the readings' grid, where it is coarser than their noise
     corrected: Prepared | None = None  # the record without what the grid did to the readings, as it was searched
+
+    @property
+    def figured(self) -> Fit:
+        """The final model with the numbers that figures are of: the likeliest, or those that foretell more."""
+        return self.reported if self.reported.simulated else self.selection.final
 
 
 def mapped(prepared: Prepared, selection: Selection, ledger: Ledger) -> Found:

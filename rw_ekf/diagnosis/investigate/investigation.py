@@ -80,6 +80,12 @@ def _named(prepared: Prepared, advance: Advance) -> Found:
         lenient = replace(prepared, facts=replace(facts, any_size=True))
         other = _or_further(found, Search(lenient.record, lenient.facts, advance), lenient, advance)
         found = other if small in other.new_ids else found
+    return beside_a_walk(found, advance)
+
+
+def beside_a_walk(found: Found, advance: Advance) -> Found:
+    """The same with a dry friction that wanders, where it is asked for: beside what was found, or in its place."""
+    work_left = found.prepared.record.work
     law = not found.left and found.new_ids and not any(CATALOGUE[name].of_one_record for name in found.new_ids)
     if law and not any(quantity_of(CATALOGUE[name]) == "temperature" for name in found.new_ids):
         return found

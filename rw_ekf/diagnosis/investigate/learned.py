@@ -28,7 +28,7 @@ Advance = Callable[[str], object]
 
 def with_laws(found: Found, advance: Advance) -> Found:
     """What stands when laws without a formula are rows too; the same where none is worth a row."""
-    if not found.prepared.record.work.has(work.RIVALS):
+    if not found.prepared.record.work.has(work.LAWS):
         found.prepared.record.work.leave_out("laws without a formula")
         return found
     advance("weighing laws without a formula")
@@ -53,10 +53,9 @@ def with_laws(found: Found, advance: Advance) -> Found:
     ledger, selection = chosen(prepared, search, ledger, selection)
     advance("mapping the residual")
     other = mapped(prepared, selection, ledger)
-    if not other.new_ids:
-        return _unexplained(found) if ahead > 0.0 else found
-    if other.is_unexplained and found.is_unexplained:
-        return found
+    if not other.new_ids or (other.is_unexplained and found.is_unexplained):
+        weighed = replace(found, weighed=ledger.rows)
+        return _unexplained(weighed) if ahead > 0.0 and not other.new_ids else weighed
     wide = with_widths(other, advance)
     return replace(wide, prepared=found.prepared, lattice=found.lattice, corrected=found.corrected)
 

@@ -41,10 +41,10 @@ def investigated(prepared: Prepared, advance: Callable[[str], object]) -> Found:
         if lattice is None:
             return found
         advance("once more without what rounding did to the readings")
-        found = investigate(_without(prepared, found.fit.trajectory, lattice), advance)
+        found = investigate(without_rounding(prepared, found.fit.trajectory, lattice), advance)
     else:
         advance("taking off what rounding did to the readings")
-        found = investigate(_without(prepared, prepared.base.trajectory, lattice), advance)
+        found = investigate(without_rounding(prepared, prepared.base.trajectory, lattice), advance)
     return replace(found, prepared=prepared, lattice=lattice, corrected=found.prepared)
 
 
@@ -71,7 +71,7 @@ def lattice_of(prepared: Prepared, fit: Fit) -> Lattice | None:
     return lattice
 
 
-def _without(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Prepared:
+def without_rounding(prepared: Prepared, trajectory: Trajectory, lattice: Lattice) -> Prepared:
     """The same without what rounding did, the base model fitted anew: by turns, since either asks for the other."""
     changed = prepared
     for _ in range(_TURNS):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from rw_ekf.diagnosis.checks.checks import of_size
 from rw_ekf.diagnosis.hypotheses.changes import settled_change
 from rw_ekf.diagnosis.hypotheses.confounding import quantity_of
@@ -21,6 +23,7 @@ from rw_ekf.diagnosis.standing import Reason
 from rw_ekf.diagnosis.thresholds import (
     ALIAS_SHARE,
     BEAM,
+    LEAST_SIGMAS,
     MOST_GROWN,
     MOST_LAWS,
     MOST_TRIED,
@@ -108,12 +111,23 @@ def _with_laws(
         fit = row.fit.refitted(row.fit.model.with_terms(law.term))
         if law.term.effect is CHANGE:
             fit = settled_change(row.fit, fit)
+        if not _is_seen(fit):
+            continue
         trial, known = Trial.of_law(law.term, row.fit, fit), selection.trials.get(law.term.id)
         if known is None or known.statistic < trial.statistic:
             selection = selection.tried(trial)
         named = [name for name in row.effects if not issubclass(CATALOGUE[name], LawEffect)]
         ledger = ledger.with_rows([fit, *(search.without(fit, name) for name in named)])
     return ledger, selection
+
+
+def _is_seen(fit: Fit) -> bool:
+    """Whether the law that came last is known from nothing at all: v' V^-1 v of its coefficients, in sigmas."""
+    term, at = next(item for item in reversed(fit.model.placed) if item[0].law is not None)
+    values = np.array(term.values)
+    covariance = fit.likelihood.covariance[at, at]
+    known = float(values @ np.linalg.lstsq(covariance, values, rcond=None)[0])
+    return known > LEAST_SIGMAS**2
 
 
 def _exchanged(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
@@ -142,8 +156,11 @@ def _without_others(search: Search, fit: Fit, others: set[str]) -> list[Fit]:
 def _grown_from(search: Search, row: Row, ledger: Ledger, selection: Selection) -> tuple[Ledger, Selection]:
     """With the row's strongest contenders beside it, and each of those without every other effect of the row."""
     contenders, selection = search.contenders(row.fit, selection)
-    for score in contenders[:MOST_TRIED]:
+    for number, score in enumerate(contenders[:MOST_TRIED]):
         effect, name = score.effect, score.effect.id
+        if number and not search.work.has(work.SEARCH):
+            search.work.leave_out(f"{name} beside {', '.join(row.effects) or 'the model'}")
+            break
         if effect.linear and score.statistic < ALIAS_SHARE * contenders[0].statistic:
             continue
         search.advance(f"fitting {name}")

@@ -80,10 +80,14 @@ class Prepared:
         """The same with the roles of the two parts exchanged."""
         return replace(self, split=self.split.exchanged(), fit_part=self.heldout, heldout=self.fit_part, _of_fit={})
 
+    def remember(self, what: str, fit: Fit, given: object) -> None:
+        """Let what a fit of the whole record gives be this."""
+        self._of_fit[what, id(fit)] = fit, given
+
     def remembered(self, what: str, fit: Fit, work_out: Callable[[], _Given]) -> _Given:
         """What a fit of the whole record gives on the two parts, worked out once."""
         if (what, id(fit)) not in self._of_fit:
-            self._of_fit[what, id(fit)] = fit, work_out()
+            self.remember(what, fit, work_out())
         given: _Given = self._of_fit[what, id(fit)][1]
         return given
 

@@ -55,7 +55,7 @@ def judgement(found: Found, advance: Advance) -> Judged:
     """Weigh what was found, hold it against the held-out part and the tests of the residual, and name it."""
     prepared, selection = found.prepared, found.selection
     before = performance(prepared, selection.base)
-    after = performance(prepared, selection.final) if found.new_ids else before
+    after = performance(prepared, found.figured) if found.new_ids else before
     lattice, rounded_off = (None, None) if found.is_unexplained else named_grid(found)
     after = after if rounded_off is None else rounded_off
     heldout_s = sum(end - begin for begin, end in prepared.split.document()["heldout_s"])

@@ -77,7 +77,8 @@ def explanation_entries(found: Found, explanations: list[Explanation]) -> list[d
     """The `explanations` of the document: ids, posterior, evidence, and the fitted model as a model file has it."""
     entries = []
     for item in explanations:
-        model = model_of_fit(item.fit, found.prepared)
+        fit = found.reported if item.fit is found.fit and found.reported.simulated else item.fit
+        model = model_of_fit(fit, found.prepared)
         if refusal_of(model) is None:
             entries.append(
                 {

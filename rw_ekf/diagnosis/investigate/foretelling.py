@@ -1,0 +1,177 @@
+"""What a model foretells, where no likelihood can be believed: numbers by simulation, and laws that predict.
+
+A likelihood tells how well a model does if what it misses is noise. A machine on a bench has a flexible coupling, a
+belt, a drive with a law of its own; what is left then is no noise, whatever is added. Two questions remain that need no
+white noise: with which numbers does the model run free best, and does a law without a formula make that run better on
+the held-out part? No effect of the catalogue is named by them: a name is a cause, and wants its checks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.diagnosis.checks.checks import of_size
+from rw_ekf.diagnosis.checks.heldout import by_fit_part, percent_better, performance
+from rw_ekf.diagnosis.checks.residual_tests import failed_tests, left_over, residual_tests
+from rw_ekf.diagnosis.hypotheses.contenders import Search
+from rw_ekf.diagnosis.hypotheses.nameless import laws_beside
+from rw_ekf.diagnosis.hypotheses.selection import Trial
+from rw_ekf.diagnosis.investigate.found import Found, mapped
+from rw_ekf.diagnosis.prepare.preparation import Prepared
+from rw_ekf.diagnosis.standing import Decision, Reason
+from rw_ekf.diagnosis.thresholds import BEYOND_DOUBT_P, MOST_LAWS, REAL_GAIN, WORST
+from rw_ekf.effects.catalogue import CATALOGUE, WANDERING
+from rw_ekf.likelihood.by_simulation import at_given_numbers, by_simulation, error_of_run
+from rw_ekf.likelihood.fitting import Fit
+from rw_ekf.model.effect_kinds import LawEffect
+
+Advance = Callable[[str], object]
+_MOST_ROWS = 3
+_AHEAD = ("horizon_1s_rms_rpm", "horizon_20s_rms_rpm", "free_run_rms_rpm")
+NOTE = (
+    "what is left is no noise, so that the numbers are those by which the model runs free nearest to the readings "
+    "(output error), not the likeliest; their sigmas hold what the two parts of the record differ by"
+)
+NOTE_SLOWER = (
+    "of all readings what is left is no noise, of some of them it is less: effects and numbers are those of the lower "
+    "rate, which foretell more"
+)
+
+
+def as_it_foretells(found: Found, advance: Advance) -> Found:
+    """The same, with numbers and laws that foretell more where what is left is beyond doubt no noise."""
+    if found.lattice is not None or WANDERING.id in found.fit.model.effects.ids:
+        return found
+    failed = failed_tests(residual_tests(left_over(found.fit)))
+    if not found.is_unexplained and min(failed.values(), default=1.0) > BEYOND_DOUBT_P:
+        return found
+    advance("running free what was found")
+    bare = _with_nothing_named(found) if found.is_unexplained else found
+    other = _foretelling_most(bare, _candidates(bare, advance))
+    return found if other is bare else other
+
+
+def as_foretold(found: Found, fit: Fit, part: Found) -> Found:
+    """The same with what stands at a lower rate, and its numbers; as it was where they foretell no more here.
+
+    fit: that model's likeliest numbers, on all readings. A coupling that swings ten times a second is most of what a
+    hundred readings a second show, and next to nothing of ten: what is left there may be noise when here it is not.
+    What was left out would move the numbers by less than they are known to.
+    """
+    prepared, other = found.prepared, part.prepared
+    way = at_given_numbers(fit, part.reported.model, part.reported.likelihood.covariance)
+    half = by_fit_part(other, part.reported)
+    prepared.remember(
+        "fit", way, at_given_numbers(fit.on_part(prepared.fit_part), half.model, way.likelihood.covariance)
+    )
+    note = NOTE if part.reported.simulated else NOTE_SLOWER
+    return _foretelling(found, fit, way, note) or found
+
+
+def _foretelling_most(found: Found, fits: list[Fit]) -> Found:
+    """The same with the numbers by simulation of that of some fits which runs free best; as it was where none may."""
+    prepared = found.prepared
+    ways = [(fit, by_simulation(fit)) for fit in fits]
+    for fit, way in sorted(ways, key=lambda item: _free_run(prepared, item[1])):
+        foretold = _foretelling(found, fit, way)
+        if foretold is None:
+            continue
+        covariance = found.reported.likelihood.covariance if fit is found.fit else fit.likelihood.covariance
+        known = replace(way, likelihood=replace(way.likelihood, covariance=covariance + _apart(prepared, way)))
+        prepared.remember("fit", known, by_fit_part(prepared, way))
+        return replace(foretold, reported=known)
+    return found
+
+
+def _foretelling(found: Found, fit: Fit, way: Fit, note: str = NOTE) -> Found | None:
+    """The same with a fit's numbers by simulation; None where they, or laws that it brings, do not foretell more."""
+    prepared, base, stands = found.prepared, found.selection.base, found.selection.final
+    if _gained(prepared, stands, way) < REAL_GAIN or not _no_worse_ahead(prepared, base, way):
+        return None
+    new = found.selection.new_in(fit)
+    if _has_nothing(way) or not all(way.model.possible(name, prepared.facts) for name in new):
+        return None
+    if fit is not found.fit:
+        if _gained(prepared, by_simulation(stands), way) < REAL_GAIN:
+            return None
+        found = _named(found, fit)
+    return replace(found, prepared=replace(prepared, notes=(*prepared.notes, note)), reported=way)
+
+
+def _apart(prepared: Prepared, way: Fit) -> Float64Array:
+    """A covariance (p, p) of numbers by simulation, d d' / 4, with d what the record's two parts disagree by.
+
+    That of the likelihood supposes what is not so, a torque noise that is new each moment. What is left acts again and
+    again, and a part of the record is as wrong by it as the parts are different: half of d, of the mean of both.
+    """
+    one, other = (by_fit_part(parts, way).model.vector for parts in (prepared, prepared.exchanged()))
+    return 0.25 * np.outer(one - other, one - other)
+
+
+def _candidates(found: Found, advance: Advance) -> list[Fit]:
+    """What stands, the likeliest rows with laws beside that, and what stands with up to three laws, one by one."""
+    prepared, stands = found.prepared, found.selection.final
+    search = Search(prepared.record, prepared.facts, advance)
+    fits = [stands] if found.new_ids else []
+    rows = sorted({*found.ledger.rows, *found.weighed}, key=lambda row: -row.weight)
+    for row in rows:
+        laws = [name for name in row.effects if issubclass(CATALOGUE[name], LawEffect)]
+        sized = all(check.passed for name in laws for check in of_size(search, row.fit, name))
+        if laws and sized and set(row.effects) - set(laws) <= set(found.new_ids) and row.fit is not stands:
+            fits.append(row.fit)
+    fits, fit = fits[:_MOST_ROWS], stands
+    for _ in range(MOST_LAWS - sum(term.law is not None for term in stands.model.terms)):
+        # A law of the record's own clock foretells nothing.
+        law = next((law for law in laws_beside(prepared, fit) if not law.passes and law.weight > 0.0), None)
+        if law is None:
+            break
+        fit = fit.refitted(fit.model.with_terms(law.term))
+        fits.append(fit)
+    return fits
+
+
+def _has_nothing(fit: Fit) -> bool:
+    """Whether a law of a model is zero throughout."""
+    return any(not any(term.values) for term in fit.model.terms if term.law is not None)
+
+
+def _free_run(prepared: Prepared, fit: Fit) -> float:
+    """Mean square by which a fit with the numbers of one part of the record misses the other, run free."""
+    model = by_fit_part(prepared, fit).model
+    error = error_of_run(fit, model)[prepared.split.heldout[fit.linearised.innovation_at]]
+    return float(np.mean(error**2))
+
+
+def _gained(prepared: Prepared, less: Fit, more: Fit) -> float:
+    """Share by which the free run's error on the held-out part is smaller."""
+    percent = percent_better(performance(prepared, less).figures, performance(prepared, more).figures)
+    return 0.0 if percent is None else 0.01 * percent
+
+
+def _no_worse_ahead(prepared: Prepared, base: Fit, way: Fit) -> bool:
+    """Whether no figure of more than one step is worse than the base model's."""
+    before, after = performance(prepared, base).figures, performance(prepared, way).figures
+    return all(after[key] <= (1.0 + WORST) * before[key] for key in _AHEAD if before[key] and after[key])
+
+
+def _with_nothing_named(found: Found) -> Found:
+    """The same with the base model standing, as the verdict has it."""
+    base = found.selection.base
+    return replace(found, selection=replace(found.selection, final=base, rivals={}), fit=base, reported=base)
+
+
+def _named(found: Found, fit: Fit) -> Found:
+    """The same with another fit standing, which explains what share it explains."""
+    ledger = found.ledger.with_rows([fit])
+    selection = replace(found.selection, final=fit, rivals={})
+    for term in (term for term in fit.model.terms if term.law is not None):
+        if term.id not in selection.trials:
+            selection = selection.tried(Trial.of_law(term, fit.without(term.id), fit))
+    for name in selection.new_ids:
+        selection = selection.decided(name, Decision(Reason.ADDED))
+    other = mapped(found.prepared, selection, ledger)
+    return replace(other, is_unexplained=False, unnamed_odds=found.unnamed_odds)
