@@ -48,7 +48,9 @@ def _on_all_of_it(prepared: Prepared, part: Found, advance: Advance) -> Found:
     search = Search(own.record, own.facts, advance)
     ledger, selection = chosen(own, search, ledger, selection)
     advance("mapping the residual")
-    found = replace(mapped(own, selection, ledger), nearest=part.nearest, unnamed_odds=part.unnamed_odds)
+    found = replace(mapped(own, selection, ledger), unnamed_odds=part.unnamed_odds)
+    if part.nearest is not None and not found.new_ids:
+        found = replace(found, nearest=_fitted_to(own, part.nearest), share=part.share)
     if WANDERING.id in part.new_ids:
         found = beside_a_walk(found, advance)
     prepared.record.work.note(part.prepared.record.work)
