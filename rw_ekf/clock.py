@@ -86,7 +86,7 @@ class VirtualClock:
 
     def patience_s(self, budget_s: float) -> float:
         """Half a minute: hours pass here in seconds, in which a disk has no time to keep up, and waiting costs none."""
-        return max(budget_s, _PATIENCE_S) if budget_s > 0.0 else 0.0
+        return max(budget_s, _PATIENCE_S)
 
     def utc(self) -> datetime:
         """The hour of the day, counted from when the clock was made."""

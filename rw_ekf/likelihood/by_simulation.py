@@ -22,7 +22,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.free_path import free_trajectory
-from rw_ekf.likelihood.gauss_newton import smoothed_trajectory
+from rw_ekf.likelihood.gauss_newton import log_prior, smoothed_trajectory
 from rw_ekf.likelihood.linearisation import Linearisation, linearise
 from rw_ekf.likelihood.model import Model, prior_rows
 from rw_ekf.likelihood.profile import Likelihood, at_ratio, uncorrected
@@ -66,7 +66,7 @@ def _nearest(fit: Fit) -> Model:
     def value(model: Model) -> float:
         """Log-likelihood of the run, where each stretch begins at its own best speed, and of the prior."""
         here = at_ratio(run(model, sloped=False), None, fit.noise.variance, ratio, corrected=False)
-        return here.value - _off_prior(fit, model)
+        return here.value + log_prior(fit.prior, model)
 
     model, highest = fit.model, value(fit.model)
     for _ in range(_TURNS):
@@ -101,21 +101,13 @@ def _steps(model: Model, found: Likelihood) -> list[Model]:
     found_steps = []
     for damping in _DAMPING:
         step: Float64Array = scale * np.linalg.lstsq(N + damping * np.diag(np.diag(N)), aim, rcond=None)[0]
-        found_steps.append(_breaking_away(model.with_vector(model.vector + model.limited(step))))
+        found_steps.append(_not_easier_to_start(model.with_vector(model.vector + model.limited(step))))
     return found_steps
 
 
-def _breaking_away(model: Model) -> Model:
+def _not_easier_to_start(model: Model) -> Model:
     """The model; where it would take less to start than to keep going, one that takes as much."""
     known = model.parameters
     if known.static >= known.coulomb:
         return model
     return replace(model, parameters=known._replace(static=known.coulomb))
-
-
-def _off_prior(fit: Fit, model: Model) -> float:
-    if fit.prior is None:
-        return 0.0
-    W, aim = prior_rows(fit.prior, model)
-    off = W @ model.vector - aim
-    return 0.5 * float(off @ off)

@@ -124,7 +124,7 @@ def _one_step_on(problem: Problem, start: Start, found: Optimum) -> Optimum | No
     linearised = linearise(problem.record, model, path, noise, problem.omit)
     here = as_it_stands(linearised, problem.prior, likelihood(linearised, problem.prior, noise))
     gained = here.value - found.likelihood.value
-    gained += _log_prior(problem.prior, model) - _log_prior(problem.prior, found.model)
+    gained += log_prior(problem.prior, model) - log_prior(problem.prior, found.model)
     return Optimum(model, here, linearised) if gained > _BETTER else None
 
 
@@ -150,7 +150,7 @@ def _climbed(problem: Problem, start: Start, turns: int, known: Linearisation | 
         linearised = known if turn == 0 and known is not None else linearise(record, model, trajectory, noise, omit)
         found = likelihood(linearised, prior, noise)
         here = as_it_stands(linearised, prior, found)
-        value = here.value + _log_prior(prior, model)
+        value = here.value + log_prior(prior, model)
         if best is not None and value < highest - _NOT_WORSE:
             damping *= 0.3
             if damping < _LEAST_DAMPING:
@@ -178,7 +178,7 @@ def _settled(problem: Problem, start: Start) -> Start:
     return Start(model, trajectory, noise)
 
 
-def _log_prior(prior: Belief | None, model: Model) -> float:
+def log_prior(prior: Belief | None, model: Model) -> float:
     """Log of what is known beforehand of a model's vector, but for a constant."""
     if prior is None:
         return 0.0

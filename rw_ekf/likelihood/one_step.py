@@ -210,7 +210,6 @@ class Record:
     angle_is_integrated: bool = False  # the course's angle: from speeds, so that it is lost slowly; else logged
     least_variance: float = 0.0  # [rad^2/s^2] of the readings: half of what rounding leaves of them
     levels: Levels | None = None  # where readings that are rounded share an error that nobody knows
-    most_ratio: float = math.inf  # of the noises, q dt / R: what a model misses is then no torque noise but its own
 
     @classmethod
     def of(

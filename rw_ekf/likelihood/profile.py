@@ -47,10 +47,10 @@ def likelihood(linearised: Linearisation, prior: Belief | None, noise: Noise) ->
     """
     known = None if prior is None else prior_rows(prior, linearised.model)
     at_one = partial(at_ratio, linearised, known, noise.variance)
-    return _at_best_ratio(at_one, noise, linearised.record.most_ratio)
+    return _at_best_ratio(at_one, noise)
 
 
-def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise, most: float) -> Likelihood:
+def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise) -> Likelihood:
     """Of the likelihoods at ratios of noises the one of the highest restricted likelihood, sought from `noise`."""
     found: dict[float, Likelihood] = {}
 
@@ -59,7 +59,7 @@ def _at_best_ratio(at_one: Callable[[float], Likelihood], noise: Noise, most: fl
             found[log_ratio] = at_one(math.exp(log_ratio))
         return found[log_ratio].restricted
 
-    low, high = math.log(LEAST_RATIO), math.log(min(most, MOST_RATIO))
+    low, high = math.log(LEAST_RATIO), math.log(MOST_RATIO)
     at(low)
     _climb(at, min(max(math.log(noise.ratio), low), high), low, high)
     return max(found.values(), key=lambda item: item.restricted)
@@ -144,10 +144,10 @@ def value_of(linearised: Linearisation, noise: Noise) -> Likelihood:
     return at_ratio(bare, None, noise.variance, noise.ratio)
 
 
-def uncorrected(linearised: Linearisation, noise: Noise) -> Likelihood:
+def uncorrected(linearised: Linearisation, noise: Noise, prior: Belief | None = None) -> Likelihood:
     """Likelihood of the model as it stands, nothing corrected, at its own best noises; sought from `noise`."""
-    at_one = partial(at_ratio, linearised, None, noise.variance, corrected=False)
-    return _at_best_ratio(at_one, noise, linearised.record.most_ratio)
+    known = None if prior is None else prior_rows(prior, linearised.model)
+    return _at_best_ratio(partial(at_ratio, linearised, known, noise.variance, corrected=False), noise)
 
 
 def as_it_stands(linearised: Linearisation, prior: Belief | None, corrected: Likelihood) -> Likelihood:
@@ -158,7 +158,5 @@ def as_it_stands(linearised: Linearisation, prior: Belief | None, corrected: Lik
     """
     here = value_of(linearised, corrected.noise)
     if corrected.value - here.value > _LITTLE:
-        known, scale = None if prior is None else prior_rows(prior, linearised.model), corrected.noise.variance
-        at_one = partial(at_ratio, linearised, known, scale, corrected=False)
-        here = _at_best_ratio(at_one, corrected.noise, linearised.record.most_ratio)
+        here = uncorrected(linearised, corrected.noise, prior)
     return replace(here, covariance=corrected.covariance, correction=corrected.correction)

@@ -75,14 +75,15 @@ def as_foretold(found: Found, fit: Fit, part: Found) -> Found:
 def _foretelling_most(found: Found, fits: list[Fit]) -> Found:
     """The same with the numbers by simulation of that of some fits which runs free best; as it was where none may."""
     prepared = found.prepared
-    ways = [(fit, by_simulation(fit)) for fit in fits]
+    ways = [(fit, _simulated(prepared, fit)) for fit in fits]
     for fit, way in sorted(ways, key=lambda item: _free_run(prepared, item[1])):
         foretold = _foretelling(found, fit, way)
         if foretold is None:
             continue
         covariance = found.reported.likelihood.covariance if fit is found.fit else fit.likelihood.covariance
         known = replace(way, likelihood=replace(way.likelihood, covariance=covariance + _apart(prepared, way)))
-        prepared.remember("fit", known, by_fit_part(prepared, way))
+        for what, given in (("fit", by_fit_part(prepared, way)), ("figures", performance(prepared, way))):
+            prepared.remember(what, known, given)  # of another covariance, on which neither turns
         return replace(foretold, reported=known)
     return found
 
@@ -96,10 +97,14 @@ def _foretelling(found: Found, fit: Fit, way: Fit, note: str = NOTE) -> Found | 
     if _has_nothing(way) or not all(way.model.possible(name, prepared.facts) for name in new):
         return None
     if fit is not found.fit:
-        if _gained(prepared, by_simulation(stands), way) < REAL_GAIN:
+        if _gained(prepared, _simulated(prepared, stands), way) < REAL_GAIN:
             return None
         found = _named(found, fit)
     return replace(found, prepared=replace(prepared, notes=(*prepared.notes, note)), reported=way)
+
+
+def _simulated(prepared: Prepared, fit: Fit) -> Fit:
+    return prepared.remembered("simulated", fit, lambda: by_simulation(fit))
 
 
 def _apart(prepared: Prepared, way: Fit) -> Float64Array:

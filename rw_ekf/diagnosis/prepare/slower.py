@@ -23,7 +23,7 @@ from rw_ekf.likelihood.work import Work
 
 # A search of so many samples tries all that it has within its budget; ten minutes at 10 Hz are 6,000.
 _MOST_SAMPLES = 8_000
-# What a wheel's telemetry usually has: all that is sought is found at that rate (SCIENCE, section 4).
+# What a wheel's telemetry usually has: all that is sought is found at that rate (docs/diagnosis-proof.md).
 _LEAST_HZ = 10.0
 
 
@@ -55,7 +55,7 @@ def slower(prepared: Prepared) -> Prepared:
     kept = np.zeros(prepared.kept.size, dtype=bool)
     kept[np.flatnonzero(prepared.kept)[rows]] = True
     return replace(
-        prepared, course=prepared.course.at(rows), split=split, record=everything, fit_part=record(split.fit),
+        prepared, course=thin, split=split, record=everything, fit_part=record(split.fit),
         heldout=record(split.heldout), base=fitted, kept=kept, _of_fit={},
         facts=replace(facts, stribeck_is_open=prepared.facts.stribeck_is_open),
     )  # fmt: skip
