@@ -23,8 +23,8 @@ from rw_ekf.effects.measures import (
 )
 from rw_ekf.model.effect import REFERENCE_DEGC, ActsAs, Candidate, Coefficient, RecordFacts, Shape, Term
 from rw_ekf.model.effect_kinds import Contribution, FormulaEffect
-from rw_ekf.model.formula_program import AT_REST_RAD_S, formula_value, program_of
-from rw_ekf.model.law import FORMULA, KINDS, law_contribution
+from rw_ekf.model.formula_program import AT_REST_RAD_S, formula_size, formula_value, program_of
+from rw_ekf.model.law import DRAG, KINDS, law_contribution, motion
 from rw_ekf.numbers import number_text, plus_minus
 
 _PLACES = {0: 1, 1: 12, 2: 7, 3: 5}  # tried of each constant, by how many there are
@@ -102,12 +102,12 @@ class OwnEffect(FormulaEffect):
         omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
     ) -> Contribution:  # fmt: skip
         """As the compiled filter has it."""
-        program = cls.program((q1, q2, q3))
-        one = law_contribution(
-            program, (), 0, len(program), 0.0, 1.0, FORMULA, KINDS.index(cls.acts_by),
-            omega, current, temperature, angle, time, duration, (math.nan, math.nan, math.nan),
-        )  # fmt: skip
-        return a * one[0], a * one[1], a * one[2], a * one[3], a * one[4], a * one[5]
+        program, kind, along = cls.program((q1, q2, q3)), KINDS.index(cls.acts_by), motion(omega, current)
+        middle = angle + 0.5 * omega * duration
+        size, slope = formula_size(
+            program, 0, len(program), along, kind == DRAG, omega, current, temperature, middle, time
+        )
+        return law_contribution(kind, a * size, a * slope, along, omega, current)
 
     @classmethod
     def sentence(cls, value: float, std: float, shape: Shape, facts: RecordFacts) -> str:

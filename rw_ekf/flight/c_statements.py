@@ -167,7 +167,7 @@ class Body(Stores):
             if one is not None and other is not None and (isinstance(node.op, ast.Add) or exact):
                 return one + other if isinstance(node.op, ast.Add) else one - other
         value = self.scope.value(node)
-        return value.known if value.is_known and value.type == INT else None
+        return max(value.possible) if value.possible and value.type == INT else None
 
     def _while(self, node: ast.While) -> None:
         times = self.program.bound_of_while(self.scope.function, self._whiles)

@@ -133,8 +133,9 @@ def linearise(
     """
     record = record.along(trajectory)
     followed = follows_angle(record, model)
+    seen = model if with_jacobian else model.as_it_stands
     centre = predict(
-        record, model.coefficients, model.effects, model.stribeck, trajectory, with_rows=with_jacobian or followed
+        record, seen.coefficients, seen.effects, seen.stribeck, trajectory, with_rows=with_jacobian or followed
     )
     with_memory = model.has_memory
     n = trajectory.speed.size
@@ -163,7 +164,7 @@ def linearise(
         reading=reading,
     )
     if followed:
-        chain, per_speed = _with_angle(record, model, trajectory, chain, centre)
+        chain, per_speed = _with_angle(record, seen, trajectory, chain, centre)
         memory_jacobian = per_speed[:, None] * jacobian
     return Linearisation(record, model, trajectory, chain, jacobian, memory_jacobian)
 

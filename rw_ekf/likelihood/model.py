@@ -38,6 +38,11 @@ class Model:
         return found
 
     @property
+    def as_it_stands(self) -> Model:
+        """The same, its laws as the curves that they are: for a pass that learns nothing."""
+        return replace(self, effects=self.effects.as_it_stands())
+
+    @property
     def known(self) -> int:
         """Number of parameters and coefficients, which come before the refined shapes."""
         return PARAMETER_COUNT + self.effects.size

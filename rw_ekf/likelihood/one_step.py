@@ -124,10 +124,10 @@ def _predict_each(
     sloped = slopes.shape[0] > 0
     omega_s = stribeck.omega_s
     near_zero_speed = FAST_STRIBECK_SPEEDS * omega_s
-    at, lag_at, hidden, differentiable = ABSENT, ABSENT, 0, True
+    at, lag_at, hidden, has_slope = ABSENT, ABSENT, 0, True
     if table is not None:
         at, lag_at, hidden = table.memory_state_at, table.lag_state_at, table.hidden
-        differentiable = hidden == 0 and table.delay_at < 0 and table.window_at < 0 and table.stribeck_at < 0
+        has_slope = at < 0  # by the speed where the interval begins: neither a late current nor a window depends on it
         if table.stribeck_at >= 0:
             near_zero_speed = max(near_zero_speed, FAST_STRIBECK_SPEEDS * x[table.stribeck_at])
     for i in range(course.time_s.size - 1):
@@ -148,7 +148,7 @@ def _predict_each(
             state[lag_at] = ended[lag_at]
             continue
         near = abs(speed[i]) < near_zero_speed or speed[i] * speed[i + 1] <= 0.0
-        written = analytic or (differentiable and not near)
+        written = analytic or (sloped and has_slope and not near)
         _propagate(state, table, stribeck, pieces, between, written, row, ended)
         end[i + 1] = ended[SPEED]
         if written:
@@ -157,7 +157,7 @@ def _predict_each(
             if analytic:
                 for j in range(rows.shape[1]):
                     rows[i + 1, j] = row[j]
-        if sloped and (near or not differentiable):
+        if sloped and (near or not has_slope):
             for way in range(2 if at >= 0 else 1):
                 h = _SPREAD * (spread[i] if way == 0 else memory_spread[i])
                 moved = 0 if way == 0 else at

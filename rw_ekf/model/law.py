@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, get_args
-
-from rw_ekf.model.formula_program import formula_size
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 if TYPE_CHECKING:
     from rw_ekf.arrays import Float64Array
@@ -37,7 +35,7 @@ KIND_UNITS = {
 }
 
 _SPEED, _SPEED_SIZE, _ANGLE, _CURRENT_ALONG, _CURRENT_SIZE, _TEMPERATURE, _TIME, _COLUMN = range(len(QUANTITIES))
-_DRAG, _TORQUE, _VISCOUS, _WINDAGE, _GAIN, _LOSS = range(len(KINDS))
+DRAG, _TORQUE, _VISCOUS, _WINDAGE, _GAIN, _LOSS = range(len(KINDS))
 FORMULA = -1  # in the place of a quantity: the values are a program (formula_program)
 TURN = 2.0 * math.pi
 _POINT = 1.0e-3  # rad: over less a mean is the value
@@ -116,79 +114,96 @@ def sums_of(functions: Float64Array) -> Float64Array:
     return np.concatenate(([0.0], np.cumsum(0.5 * (functions[1:] + functions[:-1]))))
 
 
-def law_value(values: Any, start: int, count: int, first: float, per: float, at: float) -> tuple[float, float]:
-    """The function whose knots are values[start:start + count], and its slope; per: knots per unit of the quantity."""
+class Place(NamedTuple):
+    """Where all functions of one law are looked at: between two knots, or along an arc of the angle."""
+
+    knot: int  # -1: the quantity is not known
+    share: float  # of the way from it to the next
+    per: float  # knots per rad/s, by which the place moves with the speed
+    to_knot: int  # of an arc: where it ends
+    to_share: float
+    turns: float  # of an arc: whole turns from the begin of its first to the begin of its last
+    scale: float  # of an arc: 1/knots; 0 for a point
+
+
+def motion(omega: float, current: float) -> float:
+    """1.0 or -1.0, the way the wheel turns; at rest that of its current, as it would move."""
+    return 1.0 if omega > 0.0 or (omega == 0.0 and current > 0.0) else -1.0
+
+
+def point(count: int, first: float, per: float, at: float, by_speed: float) -> Place:
+    """A value of the quantity among `count` even knots; per: knots per unit; by_speed: its slope by the speed."""
     place = (at - first) * per
     if not place > 0.0:
-        return values[start], 0.0
+        return Place(0, 0.0, 0.0, 0, 0.0, 0.0, 0.0)
     if place >= count - 1:
-        return values[start + count - 1], 0.0
+        return Place(count - 2, 1.0, 0.0, 0, 0.0, 0.0, 0.0)
     knot = int(place)
-    rise = values[start + knot + 1] - values[start + knot]
-    return values[start + knot] + (place - knot) * rise, rise * per
+    return Place(knot, place - knot, per * by_speed, 0, 0.0, 0.0, 0.0)
 
 
-def _integral(values: Any, sums: Any, start: int, count: int, angle: float) -> float:
-    """Of a periodic function from angle 0 [knots]."""
-    turns = math.floor(angle / TURN)
-    place = (angle / TURN - turns) * (count - 1)
-    knot = min(int(place), count - 2)
-    share = place - knot
-    rise = values[start + knot + 1] - values[start + knot]
-    within = sums[start + knot] + share * (values[start + knot] + 0.5 * share * rise)
-    return float(turns * sums[start + count - 1] + within)
-
-
-def periodic_mean(values: Any, sums: Any, start: int, count: int, angle: float, turned: float) -> float:
-    """Mean of a periodic function over the angle [rad] turned from `angle`; one turn has all knots."""
+def arc(count: int, angle: float, turned: float) -> Place:
+    """The angle [rad] turned from `angle`; one turn has all knots."""
     if abs(turned) < _POINT:
         middle = (angle + 0.5 * turned) / TURN
-        return float(law_value(values, start, count, 0.0, float(count - 1), middle - math.floor(middle))[0])
-    both = _integral(values, sums, start, count, angle + turned) - _integral(values, sums, start, count, angle)
-    return both * TURN / ((count - 1) * turned)
+        return point(count, 0.0, float(count - 1), middle - math.floor(middle), 0.0)
+    begun, ended = math.floor(angle / TURN), math.floor((angle + turned) / TURN)
+    begin, end = (angle / TURN - begun) * (count - 1), ((angle + turned) / TURN - ended) * (count - 1)
+    knot, to_knot = min(int(begin), count - 2), min(int(end), count - 2)
+    scale = TURN / ((count - 1) * turned)
+    return Place(knot, begin - knot, 0.0, to_knot, end - to_knot, float(ended - begun), scale)
+
+
+def law_place(
+    count: int, first: float, per: float, over: int,
+    omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
+    columns: tuple[float, float, float],
+) -> Place:  # fmt: skip
+    """Where a law of the quantity `over` is looked at in a piece (`StaticEffect` says what a piece is)."""
+    if over == _ANGLE:
+        return arc(count, angle, omega * duration)
+    at, by_speed = omega, 0.0
+    if over == _SPEED:
+        by_speed = 1.0
+    elif over == _SPEED_SIZE:
+        at, by_speed = abs(omega), motion(omega, current)
+    elif over == _CURRENT_ALONG:
+        at = current * motion(omega, current)
+    elif over == _CURRENT_SIZE:
+        at = abs(current)
+    elif over == _TEMPERATURE:
+        at = temperature
+    elif over == _TIME:
+        at = time
+    elif over >= _COLUMN:
+        at = columns[over - _COLUMN]
+    if math.isnan(at):  # a column that was not logged
+        return Place(-1, 0.0, 0.0, 0, 0.0, 0.0, 0.0)
+    return point(count, first, per, at, by_speed)
+
+
+def law_value(values: Any, sums: Any, start: int, count: int, place: Place) -> tuple[float, float]:
+    """The function whose knots are values[start:start + count], and its slope by the speed; over an arc its mean."""
+    if place.knot < 0:
+        return 0.0, 0.0
+    at = start + place.knot
+    rise = values[at + 1] - values[at]
+    if place.scale == 0.0:
+        return values[at] + place.share * rise, rise * place.per
+    to = start + place.to_knot
+    within = sums[to] + place.to_share * (values[to] + 0.5 * place.to_share * (values[to + 1] - values[to]))
+    within -= sums[at] + place.share * (values[at] + 0.5 * place.share * rise)
+    return (place.turns * sums[start + count - 1] + within) * place.scale, 0.0
 
 
 def law_contribution(
-    values: Any, sums: Any, start: int, count: int, first: float, per: float, over: int, kind: int,
-    omega: float, current: float, temperature: float, angle: float, time: float, duration: float,
-    columns: tuple[float, float, float],
-) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """What a law adds to a piece for a coefficient of 1: the six contributions of a static effect (effects.md eq. 1).
+    kind: int, size: float, slope: float, along: float, omega: float, current: float
+) -> tuple[float, float, float, float, float, float]:
+    """What a law of a size, with a slope by the speed, adds to a piece: six contributions (effects.md eq. 1).
 
-    A drag over speed enters by its tangent at the piece's start; one over the angle by its mean over the angle turned,
-    a formula by its value in the middle. A wheel at rest takes the direction of its current, as it would move.
+    Linear in size and slope. A drag over speed enters by its tangent at the piece's start. along: see `motion`.
     """
-    along = 1.0 if omega > 0.0 or (omega == 0.0 and current > 0.0) else -1.0
-    slope = 0.0
-    if over == FORMULA:
-        middle = angle + 0.5 * omega * duration
-        size, slope = formula_size(
-            values, start, count, along, kind == _DRAG, omega, current, temperature, middle, time
-        )
-    elif over == _ANGLE:
-        size = periodic_mean(values, sums, start, count, angle, omega * duration)
-    else:
-        at = omega
-        if over == _SPEED_SIZE:
-            at = abs(omega)
-        elif over == _CURRENT_ALONG:
-            at = current * along
-        elif over == _CURRENT_SIZE:
-            at = abs(current)
-        elif over == _TEMPERATURE:
-            at = temperature
-        elif over == _TIME:
-            at = time
-        elif over >= _COLUMN:
-            at = columns[over - _COLUMN]
-        if math.isnan(at):  # a column that was not logged
-            return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        size, slope = law_value(values, start, count, first, per, at)
-        if over == _SPEED_SIZE:
-            slope *= along  # by the speed itself
-        elif over != _SPEED:
-            slope = 0.0
-    if kind == _DRAG:  # sgn(omega) (size + slope (omega - omega_0))
+    if kind == DRAG:  # sgn(omega) (size + slope (omega - omega_0))
         return 0.0, 0.0, along * slope, 0.0, 0.0, size - slope * omega
     if kind == _TORQUE:
         return 0.0, slope * omega - size, slope, 0.0, 0.0, 0.0

@@ -6,6 +6,7 @@ coefficient or a hidden state stands.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array, by_identity
-from rw_ekf.model.effect import NO_SHAPE, Shape, Term
+from rw_ekf.model.effect import NO_SHAPE, Effect, Shape, Term
 from rw_ekf.model.effect_kinds import (
     CurrentEffect,
     DelayEffect,
@@ -24,7 +25,7 @@ from rw_ekf.model.effect_kinds import (
     StribeckEffect,
     WindowEffect,
 )
-from rw_ekf.model.law import FORMULA, KINDS, ActsAs, sums_of
+from rw_ekf.model.law import FORMULA, KINDS, ActsAs, Law, sums_of
 from rw_ekf.model.state import STATE_SIZE
 
 ABSENT = -1
@@ -53,26 +54,36 @@ class EffectTable(NamedTuple):
     stribeck_at: int
     stribeck_law: int
     drift: Float64Array  # (coefficients,) variance rate of each coefficient [unit^2 per s]
-    law_at: Int64Array  # (l,) every function of every learned law, and every formula
+    law_at: Int64Array  # (l,) learned laws, by the first coefficient of each, and formulas
+    law_functions: Int64Array  # (l,) how many each has, one for each coefficient; 1 of a formula
     law_kind: Int64Array  # (l,)
     law_over: Int64Array  # (l,)
-    law_start: Int64Array  # (l,) where its knots, or its program, begin in the values
-    law_count: Int64Array  # (l,)
+    law_start: Int64Array  # (l,) where its first knots, or its program, begin in the values; its other functions follow
+    law_count: Int64Array  # (l,) knots of one function
     law_first: Float64Array  # (l,)
     law_per: Float64Array  # (l,) knots per unit of the quantity
     law_values: Float64Array  # all knots of all functions, and all programs
     law_sums: Float64Array
 
 
-class _LawRow(NamedTuple):
-    """One function of a learned law, or one formula, as a table has it."""
+class _Use(NamedTuple):
+    """An effect in use but for the values of its coefficients."""
 
-    at: int  # in the state
+    effect: type[Effect]
+    shape: Shape
+    coefficients: int
+    law: Law | None
+
+
+class _LawRow(NamedTuple):
+    """A learned law, or a formula, as a table has it."""
+
+    at: int  # in the state, of its first coefficient
     acts_as: ActsAs
     over: int
     first: float
     last: float
-    values: tuple[float, ...]  # on its knots, or a program
+    functions: tuple[tuple[float, ...], ...]  # on its knots, or a program
 
 
 @dataclass(frozen=True)
@@ -130,70 +141,17 @@ class EffectSet:
         """What the effects add to the variance of a reading [rad^2/s^2]."""
         return float(sum(t.effect.variance(t.values[0]) for t in self.terms if issubclass(t.effect, ReadingEffect)))
 
-    def table(self, drift: Sequence[float] | Float64Array | None = None) -> EffectTable:
-        """The compiled propagation's table; drift: variance rates of the coefficients [unit^2/s], default none."""
-        from rw_ekf.wheel.dispatch import CURRENT_EFFECTS, MEMORY_EFFECTS, STATIC_EFFECTS
+    def as_it_stands(self) -> EffectSet:
+        """The same effects, a law of several functions as the one curve that it is: for a pass that learns nothing."""
+        return EffectSet(tuple(_as_it_stands(term) for term in self.terms))
 
-        terms = self.state_terms
-        places: dict[str, int] = dict.fromkeys(("delay", "window", "lag", "memory", "stribeck"), ABSENT)
-        shapes: dict[str, Shape] = dict.fromkeys(("lag", "memory"), NO_SHAPE)
-        codes: dict[str, int] = dict.fromkeys(("lag", "memory", "law"), ABSENT)
-        static: list[tuple[int, int, Shape]] = []
-        laws: list[_LawRow] = []
-        size = STATE_SIZE
-        for term in terms:
-            kind, at = term.effect, size
-            size += len(term.values)
-            if term.law is not None:
-                law = term.law
-                laws += [
-                    _LawRow(at + i, law.acts_as, law.over, law.first, law.last, values)
-                    for i, values in enumerate(law.functions)
-                ]
-            elif issubclass(kind, FormulaEffect):
-                laws.append(_LawRow(at, kind.acts_by, FORMULA, 0.0, 1.0, kind.program(term.shape)))
-            elif issubclass(kind, StaticEffect):
-                code = STATIC_EFFECTS.index(kind)
-                static += [(at + i, code, kind.component_shape(term.shape, i)) for i in range(len(term.values))]
-            elif issubclass(kind, DelayEffect):
-                places["delay"] = at
-            elif issubclass(kind, WindowEffect):
-                places["window"] = at
-            elif issubclass(kind, CurrentEffect):
-                places["lag"], codes["lag"], shapes["lag"] = at, CURRENT_EFFECTS.index(kind), term.shape
-            elif issubclass(kind, FrictionMemoryEffect):
-                places["memory"], codes["memory"], shapes["memory"] = at, MEMORY_EFFECTS.index(kind), term.shape
-            elif issubclass(kind, StribeckEffect):
-                places["stribeck"], codes["law"] = at, int(term.shape[0])
-        holds = any(t.effect.holds for t in terms if issubclass(t.effect, FrictionMemoryEffect))
-        hidden = size
-        lag_state = memory_state = ABSENT
-        if places["lag"] != ABSENT:
-            lag_state, size = size, size + 1
-        if places["memory"] != ABSENT:
-            memory_state, size = size, size + 1
-        return EffectTable(
-            size=size,
-            hidden=size - hidden,
-            static_at=np.array([at for at, _, _ in static], dtype=np.int64),
-            static_code=np.array([code for _, code, _ in static], dtype=np.int64),
-            static_shape=np.array([shape for _, _, shape in static], dtype=np.float64).reshape(-1, 3),
-            delay_at=places["delay"],
-            window_at=places["window"],
-            lag_at=places["lag"],
-            lag_code=codes["lag"],
-            lag_shape=shapes["lag"],
-            lag_state_at=lag_state,
-            memory_at=places["memory"],
-            memory_code=codes["memory"],
-            memory_shape=shapes["memory"],
-            memory_state_at=memory_state,
-            memory_holds=holds,
-            stribeck_at=places["stribeck"],
-            stribeck_law=codes["law"],
-            drift=np.zeros(hidden - STATE_SIZE) if drift is None else np.array(drift, dtype=np.float64),
-            **_law_columns(laws),
-        )
+    def table(self, drift: Sequence[float] | Float64Array | None = None) -> EffectTable:
+        """The compiled propagation's table; drift: variance rates of the coefficients [unit^2/s], default none.
+
+        Nobody writes into it: sets of the same effects have the same one, whatever their coefficients are.
+        """
+        table = _table_of(tuple(_Use(term.effect, term.shape, len(term.values), term.law) for term in self.state_terms))
+        return table if drift is None else table._replace(drift=np.array(drift, dtype=np.float64))
 
     def with_values(self, values: Sequence[float] | Float64Array, stds: Sequence[float] | Float64Array) -> EffectSet:
         """The same effects with other coefficients (m,) of the state and their standard deviations."""
@@ -209,21 +167,92 @@ class EffectSet:
         return EffectSet(tuple(terms))
 
 
+@functools.lru_cache(maxsize=128)
+def _table_of(uses: tuple[_Use, ...]) -> EffectTable:
+    """Of effects in order of use."""
+    from rw_ekf.wheel.dispatch import CURRENT_EFFECTS, MEMORY_EFFECTS, STATIC_EFFECTS
+
+    places: dict[str, int] = dict.fromkeys(("delay", "window", "lag", "memory", "stribeck"), ABSENT)
+    shapes: dict[str, Shape] = dict.fromkeys(("lag", "memory"), NO_SHAPE)
+    codes: dict[str, int] = dict.fromkeys(("lag", "memory", "law"), ABSENT)
+    static: list[tuple[int, int, Shape]] = []
+    laws: list[_LawRow] = []
+    size = STATE_SIZE
+    for kind, shape, count, law in uses:
+        at = size
+        size += count
+        if law is not None:
+            laws.append(_LawRow(at, law.acts_as, law.over, law.first, law.last, law.functions))
+        elif issubclass(kind, FormulaEffect):
+            laws.append(_LawRow(at, kind.acts_by, FORMULA, 0.0, 1.0, (kind.program(shape),)))
+        elif issubclass(kind, StaticEffect):
+            code = STATIC_EFFECTS.index(kind)
+            static += [(at + i, code, kind.component_shape(shape, i)) for i in range(count)]
+        elif issubclass(kind, DelayEffect):
+            places["delay"] = at
+        elif issubclass(kind, WindowEffect):
+            places["window"] = at
+        elif issubclass(kind, CurrentEffect):
+            places["lag"], codes["lag"], shapes["lag"] = at, CURRENT_EFFECTS.index(kind), shape
+        elif issubclass(kind, FrictionMemoryEffect):
+            places["memory"], codes["memory"], shapes["memory"] = at, MEMORY_EFFECTS.index(kind), shape
+        elif issubclass(kind, StribeckEffect):
+            places["stribeck"], codes["law"] = at, int(shape[0])
+    holds = any(use.effect.holds for use in uses if issubclass(use.effect, FrictionMemoryEffect))
+    hidden = size
+    lag_state = memory_state = ABSENT
+    if places["lag"] != ABSENT:
+        lag_state, size = size, size + 1
+    if places["memory"] != ABSENT:
+        memory_state, size = size, size + 1
+    return EffectTable(
+        size=size,
+        hidden=size - hidden,
+        static_at=np.array([at for at, _, _ in static], dtype=np.int64),
+        static_code=np.array([code for _, code, _ in static], dtype=np.int64),
+        static_shape=np.array([shape for _, _, shape in static], dtype=np.float64).reshape(-1, 3),
+        delay_at=places["delay"],
+        window_at=places["window"],
+        lag_at=places["lag"],
+        lag_code=codes["lag"],
+        lag_shape=shapes["lag"],
+        lag_state_at=lag_state,
+        memory_at=places["memory"],
+        memory_code=codes["memory"],
+        memory_shape=shapes["memory"],
+        memory_state_at=memory_state,
+        memory_holds=holds,
+        stribeck_at=places["stribeck"],
+        stribeck_law=codes["law"],
+        drift=np.zeros(hidden - STATE_SIZE),
+        **_law_columns(laws),
+    )
+
+
+def _as_it_stands(term: Term) -> Term:
+    if term.law is None or len(term.law.functions) == 1:
+        return term
+    curve = tuple(float(value) for value in term.law.values(term.values))
+    return replace(term, values=(1.0,), stds=(0.0,), law=replace(term.law, functions=(curve,), prior_std=()))
+
+
 def _law_columns(laws: list[_LawRow]) -> dict[str, Any]:
     """The table's part of learned laws and formulas."""
-    values = [np.array(law.values, dtype=np.float64) for law in laws]
-    counts = np.array([numbers.size for numbers in values], dtype=np.int64)
+    values = [np.array(law.functions, dtype=np.float64) for law in laws]
+    counts = np.array([numbers.shape[1] for numbers in values], dtype=np.int64)
+    sizes = np.array([numbers.size for numbers in values], dtype=np.int64)
     nothing = np.zeros(0)
     return {
         "law_at": np.array([law.at for law in laws], dtype=np.int64),
+        "law_functions": np.array([len(law.functions) for law in laws], dtype=np.int64),
         "law_kind": np.array([KINDS.index(law.acts_as) for law in laws], dtype=np.int64),
         "law_over": np.array([law.over for law in laws], dtype=np.int64),
-        "law_start": np.cumsum(counts) - counts,
+        "law_start": np.cumsum(sizes) - sizes,
         "law_count": counts,
         "law_first": np.array([law.first for law in laws], dtype=np.float64),
-        "law_per": np.array([(len(law.values) - 1) / (law.last - law.first) for law in laws], dtype=np.float64),
-        "law_values": np.concatenate([nothing, *values]),
-        "law_sums": np.concatenate([nothing, *(sums_of(numbers) for numbers in values)]),
+        "law_per": np.array([(len(law.functions[0]) - 1) / (law.last - law.first) for law in laws], dtype=np.float64),
+        "law_values": np.concatenate([nothing, *(numbers.ravel() for numbers in values)]),
+        "law_sums": np.concatenate([nothing, *(sums_of(row) for numbers in values for row in numbers)]),
     }
 
 

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from types import ModuleType
 
 from rw_ekf.compiled import make_jitable
 from rw_ekf.model import averages, flow, formula_program, friction, law, state
 from rw_ekf.wheel import dispatch, effect_table, effect_transition, interval, pieces, transition, window
 
-make_jitable([flow.slip, flow.flow, dispatch.contribution_slope, pieces.effect_interval], inlined=True)
+make_jitable(
+    [
+        flow.slip,
+        flow.flow,
+        dispatch.contribution_slope,
+        pieces._law_place,
+        pieces._of_law,
+        pieces._gather_laws,
+        pieces._gather,
+        pieces.driven_by,
+        pieces.effect_interval,
+    ],
+    inlined=True,
+)
 make_jitable(
     [
         friction.far_limit,
@@ -31,9 +45,11 @@ make_jitable(
         formula_program.moved,
         formula_program.formula_value,
         formula_program.formula_size,
+        law.motion,
+        law.point,
+        law.arc,
+        law.law_place,
         law.law_value,
-        law._integral,
-        law.periodic_mean,
         law.law_contribution,
         transition.factor_covariance,
         transition.reflection,
@@ -47,10 +63,7 @@ make_jitable(
         dispatch.memory_flow,
         window.lateness,
         window.rounding,
-        pieces._of_law,
-        pieces._gather,
         pieces.stribeck_of,
-        pieces.driven_by,
         pieces._chain_static,
         pieces._chain,
         pieces._memory_moved,
@@ -68,5 +81,5 @@ make_jitable(
 # Everything that is compiled into a pass with them: its cache is stale when one of them changes.
 EQUATIONS: list[ModuleType] = [
     state, averages, friction, flow, formula_program, law, interval, transition, dispatch, window, pieces,
-    effect_transition, effect_table, *dispatch.MODULES,
+    effect_transition, effect_table, *dispatch.MODULES, sys.modules[__name__],
 ]  # fmt: skip

@@ -6,8 +6,9 @@ docs/effects.md eq. 1-6. Scalars and indexed arrays only: plain Python calls it 
 from typing import Any, NamedTuple
 
 from rw_ekf.model.flow import flow
+from rw_ekf.model.formula_program import formula_size
 from rw_ekf.model.friction import FrictionCurve, Stribeck
-from rw_ekf.model.law import law_contribution
+from rw_ekf.model.law import DRAG, FORMULA, Place, law_contribution, law_place, law_value, motion
 from rw_ekf.model.state import COULOMB, MOTOR_GAIN, SPEED, STATIC, VISCOUS
 from rw_ekf.wheel.dispatch import contribution, contribution_slope, lagged, memory_flow
 from rw_ekf.wheel.effect_table import EffectTable
@@ -45,13 +46,51 @@ class Terms(NamedTuple):
     dry: float  # rad/s^2
 
 
-def _of_law(table: EffectTable, j: int, at: Moment) -> tuple[float, float, float, float, float, float]:
-    """What the j-th learned function adds to a step for a coefficient of 1."""
-    return law_contribution(
-        table.law_values, table.law_sums, table.law_start[j], table.law_count[j], table.law_first[j], table.law_per[j],
-        table.law_over[j], table.law_kind[j],
+def _law_place(table: EffectTable, j: int, at: Moment) -> Place:
+    """Where the functions of the j-th law are looked at; a formula's are looked at as they are run."""
+    if table.law_over[j] == FORMULA:
+        return Place(-1, 0.0, 0.0, 0, 0.0, 0.0, 0.0)
+    return law_place(
+        table.law_count[j], table.law_first[j], table.law_per[j], table.law_over[j],
         at.omega, at.current, at.temperature, at.angle, at.time, at.duration, at.columns,
     )  # fmt: skip
+
+
+def _of_law(table: EffectTable, j: int, i: int, along: float, place: Place, at: Moment) -> tuple[float, float]:
+    """The i-th function of the j-th law, or its formula, in a step: its size and its slope by the speed."""
+    count = table.law_count[j]
+    start = table.law_start[j] + i * count
+    if table.law_over[j] == FORMULA:
+        middle = at.angle + 0.5 * at.omega * at.duration
+        return formula_size(
+            table.law_values, start, count, along, table.law_kind[j] == DRAG,
+            at.omega, at.current, at.temperature, middle, at.time,
+        )  # fmt: skip
+    return law_value(table.law_values, table.law_sums, start, count, place)
+
+
+def _gather_laws(x: Any, table: EffectTable, at: Moment) -> tuple[float, float, float, float, float, float]:
+    """Sum of the learned laws' and formulas' contributions to one step.
+
+    A function of its own, called only where there are any: within `_gather` it costs a model without them a fifth.
+    """
+    amperes, external, viscous, dry = 0.0, 0.0, 0.0, 0.0
+    for j in range(table.law_at.shape[0]):
+        along, place = motion(at.omega, at.current), _law_place(table, j, at)
+        size, slope = 0.0, 0.0
+        for i in range(table.law_functions[j]):
+            a = x[table.law_at[j] + i]
+            if a == 0.0:
+                continue
+            value, rise = _of_law(table, j, i, along, place, at)
+            size += a * value
+            slope += a * rise
+        part = law_contribution(table.law_kind[j], size, slope, along, at.omega, at.current)
+        amperes += part[0]
+        external += part[1]
+        viscous += part[2]
+        dry += part[5]
+    return amperes, external, viscous, 0.0, 0.0, dry
 
 
 def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
@@ -72,15 +111,12 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
         viscous_factor += part[3]
         dry_factor += part[4]
         dry += part[5]
-    for j in range(table.law_at.shape[0]):
-        a = x[table.law_at[j]]
-        if a == 0.0:
-            continue
-        part = _of_law(table, j, at)
-        amperes += a * part[0]
-        external += a * part[1]
-        viscous += a * part[2]
-        dry += a * part[5]
+    if table.law_at.shape[0] > 0:
+        part = _gather_laws(x, table, at)
+        amperes += part[0]
+        external += part[1]
+        viscous += part[2]
+        dry += part[5]
     return Terms(amperes, external, viscous, viscous_factor, dry_factor, dry)
 
 
@@ -117,8 +153,14 @@ def _chain_static(
         row[to + place] += of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * (x[VISCOUS] * part[3] + part[2])
         row[to + place] += of_dry * (x[COULOMB] * part[4] + part[5])
     for j in range(table.law_at.shape[0]):
-        place, part = table.law_at[j], _of_law(table, j, at)
-        row[to + place] += of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * part[2] + of_dry * part[5]
+        along, where = motion(at.omega, at.current), _law_place(table, j, at)
+        part = law_contribution(table.law_kind[j], 1.0, 0.0, along, at.omega, at.current)
+        of_size = of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * part[2] + of_dry * part[5]
+        part = law_contribution(table.law_kind[j], 0.0, 1.0, along, at.omega, at.current)
+        of_slope = of_drive * (x[MOTOR_GAIN] * part[0] + part[1]) + of_b * part[2] + of_dry * part[5]
+        for i in range(table.law_functions[j]):
+            value, rise = _of_law(table, j, i, along, where, at)
+            row[to + table.law_at[j] + i] += of_size * value + of_slope * rise
 
 
 def _chain(

@@ -15,7 +15,7 @@ from rw_ekf.filter.constants import filter_constants
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.learning.carry import carried_over
 from rw_ekf.model.effect import Term
-from rw_ekf.model.law import ActsAs, Law, Quantity, law_value, periodic_mean, sums_of
+from rw_ekf.model.law import ActsAs, Law, Quantity, arc, law_value, point, sums_of
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.wheel.effect_table import EffectSet
 from rw_ekf.wheel.model_file import WheelModel, model_from_data
@@ -41,7 +41,7 @@ def test_it_is_straight_between_knots_and_level_beyond() -> None:
     values = np.array([1.0, 3.0, -2.0, 0.5])
     knots = np.linspace(2.0, 8.0, 4)
     for at in np.linspace(0.0, 10.0, 101):
-        value, slope = law_value(values, 0, 4, 2.0, 3.0 / 6.0, float(at))
+        value, slope = law_value(values, sums_of(values), 0, 4, point(4, 2.0, 3.0 / 6.0, float(at), 1.0))
         assert value == pytest.approx(np.interp(at, knots, values))
         inside = 2.0 < at < 8.0 and min(abs(at - knots)) > 0.01
         if inside:
@@ -57,7 +57,7 @@ def test_over_an_angle_it_is_its_mean(turned: float) -> None:
     knots = np.linspace(0.0, 2.0 * np.pi, 721)
     values = np.sin(3.0 * knots + 0.4)
     for angle in (0.1, 3.0, -7.0, 6.28):
-        found = periodic_mean(values, sums_of(values), 0, values.size, angle, turned)
+        found, _ = law_value(values, sums_of(values), 0, values.size, arc(values.size, angle, turned))
         ends = np.cos(3.0 * np.array([angle, angle + turned]) + 0.4)
         assert found == pytest.approx((ends[0] - ends[1]) / (3.0 * turned), abs=2.0e-4)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rw_ekf.arrays import BoolArray, Float64Array
+from rw_ekf.arrays import BoolArray, Float64Array, spanning
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 
@@ -64,8 +64,7 @@ def _score_and_information(
     lengths = np.linalg.norm(others, axis=0)
     seen = lengths > 0.0
     rows = np.vstack((others, pull))[:, seen] / lengths[seen]
-    U, sizes, _ = np.linalg.svd(rows, full_matrices=False)
-    basis = U[: r.size, sizes > 1.0e-8 * max(float(sizes.max(initial=0.0)), 1.0e-300)]
+    basis = spanning(rows)[: r.size]
     beside = own - basis @ (basis.T @ own)
     information = beside.T @ own
     return information @ found + beside.T @ r, information

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rw_ekf.arrays import Float64Array, by_identity
+from rw_ekf.arrays import Float64Array, by_identity, spanning
 from rw_ekf.likelihood.fitting import Fit
 from rw_ekf.likelihood.model import prior_rows
 from rw_ekf.likelihood.profile import LEAST_RATIO, noise_term
+from rw_ekf.likelihood.work import basis_units
 
 _RATIOS_BELOW = 6
 
@@ -132,8 +133,8 @@ def basis(A: Float64Array, fit: Fit) -> Float64Array:
     weights = np.linalg.norm(A, axis=0)
     weights[weights == 0.0] = 1.0
     pull = _parameter_rows(fit, A.shape[1])
-    U, sizes, _ = np.linalg.svd(np.vstack((A, pull)) / weights, full_matrices=False)
-    return np.asarray(U[: A.shape[0], sizes > 1.0e-8 * sizes[0]])
+    fit.linearised.record.work.charge(basis_units(*A.shape))
+    return spanning(np.vstack((A, pull)) / weights)[: A.shape[0]]
 
 
 def _parameter_rows(fit: Fit, count: int) -> Float64Array:
