@@ -34,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("model", metavar="MODEL", help="model YAML, as `fit --out`, `diagnose` or a run writes it")
     form = parser.add_mutually_exclusive_group(required=True)
-    form.add_argument("--c", metavar="DIR", help="estimator as C99: folder to write to; files of an export are replaced")
+    form.add_argument(
+        "--c", metavar="DIR", help="estimator as C99: folder to write to; files of an export are replaced"
+    )
     form.add_argument("--fmu", metavar="F", help="wheel as a co-simulation FMU, F ending in .fmu")
     form.add_argument("--matlab", metavar="F", help="wheel as a MATLAB function, F ending in .m")
     form.add_argument("--basilisk", metavar="F", help="parameters of Basilisk's reaction wheel, F ending in .json")

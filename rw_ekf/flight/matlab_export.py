@@ -231,8 +231,9 @@ def _laws(model: PlantModel) -> list[str]:
         values = np.array(term.law.functions[i], dtype=np.float64)
         per = (values.size - 1) / (term.law.last - term.law.first)
         rows = [", ".join(number(float(v)) for v in numbers) for numbers in (values, sums_of(values))]
+        first = number(float(term.law.first))
         lines.append(
-            f"p.law_{len(lines) + 1} = struct('first', {number(float(term.law.first))}, 'per', {number(float(per))}, ..."
+            f"p.law_{len(lines) + 1} = struct('first', {first}, 'per', {number(float(per))}, ..."
             f"\n    'values', [{rows[0]}], ...\n    'sums', [{rows[1]}]);"
         )
     return lines
@@ -274,4 +275,3 @@ def _flow(model: PlantModel, functions: Functions) -> str:
     omega = moved(1);
     state.friction_rad_s2 = moved(2);
 """
-

@@ -10,6 +10,7 @@ import ast
 import builtins
 import inspect
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -39,9 +40,14 @@ end
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "~="}
 _SAME = frozenset(
-    "exp expm1 log log1p sqrt sin cos tan asin acos atan atan2 sinh cosh tanh floor hypot isnan isinf isfinite".split()
+    re.findall(
+        r"\w+",
+        "exp expm1 log log1p sqrt sin cos tan asin acos atan atan2 sinh cosh tanh floor hypot isnan isinf isfinite",
+    )
 )
-_RESERVED = frozenset("end for while if else elseif function return break continue global persistent".split())
+_RESERVED = frozenset(
+    re.findall(r"\w+", "end for while if else elseif function return break continue global persistent")
+)
 _INDENT = "    "
 
 

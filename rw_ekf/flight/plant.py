@@ -118,9 +118,7 @@ def turn(held: Plant, table: EffectTable, stribeck: Stribeck, around: Surroundin
         durations[last] = duration_s
         currents[last] = around.current_A
         held.count[0] = last + 1
-    interval = Interval(
-        from_s, to_s, around.temperature_degC, held.now[ANGLE_RAD], 0, last, last + 1, around.columns
-    )
+    interval = Interval(from_s, to_s, around.temperature_degC, held.now[ANGLE_RAD], 0, last, last + 1, around.columns)
     before = held.x[SPEED]
     effect_interval(held.x, table, stribeck, held.pieces, interval, False, held.end, held.end)
     for i in range(table.size):
