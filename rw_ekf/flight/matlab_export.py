@@ -17,6 +17,7 @@ from rw_ekf.logs.atomic import write_text
 from rw_ekf.model import flow, law
 from rw_ekf.model.effect import REFERENCE_DEGC, Term
 from rw_ekf.model.effect_kinds import DelayEffect, StaticEffect, WindowEffect
+from rw_ekf.model.formula_program import formula_size
 from rw_ekf.model.friction import friction
 from rw_ekf.model.law import KINDS, MOST_COLUMNS, sums_of
 from rw_ekf.wheel.dispatch import CURRENT_EFFECTS, MEMORY_EFFECTS
@@ -148,7 +149,7 @@ def remarks_of(model: PlantModel) -> list[str]:
 
 def matlab_text(model: PlantModel, name: str) -> str:
     """The file. Raises BadInputError for an effect that has no MATLAB."""
-    functions = Functions()
+    functions = Functions(never={formula_size: "[NaN, NaN]"})  # models with formulas of one's own are refused
     try:
         parts = {
             "FLOW": _flow(model, functions),

@@ -52,10 +52,14 @@ _INDENT = "    "
 
 
 class Functions:
-    """The functions that are printed so far, by their names."""
+    """The functions that are printed so far, by their names.
 
-    def __init__(self) -> None:
+    never: functions that this model does not call, and what stands in the place of a call.
+    """
+
+    def __init__(self, never: dict[Callable[..., Any], str]) -> None:
         self.texts: dict[str, str] = {}
+        self.never = never
 
     def name_of(self, function: Callable[..., Any]) -> str:
         """Its name in MATLAB; it is printed, with those that it calls, where it is not yet."""
@@ -235,6 +239,8 @@ class _Printer:
             return f"[{', '.join(given)}]"
         if not inspect.isfunction(callee):
             raise self._fail(node)
+        if callee in self.functions.never:
+            return self.functions.never[callee]
         rest = list(inspect.signature(callee).parameters.values())[len(given) :]
         return f"{self.functions.name_of(callee)}({', '.join([*given, *(number(p.default) for p in rest)])})"
 
