@@ -24,6 +24,7 @@ from rw_ekf.wheel.pieces import stribeck_of
 
 BASILISK_SCHEMA = "rw_ekf.export_basilisk/1"
 _COMPARED = (0.1, 0.5, 1.0, 2.0, 5.0, 20.0)  # Stribeck speeds at which both frictions are written down
+_UNLIMITED = -1.0  # as Basilisk's own factory says it
 # Integral of g(v/omega_s) over v from rest, in Stribeck speeds: what the excess over Coulomb friction takes from a
 # wheel that gathers speed evenly.
 _GAUSS_AREA, _TUSTIN_AREA, _LORENTZ_AREA = 0.5 * math.sqrt(math.pi), 1.0, 0.5 * math.pi
@@ -61,9 +62,8 @@ def basilisk_document(model: PlantModel, most_current_A: float | None) -> dict[s
         "betaStatic": beta,
         "cViscous": inertia * b,
         "useMaxTorque": most_current_A is not None,
+        "u_max": _UNLIMITED if most_current_A is None else inertia * abs(k) * most_current_A,
     }
-    if most_current_A is not None:
-        made["u_max"] = inertia * abs(k) * most_current_A
     return {
         "schema": BASILISK_SCHEMA,
         "model": model.name,

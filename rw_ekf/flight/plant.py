@@ -63,7 +63,7 @@ def reach_s(x: Any, table: EffectTable) -> float:
     return reach
 
 
-def begin(held: Plant, table: EffectTable, time_s: float) -> bool:
+def begin(held: Plant, table: EffectTable, time_s: float) -> None:
     """Set the clock. Until now there was no current: what a delay or a window looks back at is 0."""
     reach = reach_s(held.x, table) + 1.0
     held.now[TIME_S] = time_s
@@ -71,7 +71,6 @@ def begin(held: Plant, table: EffectTable, time_s: float) -> bool:
     held.pieces.duration_s[0] = reach
     held.pieces.current_A[0] = 0.0
     held.count[0] = 1
-    return True
 
 
 def _forget(held: Plant, table: EffectTable, time_s: float) -> bool:

@@ -6,7 +6,7 @@
 
 #include "model.h"
 
-#define PARTS_MOST 1.0e9 /* of one step: an int counts them */
+#define PARTS_MOST 1.0e6 /* of one step: a day at 10 Hz; more is a slip of units, and would seem to hang */
 
 void rw_instance_begin(struct rw_kept *kept)
 {
@@ -27,7 +27,7 @@ rw_fault rw_instance_initialized(struct rw_kept *kept)
     if (!isfinite(kept->start_s)) {
         return "the start time is no finite number";
     }
-    (void)rw_wheel_begin(&kept->wheel, kept->start_s);
+    rw_wheel_begin(&kept->wheel, kept->start_s);
     kept->mode = RW_STEPPING;
     return NULL;
 }
@@ -104,7 +104,7 @@ rw_fault rw_instance_step(struct rw_kept *kept, double from_s, double duration_s
     /* The model's effects are taken as straight over a step: none is longer than the readings were apart. */
     parts = fmax(ceil(duration_s / RW_LONGEST_STEP_S - 1.0e-9), 1.0);
     if (parts > PARTS_MOST) {
-        return "the step is longer than a billion steps of the model";
+        return "the step is longer than a million steps of the model";
     }
     for (int i = 0; i < (int)parts; ++i) {
         kept->wheel.now[0] = from_s + duration_s * (double)i / parts;
