@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.filter.constants import DEFAULT_ACCELERATION_NOISE, DEFAULT_SPEED_NOISE_RAD_S
-    from rw_ekf.starting_point import setup_of_configuration, setup_of_model
+    from rw_ekf.starting_point import belief_of_model, setup_of_configuration, setup_of_model
 
     form = next(name for name in ("c", "fmu", "matlab", "basilisk") if getattr(args, name) is not None)
     _check(args, form)
@@ -67,7 +68,11 @@ def execute(args: argparse.Namespace) -> int:
         setup = setup_of_model(model, DEFAULT_SPEED_NOISE_RAD_S, DEFAULT_ACCELERATION_NOISE, period_s)
     for remark in model.remarks:
         sys.stderr.write(f"warning: {remark}\n")
-    found, text = _as_c(args, setup, period_s) if form == "c" else _as_wheel(args, form, setup, period_s, configuration)
+    if form == "c":
+        found, text = _as_c(args, setup, period_s)
+    else:
+        setup = replace(setup, prior=belief_of_model(model))  # its own numbers, whatever the filter is to start from
+        found, text = _as_wheel(args, form, setup, period_s, configuration)
     if args.json:
         from rw_ekf.json_output import print_json
 

@@ -28,6 +28,10 @@ _BASES: dict[str, dict[str, str]] = {
     "N.m": {"kg": "1", "m": "2", "s": "-2"},
     "degC": {"K": "1", "offset": "273.15"},
 }
+_OWN_NAMES = (
+    "time", "current_A", "temperature_degC", "speed_rad_s", "angle_rad", "friction_rad_s2", "friction_torque_N_m",
+    "inertia_kg_m2",
+)  # fmt: skip
 _PARAMETER_WORDS = {
     "motor_gain": "acceleration per ampere",
     "viscous": "viscous friction per inertia",
@@ -66,9 +70,10 @@ def variables_of(model: PlantModel) -> list[Variable]:
     if model.has_temperature:
         words = "temperature that effects are functions of"
         found.append(Variable("temperature_degC", TEMPERATURE, "input", "degC", words, REFERENCE_DEGC))
-    taken = {"current_A", "temperature_degC", "speed_rad_s", "angle_rad"}
+    taken = {*_OWN_NAMES, *model.state_names}
     for slot, column in enumerate(model.columns):
-        name = f"column_{column.name}" if column.name in taken else column.name
+        name = f"column_{slot + 1}_{column.name}" if column.name in taken else column.name
+        taken.add(name)
         words = "column of the log that a learned law is a function of, in its unit"
         found.append(Variable(name, COLUMN + slot, "input", "", words, column.start))
     found += [

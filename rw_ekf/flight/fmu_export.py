@@ -100,29 +100,31 @@ def sources_of(model: PlantModel, identifier: str, version: Version) -> dict[str
     return {"modelDescription.xml": description(model, identifier, token, version, compiled_files), **found}
 
 
-def compiler_of_system() -> str | None:
-    """What CC names, else `cc`; None where there is none."""
-    return shutil.which(os.environ.get("CC") or "cc")
+def compiler_of_system() -> list[str] | None:
+    """The command that CC names, else `cc`; None where there is none."""
+    named = (os.environ.get("CC") or "cc").split()  # as make has it: "ccache gcc"
+    return named if named and shutil.which(named[0]) is not None else None
 
 
-def compiled(files: dict[str, str], compiler: str, version: Version) -> bytes:
+def compiled(files: dict[str, str], compiler: list[str], version: Version) -> bytes:
     """The library. Raises BadInputError with what the compiler says."""
     sources = [*_WHEEL, f"fmi{version}.c"]
     with tempfile.TemporaryDirectory() as place:
         for name, text in files.items():
             if name.startswith("sources/"):
                 (Path(place) / Path(name).name).write_text(text)
-        command = [compiler, *_COMPILED, *sources, "-o", "wheel.library", "-lm"]
+        named = " ".join(compiler)
+        command = [*compiler, *_COMPILED, *sources, "-o", "wheel.library", "-lm"]
         try:
             done = subprocess.run(
                 command, cwd=place, capture_output=True, text=True, errors="replace", check=False, timeout=_LONGEST_S
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise BadInputError(f"the compiler {compiler} did not do its work: {error}: name another with CC") from None
+            raise BadInputError(f"the compiler {named} did not do its work: {error}: name another with CC") from None
         library = Path(place) / "wheel.library"
         if done.returncode != 0 or not library.exists():
             said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-            raise BadInputError(f"the compiler {compiler} failed: {said or 'it says nothing'}: name another with CC")
+            raise BadInputError(f"the compiler {named} failed: {said or 'it says nothing'}: name another with CC")
         return library.read_bytes()
 
 

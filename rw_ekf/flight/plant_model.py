@@ -56,7 +56,7 @@ class PlantModel:
         """By their slots."""
         laws = [term.law for term in self.effects.terms if term.law is not None and term.law.column]
         return tuple(
-            Column(name, next(0.5 * (law.first + law.last) for law in laws if law.column == name))
+            Column(_printable(name), next(0.5 * (law.first + law.last) for law in laws if law.column == name))
             for name in self.effects.columns
         )
 
@@ -90,4 +90,9 @@ def plant_model(setup: FilterSetup, name: str, period_s: float, inertia_kg_m2: f
     inertia = inertia_kg_m2
     if inertia is None and setup.inertia_from != ASSUMED:
         inertia = setup.inertia_kg_m2
-    return PlantModel(name, x, setup.constants.stribeck, setup.effects, inertia, period_s)
+    return PlantModel(_printable(name), x, setup.constants.stribeck, setup.effects, inertia, period_s)
+
+
+def _printable(name: str) -> str:
+    """A name from outside without what neither XML nor a line of comment can hold."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name)

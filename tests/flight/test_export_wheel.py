@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -25,6 +27,7 @@ from tests.flight.wheel_runs import wheel_model
 _FORMS = [("--fmu", "wheel.fmu"), ("--matlab", "wheel.m"), ("--basilisk", "wheel.json")]
 _CONFIG = """wheel: {port: /dev/ttyUSB0, stribeck_speed_rpm: 4.0, inertia_kg_m2: 2.0e-3}
 limits: {current_A: 0.5, speed_rpm: 3000}
+filter: {prior: {coulomb: {value: 0.9, std: 0.1}}}
 """
 
 
@@ -62,6 +65,21 @@ def test_a_formula_of_ones_own_is_refused(
     assert "eddy is a formula of your own" in told
     assert len(told.splitlines()) == 1
     assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(("option", "name"), _FORMS)
+def test_a_name_of_a_model_that_is_no_text(option: str, name: str, tmp_path: Path) -> None:
+    """Bytes that are no UTF-8, a new line, signs of XML: the export is as any other."""
+    odd = tmp_path / os.fsdecode(b"a\xf6\n<&>*.yaml")
+    model_file(tmp_path).rename(odd)
+    more = [] if option == "--matlab" else ["--inertia-kg-m2", "1e-3"]
+    assert main(["export-model", str(odd), option, str(tmp_path / name), *more]) == 0
+    assert (tmp_path / name).stat().st_size > 0
+    if option == "--fmu":
+        read = zipfile.ZipFile(tmp_path / name).read("modelDescription.xml")
+        assert "a??<&>*.yaml" in ElementTree.fromstring(read).attrib["description"]
+    if option == "--matlab":
+        assert "%WHEEL Reaction wheel of the model a??<&>*.yaml" in (tmp_path / name).read_text()
 
 
 @pytest.mark.parametrize(
@@ -114,7 +132,7 @@ def test_without_a_compiler_it_says_so(
 
 
 def test_a_configuration_gives_inertia_and_largest_current(tmp_path: Path) -> None:
-    """And so the largest torque; the command line's inertia counts before it."""
+    """And so the largest torque; the command line's inertia counts before it, and the friction is the model's."""
     config = tmp_path / "config.yaml"
     config.write_text(_CONFIG)
     out = tmp_path / "wheel.json"
@@ -122,6 +140,7 @@ def test_a_configuration_gives_inertia_and_largest_current(tmp_path: Path) -> No
     made = json.loads(out.read_text())["create"]
     assert made["Js"] == 2.0e-3
     assert made["useMaxTorque"] is True
+    assert made["fCoulomb"] == pytest.approx(2.0e-3 * 0.5863)
     assert made["u_max"] == pytest.approx(2.0e-3 * 15.205 * 0.5)
     assert _run(tmp_path, "--basilisk", str(out), "--config", str(config), "--inertia-kg-m2", "1e-3") == 0
     assert json.loads(out.read_text())["create"]["Js"] == 1.0e-3

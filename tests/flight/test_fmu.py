@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -225,6 +226,16 @@ def test_starts_and_parameters_can_be_set_and_a_torque_read(tmp_path: Path) -> N
     assert speed == pytest.approx(50.0 - 12.0, rel=1.0e-12)
     assert friction == pytest.approx(1.2, rel=1.0e-12)
     assert torque == pytest.approx(2.4e-3, rel=1.0e-12)
+
+
+def test_a_column_with_the_name_of_another_variable_gets_one_of_its_own(tmp_path: Path) -> None:
+    """Names in an FMU are there once: a law of a column `coulomb` does not meet the parameter."""
+    (term,) = column_law().terms
+    assert term.law is not None
+    effects = EffectSet((replace(term, law=replace(term.law, column="coulomb")),))
+    wheel = Simulated(_exported(tmp_path, wheel_model(effects)), {"column_1_coulomb": 2.0, "coulomb": 0.5})
+    assert wheel.get("column_1_coulomb", "coulomb") == [2.0, 0.5]
+    wheel.close()
 
 
 def test_a_long_step_is_cut_into_steps_of_the_model(tmp_path: Path) -> None:
