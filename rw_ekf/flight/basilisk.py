@@ -6,6 +6,7 @@ torque of a wheel that gathers speed from rest is
     sqrt(2 e) (fStatic - fCoulomb) exp(-x^2/2) x/sqrt(2) + fCoulomb tanh(10 x) + cViscous Omega
 
 and otherwise sgn(Omega) fCoulomb + cViscous Omega; below omegaLimitCycle, 1e-4 rad/s, it is in proportion to Omega.
+tests/flight/test_basilisk.py holds `basilisk_friction` against Basilisk itself, where it is installed.
 """
 
 from __future__ import annotations
@@ -98,8 +99,8 @@ def _compared(made: dict[str, Any], bcs: tuple[float, float, float], curve: Any,
 def not_carried(model: PlantModel, most_current_A: float | None) -> list[str]:
     """What Basilisk's wheel does not do as the model does, in sentences without a stop."""
     found = [
-        "rest: Basilisk's wheel is never held, below omegaLimitCycle (1e-4 rad/s) its friction is in proportion to the "
-        "speed, and it creeps where the model's sticks until the drive exceeds break-away friction",
+        "rest: Basilisk's wheel is never held, its friction is 0 at rest; under a drive below break-away friction, "
+        "where the model's wheel sticks, it creeps at the speed, below betaStatic, at which its friction is as large",
         "the Stribeck curve: the model's friction is largest at rest and falls, Basilisk's is 0 at rest, rises to "
         "fStatic at betaStatic and falls from there; betaStatic gives what exceeds Coulomb friction the same integral "
         "over the speed (`compared` has both frictions)",

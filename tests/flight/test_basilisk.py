@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from scipy.integrate import quad
 
@@ -95,3 +96,47 @@ def test_without_an_inertia_there_are_no_torques() -> None:
     """A sentence that says how to give it."""
     with pytest.raises(BadInputError, match="--inertia-kg-m2"):
         basilisk_document(wheel_model(), None)
+
+
+def _in_basilisk(made: dict[str, Any], torque_N_m: float, speed_rad_s: float, until_s: float) -> Any:
+    """Speeds and friction torques every millisecond, (n, 2), of a wheel on a body that hardly moves."""
+    from Basilisk.architecture import messaging
+    from Basilisk.simulation import reactionWheelStateEffector, spacecraft
+    from Basilisk.utilities import SimulationBaseClass, macros, simIncludeRW
+
+    run = SimulationBaseClass.SimBaseClass()
+    run.CreateNewProcess("process").addTask(run.CreateNewTask("task", macros.sec2nano(1.0e-3)))
+    body = spacecraft.Spacecraft()
+    body.hub.mHub = 1.0e6
+    body.hub.IHubPntBc_B = (1.0e12 * np.eye(3)).tolist()
+    factory = simIncludeRW.rwFactory()
+    factory.create("custom", [1.0, 0.0, 0.0], Omega=speed_rad_s / macros.RPM, **made)
+    wheels = reactionWheelStateEffector.ReactionWheelStateEffector()
+    factory.addToSpacecraft("wheels", wheels, body)
+    command = messaging.ArrayMotorTorqueMsgPayload()
+    command.motorTorque = [torque_N_m]
+    told = messaging.ArrayMotorTorqueMsg().write(command)
+    wheels.rwMotorCmdInMsg.subscribeTo(told)
+    record = wheels.rwOutMsgs[0].recorder()
+    for part in (body, wheels, record):
+        run.AddModelToTask("task", part)
+    run.InitializeSimulation()
+    run.ConfigureStopTime(macros.sec2nano(until_s))
+    run.ExecuteSimulation()
+    return np.column_stack([record.Omega, record.frictionTorque])
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of its SWIG wrappers
+def test_basilisk_itself_takes_the_numbers_and_has_this_friction() -> None:
+    """From rest, coasting down, and under a torque that the model's wheel sticks at: there it creeps, as is said."""
+    pytest.importorskip("Basilisk")
+    made = basilisk_document(wheel_model(inertia_kg_m2=_J), 0.5)["create"]
+    torques = {"from rest": (1.2e-3, 0.0), "coasting": (0.0, 1.0), "held": (0.5e-3, 0.0)}
+    for name, (torque, begin) in torques.items():
+        speed, friction_torque = _in_basilisk(made, torque, begin, 1.5).T
+        expected = [-basilisk_friction(made, float(v), from_rest=begin == 0.0) for v in speed[100:]]
+        slack = 4.0e-6 if name == "coasting" else 1.0e-7  # it tells the friction of the last stage of its step
+        assert friction_torque[100:] == pytest.approx(expected, rel=slack), name
+    assert made["fStatic"] > 0.5e-3
+    assert speed[-1] == pytest.approx(speed[-500], rel=1.0e-6)
+    assert 1.0e-3 < speed[-1] < made["betaStatic"]
