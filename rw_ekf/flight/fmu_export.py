@@ -87,7 +87,10 @@ def sources_of(model: PlantModel, identifier: str, version: Version) -> dict[str
     texts = {
         "wheel.h": plant_header(program, wheel, origin),
         "wheel.c": plant_source(program, wheel, origin),
-        **{name: (_GLUE / name).read_text() for name in ("instance.h", "instance.c", f"{glue}_types.h", f"{glue}.c")},
+        **{
+            name: (_GLUE / name).read_text(encoding="utf-8")
+            for name in ("instance.h", "instance.c", f"{glue}_types.h", f"{glue}.c")
+        },
     }
     compiled_files = (*_WHEEL, f"{glue}.c")
     numbers = _numbers(model)
@@ -108,24 +111,23 @@ def compiler_of_system() -> list[str] | None:
 
 def compiled(files: dict[str, str], compiler: list[str], version: Version) -> bytes:
     """The library. Raises BadInputError with what the compiler says."""
-    sources = [*_WHEEL, f"fmi{version}.c"]
-    with tempfile.TemporaryDirectory() as place:
-        for name, text in files.items():
-            if name.startswith("sources/"):
-                (Path(place) / Path(name).name).write_text(text)
-        named = " ".join(compiler)
-        command = [*compiler, *_COMPILED, *sources, "-o", "wheel.library", "-lm"]
-        try:
+    named = " ".join(compiler)
+    command = [*compiler, *_COMPILED, *_WHEEL, f"fmi{version}.c", "-o", "wheel.library", "-lm"]
+    try:
+        with tempfile.TemporaryDirectory() as place:
+            for name, text in files.items():
+                if name.startswith("sources/"):
+                    (Path(place) / Path(name).name).write_text(text, encoding="utf-8")
             done = subprocess.run(
                 command, cwd=place, capture_output=True, text=True, errors="replace", check=False, timeout=_LONGEST_S
             )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise BadInputError(f"the compiler {named} did not do its work: {error}: name another with CC") from None
-        library = Path(place) / "wheel.library"
-        if done.returncode != 0 or not library.exists():
-            said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-            raise BadInputError(f"the compiler {named} failed: {said or 'it says nothing'}: name another with CC")
-        return library.read_bytes()
+            library = Path(place) / "wheel.library"
+            if done.returncode == 0 and library.exists():
+                return library.read_bytes()
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise BadInputError(f"the compiler {named} did not do its work: {error}: name another with CC") from None
+    said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
+    raise BadInputError(f"the compiler {named} failed: {said or 'it says nothing'}: name another with CC")
 
 
 def _identifier(path: Path) -> str:

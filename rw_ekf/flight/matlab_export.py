@@ -11,7 +11,7 @@ import numpy as np
 from rw_ekf import __version__
 from rw_ekf.errors import BadInputError
 from rw_ekf.flight.c_types import NotPrintableError
-from rw_ekf.flight.matlab_functions import HELPERS, Functions, number
+from rw_ekf.flight.matlab_functions import SMALL_FUNCTIONS, Functions, number
 from rw_ekf.flight.plant_model import PlantModel
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.model import flow, law
@@ -188,7 +188,7 @@ def matlab_text(model: PlantModel, name: str) -> str:
         "NAME": name,
     }
     text = re.sub(rf"\b({'|'.join(parts)})\b", lambda found: parts[found[1]], _MAIN)
-    return f"{text}\n{functions.text}\n{HELPERS}"
+    return f"{text}\n{functions.text}\n{SMALL_FUNCTIONS}"
 
 
 def _state(model: PlantModel, at: int) -> str:

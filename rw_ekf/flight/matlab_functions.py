@@ -1,7 +1,7 @@
 """Scalar functions of Python as functions of MATLAB: tuples are rows, and whatever is called comes along.
 
 For the equations of `rw_ekf.model` and of effects alone, which import only `math`: anything else is refused by name.
-What MATLAB has no word for (a choice within an expression, an element of a result) are small functions, `HELPERS`.
+What MATLAB has no word for (a choice within an expression, an element of a result) are small functions, `SMALL_FUNCTIONS`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rw_ekf.flight.c_types import NotPrintableError
 from rw_ekf.flight.python_source import source_of
 from rw_ekf.model.friction import FrictionCurve
 
-HELPERS = """function value = at_(row, place)
+SMALL_FUNCTIONS = """function value = at_(row, place)
 value = row(place);
 end
 

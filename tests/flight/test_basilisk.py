@@ -105,7 +105,7 @@ def _in_basilisk(made: dict[str, Any], torque_N_m: float, speed_rad_s: float, un
     from Basilisk.utilities import SimulationBaseClass, macros, simIncludeRW
 
     run = SimulationBaseClass.SimBaseClass()
-    run.CreateNewProcess("process").addTask(run.CreateNewTask("task", macros.sec2nano(1.0e-3)))
+    run.CreateNewProcess("process").addTask(run.CreateNewTask("steps", macros.sec2nano(1.0e-3)))
     body = spacecraft.Spacecraft()
     body.hub.mHub = 1.0e6
     body.hub.IHubPntBc_B = (1.0e12 * np.eye(3)).tolist()
@@ -119,7 +119,7 @@ def _in_basilisk(made: dict[str, Any], torque_N_m: float, speed_rad_s: float, un
     wheels.rwMotorCmdInMsg.subscribeTo(told)
     record = wheels.rwOutMsgs[0].recorder()
     for part in (body, wheels, record):
-        run.AddModelToTask("task", part)
+        run.AddModelToTask("steps", part)
     run.InitializeSimulation()
     run.ConfigureStopTime(macros.sec2nano(until_s))
     run.ExecuteSimulation()
