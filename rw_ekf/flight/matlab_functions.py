@@ -1,7 +1,7 @@
 """Scalar functions of Python as functions of MATLAB: tuples are rows, and whatever is called comes along.
 
 For the equations of `rw_ekf.model` and of effects alone, which import only `math`: anything else is refused by name.
-What MATLAB has no word for (a choice within an expression, an element of a result) are small functions, `SMALL_FUNCTIONS`.
+What MATLAB has no word for (a choice within an expression, an element of a result) is in `SMALL_FUNCTIONS`.
 """
 
 from __future__ import annotations
