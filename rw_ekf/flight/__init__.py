@@ -1,1 +1,1 @@
-"""The estimator for a flight computer: the filter's own functions printed as C99, and what belongs beside them."""
+"""The estimator for a flight computer: the filter's own functions printed as C99; and the wheel for simulations."""

@@ -273,6 +273,9 @@ class Scope:
         for part in node.args:
             if isinstance(part, ast.Starred):
                 whole = self.value(part.value)
+                if whole.is_known and isinstance(whole.known, tuple):
+                    given += [self.program.of_known(value, "") for value in whole.known]
+                    continue
                 assert isinstance(whole.type, Struct)
                 domains = self.program.domains
                 given += [Value(member_code(whole, n), of, domain=domains.get(n)) for n, of in whole.type.members]

@@ -72,10 +72,7 @@ def printed(estimator: Estimator, *, single: bool) -> Program:
 
 def header(program: Program, estimator: Estimator, origin: str) -> str:
     """rw_ekf.h."""
-    public = [found for found in program.reached() if found.public]
-    needed = _structures_of(public)
     states = "\n".join(f"#define RW_EKF_{name.upper()} {i}" for i, name in enumerate(estimator.names))
-    prototypes = "\n".join("\n".join([*found.comment, f"{found.head};\n"]) for found in public)
     return f"""/* {origin} */
 #ifndef RW_EKF_H
 #define RW_EKF_H
@@ -89,30 +86,53 @@ typedef {"float" if program.single else "double"} rw_real;
 /* Places in `x`, and in the rows and columns of `P`. */
 {states}
 
-{"".join(_structure(program, name) for name in program.structs if name in needed)}
+{public_structures(program)}
 /* Begin; before anything else, and again to begin anew. */
 void rw_ekf_start(struct rw_onboard *held);
 
 /* Begin predictive crossing; once, before its first current. */
 void rw_ekf_crossing_start(struct rw_crossing *crossing);
 
-{prototypes}
+{prototypes(program)}
 #endif
 """
 
 
 def source(program: Program, estimator: Estimator, origin: str) -> str:
     """rw_ekf.c."""
+    start = start_of(program, "rw_ekf_start", "held", estimator.held)
+    start += "\n" + start_of(program, "rw_ekf_crossing_start", "crossing", estimator.crossing)
+    return f"""/* {origin} */
+#include "rw_ekf.h"
+
+{definitions(program, start)}"""
+
+
+def _public(program: Program) -> list[Printed]:
+    return [found for found in program.reached() if found.public]
+
+
+def public_structures(program: Program) -> str:
+    """The structures that functions for others take and give."""
+    needed = _structures_of(_public(program))
+    return "".join(_structure(program, name) for name in program.structs if name in needed)
+
+
+def prototypes(program: Program) -> str:
+    """The functions for others."""
+    return "\n".join("\n".join([*found.comment, f"{found.head};\n"]) for found in _public(program))
+
+
+def definitions(program: Program, start: str) -> str:
+    """All that a program is made of but what its header has; start: functions that fill its memory."""
     functions = program.reached()
     text = "\n".join("\n".join(found.lines) for found in functions)
-    start = _start(program, "rw_ekf_start", "held", estimator.held)
-    start += "\n" + _start(program, "rw_ekf_crossing_start", "crossing", estimator.crossing)
     tables = "".join(
         f"static const {_numbers(program, name, value, of)}\n"
         for name, value, of in program.arrays.values()
         if isinstance(of, Array) and re.search(rf"\b{name}\b", text)
     )
-    inner = program.structs.keys() - _structures_of([found for found in functions if found.public])
+    inner = program.structs.keys() - _structures_of(_public(program))
     structures = "".join(_structure(program, name) for name in program.structs if name in inner and name in text)
     builtins = "\n".join(body for name, body in program.builtins.items() if f"{name}(" in text)
     macros = "".join(
@@ -120,10 +140,7 @@ def source(program: Program, estimator: Estimator, origin: str) -> str:
         for name, (code, comment) in sorted(program.macros.items())
         if re.search(rf"\b{name}\b", text)
     )
-    return f"""/* {origin} */
-#include "rw_ekf.h"
-
-#include <math.h>
+    return f"""#include <math.h>
 
 {macros}
 {structures}{tables}
@@ -174,7 +191,7 @@ def _numbers(program: Program, name: str, value: Any, of: Array) -> str:
     return f"{of.embedded(name)} = {{\n{inner}\n}};"
 
 
-def _start(program: Program, name: str, argument: str, example: Any) -> str:
+def start_of(program: Program, name: str, argument: str, example: Any) -> str:
     """A function that makes all that is held what it is in an example."""
     tables: list[str] = []
     lines: list[str] = []

@@ -14,6 +14,7 @@ from rw_ekf.flight.c_statements import Body
 from rw_ekf.flight.c_stores import assigned_names
 from rw_ekf.flight.c_types import (
     ATOM,
+    BOOL,
     CLOCK,
     INT,
     REAL,
@@ -63,16 +64,18 @@ class Program(Names):
 
     def __init__(
         self, *, single: bool, clocks: frozenset[str], bounds: Mapping[str, int], whiles: Mapping[str, tuple[int, ...]],
-        domains: Mapping[str, frozenset[int]],
+        domains: Mapping[str, frozenset[int]], by_flags: bool = False,
     ) -> None:  # fmt: skip
         """bounds: of loops that end at a variable. whiles: turns of each `while` of a function at most, in order.
 
-        The rest as `Names` has it.
+        by_flags: a function that is called with a flag that is known is printed for that flag alone. The rest as
+        `Names` has it.
         """
         super().__init__(single=single, clocks=clocks, domains=domains)
         self.cost = 0
         self.functions: list[Printed] = []
         self._bounds, self._whiles = bounds, whiles
+        self._settled = (None, INT, BOOL) if by_flags else (None, INT)  # types of arguments that need no parameter
         self._made: dict[Any, Printed | None] = {}
         self._calls: list[list[Printed]] = []
 
@@ -129,9 +132,9 @@ class Program(Names):
                 runtime += [part for _, part in open_parts]
                 key.append((name, value.known.function, tuple((of.code, of.type, id(of.known)) for of in parts)))
                 continue
-            if value.is_known and (value.type is None or value.type == INT) and name not in changed:
+            if value.is_known and value.type in self._settled and name not in changed:
                 names[name] = value
-                key.append((name, value.known if value.type == INT else id(value.known)))
+                key.append((name, id(value.known) if value.type is None else value.known))
                 continue
             value = self.whole(value)
             of = value.type

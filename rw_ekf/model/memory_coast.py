@@ -68,7 +68,7 @@ def _slide(
     if not (abs(gains) < _GENTLE and abs(jolt) < _GENTLE and abs(b) * fades < _GENTLE and abs(b) * h < _STEADY):
         return False, v, c + excess
     moved = jolt * (h + fades * math.expm1(-h / fades))
-    turned = 0.5 * (v + free) / v * h - slope / v * b * h**3 / 12.0 + moved  # in units of v [s]
+    turned = 0.5 * (v + free) / v * h - slope / v * b * (h * h * h) / 12.0 + moved  # in units of v [s]
     angle = turned / fades
     left = math.exp(-angle)
     gone = 1.0 - left
@@ -79,7 +79,7 @@ def _slide(
     faded = math.exp(-b * h)
     end = free - faded * (1.0 - kappa * b) * impulse - kappa * excess * (left - faded)
     gains, jolt, braked = abs(gains), abs(jolt), abs(b) * fades
-    omitted = fades * (jolt * jolt + jolt * gains + 15.0 * gains**3 + braked * (braked + gains + jolt))
+    omitted = fades * (jolt * jolt + jolt * gains + 15.0 * (gains * gains * gains) + braked * (braked + gains + jolt))
     omitted += (kappa + fades) * left * abs(moved) / fades * (gains + jolt + abs(b) * h)
     exact = abs(excess) * omitted < TOLERANCE * max(omega_s, 0.01 * v)
     return exact and min(v, free) - abs(excess) * (kappa + fades) >= far, end, c + excess * left

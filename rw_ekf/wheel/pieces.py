@@ -20,6 +20,7 @@ _STEP = 1.0e-3  # of a friction or the Stribeck speed, in differences over one p
 _LEAST_VISCOUS_STEP = 1.0e-6  # 1/s
 _COEFFICIENT_STEP = 1.0e-3
 _INPUTS = 7  # of a flow with a memory: speed, memory, drive, b, c, s, the effect's coefficient
+_LEAST_SHAPE = 0.05  # of the model's Stribeck speed, that an effect's is at least
 _LAG_STEPS = 8  # a step of a lagging current is half a time constant, or this share of what is left
 
 
@@ -123,7 +124,7 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
 def stribeck_of(x: Any, table: EffectTable, stribeck: Stribeck) -> Stribeck:
     """The Stribeck curve in force: the model's, unless an effect has another."""
     if table.stribeck_at >= 0:
-        return Stribeck(max(x[table.stribeck_at], 0.05 * stribeck.omega_s), table.stribeck_law)
+        return Stribeck(max(x[table.stribeck_at], _LEAST_SHAPE * stribeck.omega_s), table.stribeck_law)
     return stribeck
 
 

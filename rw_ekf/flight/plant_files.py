@@ -1,0 +1,80 @@
+"""wheel.h and wheel.c: the wheel of a model, printed from the functions that the estimator predicts with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rw_ekf.flight import plant
+from rw_ekf.flight.c_files import definitions, prototypes, public_structures, start_of
+from rw_ekf.flight.c_program import Program
+from rw_ekf.flight.c_types import ATOM, Scalar, Value
+from rw_ekf.model.friction import Stribeck
+from rw_ekf.wheel.effect_table import EffectTable
+
+# A step of a lagging current is an eighth of what is left until that is four time constants: 300 lead past the
+# smallest part of a step that a double can tell from nothing (8/7 to the power of 277 is 1e16).
+_LAG_TURNS = 320
+
+
+@dataclass(frozen=True)
+class PrintedPlant:
+    """What is printed of a wheel."""
+
+    held: plant.Plant
+    table: EffectTable
+    stribeck: Stribeck
+
+    @property
+    def room(self) -> int:
+        """Pieces of current that it remembers."""
+        return int(self.held.pieces.begin_s.size)
+
+
+def printed_plant(of: PrintedPlant) -> Program:
+    """The program; raises NotPrintableError for what has no C."""
+    laws = {of.stribeck.law}
+    if of.table.stribeck_at >= 0:
+        laws.add(of.table.stribeck_law)
+    whiles = {"effect_interval": (of.room, of.room + 1, _LAG_TURNS), "rounding": (of.room,)}
+    domains = {"law": frozenset(laws)}
+    program = Program(single=False, clocks=frozenset(), bounds={}, whiles=whiles, domains=domains, by_flags=True)
+    held = Value("held", program.hold(of.held), by_address=True)
+    program.name_known(of.stribeck, "stribeck")
+    program.name_known(of.table, "effects")
+    table, stribeck = Value("", None, ATOM, of.table), Value("", None, ATOM, of.stribeck)
+    around = Value("around", program.structure(plant.Surroundings))
+    amount = Value("", Scalar("real"))
+    program.entry(plant.begin, "rw_wheel_begin", [held, table, amount])
+    program.entry(plant.turn, "rw_wheel_turn", [held, table, stribeck, around, amount])
+    program.entry(plant.friction_now, "rw_wheel_friction", [held, table, stribeck, around])
+    return program
+
+
+def plant_header(program: Program, of: PrintedPlant, origin: str) -> str:
+    """wheel.h."""
+    return f"""/* {origin} */
+#ifndef RW_WHEEL_H
+#define RW_WHEEL_H
+
+#include <stdbool.h>
+
+typedef double rw_real;
+
+#define RW_WHEEL_STATES {of.held.x.size}
+
+{public_structures(program)}
+/* What a wheel of this model begins with; before anything else. */
+void rw_wheel_start(struct rw_plant *held);
+
+{prototypes(program)}
+#endif
+"""
+
+
+def plant_source(program: Program, of: PrintedPlant, origin: str) -> str:
+    """wheel.c."""
+    start = start_of(program, "rw_wheel_start", "held", of.held)
+    return f"""/* {origin} */
+#include "wheel.h"
+
+{definitions(program, start)}"""
