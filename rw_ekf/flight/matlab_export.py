@@ -211,15 +211,16 @@ def _terms(model: PlantModel, functions: Functions) -> list[str]:
     for term, i, field in _placed(model):
         if term.law is not None:
             count += 1
-            called = [
-                functions.name_of(one) for one in (law.law_place, law.law_value, law.law_contribution, law.motion)
-            ]
             of, size, kind = f"p.law_{count}", len(term.law.functions[i]), KINDS.index(term.law.acts_as)
+            place, value, contribution, motion = (
+                functions.name_of(one) for one in (law.law_place, law.law_value, law.law_contribution, law.motion)
+            )
             laws += [
-                f"    place = {called[0]}({size}, {of}.first, {of}.per, {term.law.over}, ...\n",
+                f"    place = {place}({size}, {of}.first, {of}.per, {term.law.over}, ...\n",
                 f"        {_AT}, state.columns);\n",
-                f"    value = p.{field} * {called[1]}({of}.values, {of}.sums, 0, {size}, place);\n",
-                f"    terms = terms + {called[2]}({kind}, value(1), value(2), {called[3]}(omega, amperes), omega, amperes);\n",
+                f"    value = p.{field} * {value}({of}.values, {of}.sums, 0, {size}, place);\n",
+                f"    terms = terms + {contribution}({kind}, value(1), value(2), {motion}(omega, amperes), ...\n",
+                "        omega, amperes);\n",
             ]
         elif issubclass(term.effect, StaticEffect):
             called = functions.name_of(term.effect.contribution)
