@@ -133,9 +133,7 @@ class RawTable:
         """Set the segments apart from those of other tables, where there are any: rows are missing before the first."""
         index = self.index_of("segment")
         if index is not None:
-            import pyarrow as pa
-
-            self.columns[index] = pa.array(self.floats(index) + _SEGMENTS * number)
+            self.columns[index] = self.floats(index) + _SEGMENTS * number
 
     def reversed(self) -> RawTable:
         """The rows from the last to the first."""
