@@ -35,7 +35,7 @@ def execute(args: argparse.Namespace) -> int:
 
     if args.rate_hz is not None and not 0.0 < args.rate_hz <= _FASTEST_HZ:
         raise BadInputError(f"--rate-hz {args.rate_hz:g}: give readings per second, above 0, up to {_FASTEST_HZ:g}")
-    configuration = read_configuration(args.config)
+    configuration = read_configuration(args)
     model = read_wheel_model(args.model, configuration)
     assert model is not None
     if configuration is not None:

@@ -34,7 +34,7 @@ def test_a_shipped_configuration_is_read_by_its_name(
 ) -> None:
     """Proves that every verb's ways to a configuration know the shipped ones in an empty folder, `stop`'s too."""
     monkeypatch.chdir(tmp_path)
-    assert load_configuration(name) == read_line(name).configuration
+    assert load_configuration(name) == read_line(name).wheels[0]
     assert main(["check-config", name]) == 0
 
 
