@@ -77,6 +77,10 @@ class Slot:
         """Somebody was waited for in vain."""
         self._again_s = self.next_s()
 
+    def wake_s(self, time_s: float) -> float:
+        """When whoever waits until a time [s] to ask again had better do so: not before it begins again."""
+        return max(time_s, self._again_s)
+
     def next_s(self) -> float:
         """When it begins next [s], by the clock."""
         return self._origin_s + self.period_s * (self.number() + 1)

@@ -21,13 +21,15 @@ if TYPE_CHECKING:
 CONFIG_HELP = "configuration file, or the name of a shipped one: simulated, example, bus"
 
 
-def add_config_option(parser: argparse.ArgumentParser, what: str = "", *, required: bool = False) -> None:
-    """Add --config; what: it is read for."""
+def add_config_option(
+    parser: argparse.ArgumentParser, what: str = "", *, required: bool = False, one_wheel: bool = True
+) -> None:
+    """Add --config, and --wheel where one wheel of it can be meant; what: it is read for."""
     help_text = f"{CONFIG_HELP}; {what}" if what else CONFIG_HELP
     parser.add_argument("-c", "--config", metavar="F", required=required, help=help_text)
-    parser.add_argument(
-        "--wheel", metavar="NAME", help="of a configuration with several wheels (wheels: [...]) that one"
-    )
+    if one_wheel:
+        what = "of a configuration with several wheels (wheels: [...]) that one"
+        parser.add_argument("--wheel", metavar="NAME", help=what)
 
 
 def duration_s(text: str, *, or_zero: bool = False) -> float:

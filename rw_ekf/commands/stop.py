@@ -23,7 +23,7 @@ _WITHIN_S = 5.0  # a daemon of one wheel ends, from being told
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    add_config_option(parser, "only its line is read", required=True)
+    add_config_option(parser, "only its line is read", required=True, one_wheel=False)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -49,8 +49,8 @@ def execute(args: argparse.Namespace) -> int:
     if not all(confirmed):
         doubts = "".join(f"; {doubt}" for doubt in line.doubts)
         raise DriverError(
-            f"{port}: {_done(report)}zero was sent but {_who(line, confirmed)} confirmed it within {_TRY_S:g} s{doubts}; "
-            "check the port, try again, or cut its power" + _still(report)
+            f"{port}: {_done(report)}zero was sent but {_who(line, confirmed)} confirmed it within {_TRY_S:g} s{doubts}"
+            "; check the port, try again, or cut its power" + _still(report)
         )
     if report.remaining:
         raise DriverError(f"{port}: {_done(report)}zero was sent and confirmed, but does not last" + _still(report))

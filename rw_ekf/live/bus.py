@@ -91,7 +91,6 @@ class Bus:
         self._clock = clock
         self._oversight = oversight
         self._duration_s = duration_s
-        self._meanwhile = _Meanwhile(clock, self._turns_until)
         self._members = [
             _Member(wheel, slot, index, slot.next_s())
             for index, (wheel, slot) in enumerate(zip(wheels, line.slots, strict=True))
@@ -209,10 +208,10 @@ class Bus:
             self._left_s(),
             wheel.logger,
             self._stop,
-            self._meanwhile,
+            _Meanwhile(self._clock, member.slot, self._turns_until),
             Oversight((_Watched(member, self._turned),), wheel.begin_safe),
             None,
-            Place(open_or_take, lambda: self._in_silence(member), member.slot.next_s, wheel.name),
+            Place(open_or_take, lambda: self._in_silence(member), member.slot.next_s, 0.0, wheel.name),
         )
         try:
             member.live = next(member.run)
@@ -278,8 +277,9 @@ class _Watched:
 class _Meanwhile:
     """The clock of one wheel among several: while it waits, the others have their turns."""
 
-    def __init__(self, clock: Clock, turns_until: Callable[[float], None]) -> None:
+    def __init__(self, clock: Clock, slot: Slot, turns_until: Callable[[float], None]) -> None:
         self._clock = clock
+        self._slot = slot
         self._turns_until = turns_until
 
     def monotonic(self) -> float:
@@ -287,8 +287,8 @@ class _Meanwhile:
         return self._clock.monotonic()
 
     def sleep(self, seconds: float, unless: int | None = None) -> None:
-        """Wait, by the others' turns and then by the clock; those may take longer."""
-        end_s = self._clock.monotonic() + seconds
+        """Wait, by the others' turns and then by the clock; those may take longer, and so may its own next slot."""
+        end_s = self._slot.wake_s(self._clock.monotonic() + seconds)
         self._turns_until(end_s)
         self._clock.sleep(end_s - self._clock.monotonic(), unless)
 

@@ -81,6 +81,7 @@ class Place:
     open_wheel: Opener
     in_silence: InSilence = lambda: (True, True)
     begins_s: Callable[[], float | None] = lambda: None  # when its first turn is due, by the clock; None: at once
+    back_at_zero_within_s: float = 0.5  # how long zero is tried on a line that was lost and is back [s]
     label: str = ""  # what tells it from others on one terminal
 
 
@@ -193,6 +194,7 @@ def _opened(
         note=logger.warning,
         speed_step_rad_s=max(protocol.limits.speed_step_rad_s, rad_s_from_rpm(configuration.filter.speed_noise_rpm)),
         in_silence=place.in_silence,
+        back_at_zero_within_s=place.back_at_zero_within_s,
     )
 
 

@@ -53,11 +53,13 @@ class LiveWheel:
         note: Note = lambda event, **context: None,
         speed_step_rad_s: float = 0.0,
         in_silence: InSilence = lambda: (True, True),
+        back_at_zero_within_s: float = 0.5,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
         speed_step_rad_s: noise or resolution of a reading. in_silence: what a turn may wait for while the wheel is
-        silent, for a reading and for the answer to a zero: both, unless others want the line.
+        silent, for a reading and for the answer to a zero: both, unless others want the line. back_at_zero_within_s:
+        how long zero is tried on a line that was lost and is back [s].
         """
         self.check = TelemetryCheck(note, writes=writes)
         self._connection = Connection(
@@ -67,6 +69,7 @@ class LiveWheel:
             note,
             writes=writes,
             speed_step_rad_s=speed_step_rad_s,
+            back_at_zero_within_s=back_at_zero_within_s,
             say=lambda event, text: self.check.say(event, text),  # noqa: PLW0108 - whichever judges by then
         )
         self._silence_s = limits.silence_s
@@ -200,9 +203,11 @@ class LiveWheel:
 
     def _read(self, tick_s: float) -> Reading:
         quiet_s = self._clock.monotonic() - self._heard_s
+        reads, zeroes = self._in_silence() if self.silent else (True, True)
+        if not (reads or zeroes):
+            return Reading(None, LinkState.DOWN if self._connection.lost else LinkState.SILENT, quiet_s)
         if not self._connection.is_up():
             return Reading(None, LinkState.DOWN, quiet_s)
-        reads, zeroes = self._in_silence() if self.silent else (True, True)
         try:
             sample = self.driver.read(0.5 * self._period_s) if reads else None
         except DriverError as error:
