@@ -166,7 +166,7 @@ class SharedLine:
         period_s = 1.0 / configurations[0].loop.rate_hz
         self._clock = clock
         self._configurations = configurations
-        self._port = SharedPort(spoken[0].open_port, clock, echoes=configurations[0].wheel.echo)
+        self._port = SharedPort(spoken[0].open_port, clock, echoes=configurations[0].wheel.echo, keeps=True)
         self.slots = [Slot(clock, period_s, period_s * index / len(spoken)) for index in range(len(spoken))]
         self.protocols = [
             protocol.over(self._port.end(slot)) for protocol, slot in zip(spoken, self.slots, strict=True)
@@ -176,6 +176,10 @@ class SharedLine:
     def is_open(self) -> bool:
         """Whether the port is there, as far as is known."""
         return self._port.is_open
+
+    def close(self) -> None:
+        """Release the port."""
+        self._port.fail()
 
     def opener(self, index: int, *, probe: bool = True) -> Callable[[WheelDriver | None], WheelDriver]:
         """What opens the line of one wheel, as `opener`; with a probe that asks once and does not wait."""

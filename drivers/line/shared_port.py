@@ -1,7 +1,8 @@
 """One serial port for several wheels that speak in turn, each through an end of its own, with or without an echo.
 
 An end has the methods of pyserial's ports that a `SerialLink` uses. The port is opened with the first end and closed
-with the last, or when it fails: then all ends are dead, and the first that is opened again opens the port anew.
+with the last, unless it is kept; or when it fails: then all ends are dead, and the first that is opened again opens the
+port anew.
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ _DEAF_S = 5.0  # a port on which nobody at all was heard for so long is opened a
 class SharedPort:
     """The port, and whether its adapter echoes. Only one thread may use it and its ends."""
 
-    def __init__(self, open_port: OpenPort, clock: Clock, *, echoes: bool = False) -> None:
+    def __init__(self, open_port: OpenPort, clock: Clock, *, echoes: bool = False, keeps: bool = False) -> None:
+        """keeps: the port stays open without an end, until `fail`."""
         self._open_port = open_port
         self._clock = clock
         self._echoes = echoes
+        self._keeps = keeps
         self._ends: set[LineEnd] = set()
         self._heard_s = 0.0
         self._clean = bytearray()  # heard and not read yet, without echoes
@@ -63,13 +66,13 @@ class SharedPort:
         return True
 
     def leave(self, end: LineEnd) -> None:
-        """An end is closed; the last closes the port."""
+        """An end is closed; the last closes the port, unless that is kept."""
         self._ends.discard(end)
-        if not self._ends and self.port is not None:
+        if not self._ends and not self._keeps:
             self.fail()
 
     def fail(self) -> None:
-        """Close the port: every end is dead from now on."""
+        """Close the port, where it is open: every end is dead from now on."""
         self._ends.clear()
         port, self.port = self.port, None
         if port is not None:

@@ -117,6 +117,7 @@ class Bus:
             for member in self._going():
                 if member.run is not None:
                     member.run.close()
+            self._line.close()
         for member in self._going():
             member.wheel.failure = "it never answered, and nothing was commanded"
         self._oversight.over()

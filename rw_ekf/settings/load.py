@@ -63,7 +63,7 @@ def one_of_wheels(configurations: Sequence[Configuration], path: str | Path, whe
     known = ", ".join(names)
     if wheel is None:
         raise ConfigError(f"{path}: it has {len(names)} wheels; say which one is meant: --wheel NAME, of {known}")
-    raise ConfigError(f"{path}: it has no wheel {shown(wheel)}; known here: {known}")
+    raise ConfigError(f"{path}: it has no wheel {wheel!r}; known here: {known}")
 
 
 def configuration_path(name: str | Path) -> Path:

@@ -29,7 +29,7 @@ class WheelDocument(YamlDocument):
         """The wheel of an entry that is a table."""
         entry: dict[Any, Any] = document.data[WHEELS][index]
         data = {key: value for key, value in document.data.items() if key != WHEELS}
-        own = {key: value for key, value in entry.items() if key not in _OWN_SECTIONS}
+        own = {key: value for key, value in entry.items() if key in _OWN_KEYS}  # others are found wrong elsewhere
         data["wheel"] = _merged(data.get("wheel"), own)
         for name in _OWN_SECTIONS:
             if name in entry:
@@ -48,7 +48,7 @@ class WheelDocument(YamlDocument):
 
     def _own(self, path: PathTuple) -> PathTuple:
         entry, index = self._entry  # type: ignore[attr-defined]
-        if len(path) > 1 and path[0] == "wheel" and path[1] in entry and path[1] not in _OWN_SECTIONS:
+        if len(path) > 1 and path[0] == "wheel" and path[1] in entry and path[1] in _OWN_KEYS:
             return (WHEELS, index, *path[1:])
         if path and path[0] in _OWN_SECTIONS and path[0] in entry:
             section = entry[path[0]]
@@ -89,7 +89,7 @@ def entries_of(document: YamlDocument) -> tuple[list[WheelDocument], list[str]]:
             )
         elif name in names:
             place = document.where((WHEELS, index, "name"))
-            findings.append(f"{place}: {at}.name {shown(name)} is the name of a wheel above: give each its own")
+            findings.append(f"{place}: {at}.name {name!r} is the name of a wheel above: give each its own")
         if isinstance(name, str):
             names.add(name)
     made = [WheelDocument.of(document, index) for index, entry in enumerate(listed) if isinstance(entry, dict)]
@@ -118,7 +118,7 @@ def shared_findings(documents: list[WheelDocument], configurations: list[Configu
             name = configuration.wheel.name
             if value is not None and value in taken:
                 findings.append(
-                    f"{document.where((section, key))}: {section}.{key} {shown(value)} is that of {taken[value]} "
+                    f"{document.where((section, key))}: {section}.{key} {value!r} is that of {taken[value]} "
                     f"and of {name}: give each its own, as {WHEELS}: [{{name: {name}, {section}: {{{key}: ...}}}}]"
                 )
             elif value is not None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,10 +17,11 @@ from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.sim.bus_electronics import BusElectronics
-from rw_ekf.drivers.sim.fault_text import parse_bus_faults
+from rw_ekf.drivers.sim.fault_text import parse_bus_faults, parse_faults
 from rw_ekf.drivers.sim.faults import FaultInjector
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters
 from rw_ekf.drivers.sim.plant_runner import PlantRunner
+from rw_ekf.drivers.sim.pty_server import PtyServer
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.virtual_line import VirtualCable
 from rw_ekf.learning.run_start import GivenModel
@@ -151,3 +154,24 @@ def run_bus(
             clock.at(time_s, lambda action=action: action(stop))  # type: ignore[misc]
         Bus(wheels, line, stop, clock, oversight, duration_s).run()
     return BusRan({wheel.name: wheel for wheel in wheels}, notes)
+
+
+@contextmanager
+def served_bus(directory: Path, family: str = FAMILIES[0], faults: str = "echo", **changes: Any) -> Iterator[BusBench]:
+    """Four wheels behind one pty, served by a thread for the length of a with block."""
+    bench = make_bus(directory, str(directory / "bus"), family, faults, **changes)
+    stop = threading.Event()
+    server = PtyServer(bench.line, directory / "bus")
+    thread = threading.Thread(target=server.run, args=(stop.is_set,), daemon=True)
+    thread.start()
+    try:
+        yield bench
+    finally:
+        stop.set()
+        thread.join(5.0)
+        server.close()
+
+
+def put(bench: BusBench, name: str, faults: str) -> None:
+    """From now on a wheel has these faults and no others."""
+    bench[name].electronics.faults.put(*(parse_faults([faults]) if faults else ()))

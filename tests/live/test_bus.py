@@ -180,3 +180,13 @@ def test_who_watches_hears_of_a_turn_when_every_wheel_has_had_one(tmp_path: Path
     assert ran.outcome("rw-x").timing.ticks - 5 <= len(watchdog.beats) <= ran.outcome("rw-x").timing.ticks + 5
     assert "LOST" in {state.state.value for state in watchdog.beats if state is not None}
     assert watchdog.ends == 1
+
+
+def test_a_line_is_not_given_up_for_the_wheel_that_is_asked_first(tmp_path: Path) -> None:
+    """Whichever of the four is dead from the start: the other three are driven."""
+    for dead in NAMES:
+        directory = tmp_path / dead
+        directory.mkdir()
+        ran = run_bus(make_bus(directory, "nowhere", faults=f"echo,{dead}=dead"), 5.0)
+        assert [name for name in NAMES if ran.wheels[name].outcome is None] == [dead]
+        assert "never answered" in (ran.wheels[dead].failure or "")
