@@ -133,8 +133,10 @@ def test_simulate_plays_the_shipped_line_and_its_faults(tmp_path: Path) -> None:
         assert told["faults"] == ["echo"]
         assert [wheel["wheel"] for wheel in told["wheels"] if wheel["faults"]] == ["rw-y"]
         done = rw_ekf("run", "--config", str(config), "--duration", "6", "--json", cwd=tmp_path)
+        alone = rw_ekf("run", "--config", str(config), "--wheel", "rw-z", "--duration", "2", "--json", cwd=tmp_path)
         sim.send_signal(signal.SIGTERM)
         sim.communicate(timeout=LONG_S)
+    assert "_rw-z" in document_of(alone.stdout)["logs"][0]["log"]  # one of them as if it stood alone
     document = document_of(done.stdout)
     assert done.returncode == 1  # one wheel never answered, and that is said
     assert {wheel["wheel"]: wheel["run"] is None for wheel in document["wheels"]} == {
