@@ -17,7 +17,7 @@ from rw_ekf.clock import Clock, Slot
 from rw_ekf.driver import WheelDriver, WheelProtocol
 from rw_ekf.errors import DriverError, RwEkfError
 from rw_ekf.learning.run_start import GivenModel
-from rw_ekf.live.daemon import Place, turns_of_run
+from rw_ekf.live.daemon import Place, Task, turns_of_run
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.oversight import ALONE, Oversight
@@ -203,15 +203,11 @@ class Bus:
 
         wheel = member.wheel
         member.run = turns_of_run(
-            wheel.configuration,
-            wheel.protocol,
-            wheel.given,
-            self._left_s(),
+            Task(wheel.configuration, wheel.protocol, wheel.given, self._left_s()),
             wheel.logger,
             self._stop,
             _Meanwhile(self._clock, member.slot, self._turns_until),
             Oversight((_Watched(member, self._turned),), wheel.begin_safe),
-            None,
             Place(open_or_take, lambda: self._in_silence(member), member.slot.next_s, 0.0, wheel.name),
         )
         try:

@@ -65,7 +65,8 @@ def run_daemon(
 
     place = Place(opener(configuration, protocol, clock))
     with claim or PortClaim(configuration.wheel.port, clock):
-        run = turns_of_run(configuration, protocol, given, duration_s, logger, stop, clock, oversight, planned, place)
+        task = Task(configuration, protocol, given, duration_s, planned)
+        run = turns_of_run(task, logger, stop, clock, oversight, place)
         try:
             while True:
                 next(run)
@@ -85,34 +86,37 @@ class Place:
     label: str = ""  # what tells it from others on one terminal
 
 
+@dataclass(frozen=True)
+class Task:
+    """What a run is to do, as `run_daemon` has it."""
+
+    configuration: Configuration
+    protocol: WheelProtocol
+    given: GivenModel
+    duration_s: float | None = None
+    planned: Commander | None = None
+
+
 def turns_of_run(
-    configuration: Configuration,
-    protocol: WheelProtocol,
-    given: GivenModel,
-    duration_s: float | None,
-    logger: Any,
-    stop: StopSignal,
-    clock: Clock,
-    oversight: Oversight,
-    planned: Commander | None,
-    place: Place,
+    task: Task, logger: Any, stop: StopSignal, clock: Clock, oversight: Oversight, place: Place
 ) -> Generator[LiveWheel, None, RunOutcome]:
     """The run as `run_daemon` has it, on a port that is claimed; yields the wheel when it is open and after every turn.
 
     Closing it is a way out too.
     """
+    configuration, protocol = task.configuration, task.protocol
     began = clock.utc()
-    commander = planned or (commander_of(configuration.command) if configuration.command.writes else None)
+    commander = task.planned or (commander_of(configuration.command) if configuration.command.writes else None)
     with request_socket(configuration, clock, logger) as requests:
         live = _opened(configuration, protocol, logger, stop, clock, place)
         with _WayOut(live, configuration.wheel.port, oversight, logger) as way_out:
             files = RunFiles.of_run(configuration, began)
             leave_place(configuration)
-            start = start_of_run(configuration, given, _tag(live, protocol, configuration), files.learned, began)
+            start = start_of_run(configuration, task.given, _tag(live, protocol, configuration), files.learned, began)
             for event, text in start.said:
                 logger.info(event, text=text)
             estimator = _estimator_of(start.setup)
-            expectation = expectation_of(configuration, given)
+            expectation = expectation_of(configuration, task.given)
             watches = RunWatches(configuration, protocol, start, expectation, estimator, live, logger, clock)
             stop.on_resume(watches.states.resume)
             if oversight.begin_safe is not None:
@@ -124,7 +128,7 @@ def turns_of_run(
                 )
             run = replace(
                 _context(configuration, files, start, watches, live, logger, clock),
-                total_s=_lasts_s(duration_s, commander),
+                total_s=_lasts_s(task.duration_s, commander),
                 phase=None if commander is None else commander.phase,
                 in_order=lambda: way_out.in_order,
                 requests=requests,
