@@ -16,7 +16,7 @@ from rw_ekf.drivers.line.wire_layout import Framing
 
 MAX_DATA_BYTES = 256
 _OVERHEAD_BYTES = 4  # seq, id, crc
-_MAX_ENCODED_BYTES = 2 + 2 * (MAX_DATA_BYTES + _OVERHEAD_BYTES + 1) + 2  # with an address
+_MAX_ENCODED_BYTES = 2 + 2 * (MAX_DATA_BYTES + _OVERHEAD_BYTES) + 2  # without an address
 
 
 class Crc(NamedTuple):
@@ -169,7 +169,7 @@ def _address(framing: Framing) -> bytes:
 
 def _body(buffer: bytes, position: int, framing: Framing) -> tuple[bytes | None, int, bool]:
     """The body from `position` with doubled escapes undone, where it ends, and whether that (or a fault) was seen."""
-    limit = position + _MAX_ENCODED_BYTES - 2  # the start is behind us
+    limit = position + _MAX_ENCODED_BYTES - 2 + 2 * len(_address(framing))  # the start is behind us
     parts = bytearray()
     while True:
         escape = buffer.find(framing.escape, position, limit)
