@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rw_ekf.clock import Clock
+from rw_ekf.clock import Clock, Slot
 from rw_ekf.driver import ControlLines, WheelDriver, WheelProtocol, WireLimits
 from rw_ekf.errors import ConfigError
 from rw_ekf.records import IssuedCommand, WheelSample
@@ -31,10 +31,31 @@ def load_protocol(name: str) -> WheelProtocol:
     return protocol_of(document.data, document.where)
 
 
+def spoken_by(configuration: Configuration) -> WheelProtocol:
+    """What the wheel of a configuration speaks, at its address. Raises ConfigError with every finding."""
+    from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
+
+    protocol, address = load_protocol(configuration.wheel.protocol), configuration.wheel.address
+    if address is None:
+        return protocol
+    if not isinstance(protocol, AddressedRegisterProtocol):
+        raise ConfigError(
+            f"wheel.address is {address}, but {_the_map(configuration)} is of a family without addresses: drop it"
+        )
+    try:
+        return protocol.at(address)
+    except ConfigError as error:
+        raise ConfigError(f"wheel.address {error}") from None
+
+
+def _the_map(configuration: Configuration) -> str:
+    return f"the wire map {configuration.wheel.protocol!r}"
+
+
 def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tuple[str, ...], str]]:
     """What the wire cannot carry, as (keys, finding): a limit that could never be sent or seen, a missing value."""
     found: list[tuple[tuple[str, ...], str]] = []
-    the_map = f"the wire map {configuration.wheel.protocol!r}"
+    the_map = _the_map(configuration)
     limits = configuration.limits
 
     def too_wide(key: str, unit: str, limit: float, carried: str, low: float, high: float) -> None:
@@ -87,11 +108,83 @@ def _too_slow(configuration: Configuration, wire: WireLimits, the_map: str) -> I
 
 def checked_protocol(configuration: Configuration) -> WheelProtocol:
     """Wire protocol of a configuration; raises ConfigError where it cannot carry what the configuration asks for."""
-    protocol = load_protocol(configuration.wheel.protocol)
+    protocol = spoken_by(configuration)
     found = beyond_wire(configuration, protocol.limits)
     if found:
         raise ConfigError([text for _, text in found])
     return protocol
+
+
+def beyond_line(
+    configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol]
+) -> list[tuple[int, tuple[str, ...], str]]:
+    """What keeps wheels from sharing one line, as (which of them, keys, finding): they must be told apart on it."""
+    from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
+
+    found: list[tuple[int, tuple[str, ...], str]] = []
+    of_address: dict[int, str] = {}
+    first: AddressedRegisterProtocol | None = None
+    for index, (configuration, protocol) in enumerate(zip(configurations, protocols, strict=True)):
+        name, the_map = configuration.wheel.name, _the_map(configuration)
+        if not isinstance(protocol, AddressedRegisterProtocol):
+            text = (
+                f"wheel.protocol: {the_map} is of a family without addresses, so that {name} cannot be told from the "
+            )
+            found.append(
+                (index, ("wheel", "protocol"), f"{text}other wheels of one line; nsp and registers have them.")
+            )
+            continue
+        if protocol.address is None:
+            text = f"wheel.address is required for {name}: it is one of several wheels on a line, and {the_map}"
+            found.append((index, ("wheel", "address"), f"{text} has no framing.address."))
+        elif protocol.address in of_address:
+            text = f"wheel.address {protocol.address} of {name} is that of {of_address[protocol.address]} too"
+            found.append((index, ("wheel", "address"), f"{text}: give each wheel the one that it is set to."))
+        else:
+            of_address[protocol.address] = name
+        first = first or protocol
+        if configuration.wheel.baud is None and protocol.wire_map.link.baud != first.wire_map.link.baud:
+            text = f"wheel.baud: {the_map} has another baud rate ({protocol.wire_map.link.baud}) than the wheels before"
+            found.append((index, ("wheel", "protocol"), f"{text}: give wheel.baud, the one of the line."))
+    return found
+
+
+class SharedLine:
+    """One line for several wheels, each with a slot of the loop's period in which it may be asked."""
+
+    def __init__(
+        self, configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol], clock: Clock
+    ) -> None:
+        """Nothing is opened yet. Raises ConfigError where the wheels could not be told apart."""
+        from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
+        from rw_ekf.drivers.line.shared_port import SharedPort
+
+        found = beyond_line(configurations, protocols)
+        if found:
+            raise ConfigError([text for _, _, text in found])
+        spoken = [protocol for protocol in protocols if isinstance(protocol, AddressedRegisterProtocol)]
+        period_s = 1.0 / configurations[0].loop.rate_hz
+        self._clock = clock
+        self._configurations = configurations
+        self._port = SharedPort(spoken[0].open_port, clock, echoes=configurations[0].wheel.echo, keeps=True)
+        self.slots = [Slot(clock, period_s, period_s * index / len(spoken)) for index in range(len(spoken))]
+        self.protocols = [
+            protocol.over(self._port.end(slot)) for protocol, slot in zip(spoken, self.slots, strict=True)
+        ]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is there, as far as is known."""
+        return self._port.is_open
+
+    def close(self) -> None:
+        """Release the port."""
+        self._port.fail()
+
+    def opener(self, index: int, *, probe: bool = True) -> Callable[[WheelDriver | None], WheelDriver]:
+        """What opens the line of one wheel, as `opener`; with a probe that asks once and does not wait."""
+        configuration = self._configurations[index]
+        return _opener(configuration, self.protocols[index], self._clock, probe=probe)
 
 
 def opener(
@@ -100,8 +193,23 @@ def opener(
     """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
 
     probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
-    where its answers do not come through. exclusive: False writes beside a process that has locked the port.
+    where its answers do not come through. exclusive: False writes beside a process that has locked the port. Raises
+    ConfigError where the line is to echo and nothing is sent on it.
     """
+    if configuration.wheel.echo:
+        from rw_ekf.drivers.line.register_protocol import RegisterProtocol
+        from rw_ekf.drivers.line.shared_port import SharedPort
+
+        if not isinstance(protocol, RegisterProtocol) or configuration.wheel.port.startswith("can:"):
+            raise ConfigError(f"wheel.echo is true, but {_the_map(configuration)} is of no serial line: drop it")
+        protocol = protocol.over(SharedPort(protocol.open_port, clock, echoes=True).end())
+    return _opener(configuration, protocol, clock, probe=probe, exclusive=exclusive)
+
+
+def _opener(
+    configuration: Configuration, protocol: WheelProtocol, clock: Clock, *, probe: bool = True, exclusive: bool = True
+) -> Callable[[WheelDriver | None], WheelDriver]:
+    """The same over the protocol as it is."""
 
     def open_wheel(lost: WheelDriver | None) -> WheelDriver:
         return protocol.open_wheel(
@@ -116,6 +224,32 @@ def opener(
         )
 
     return open_wheel
+
+
+def serve_bus(
+    wheels: Sequence[tuple[WheelProtocol, PlantParameters, dict[str, Any]]],
+    link_path: str,
+    faults: Sequence[Any] = (),
+    seed: int = 0,
+    baud: int | None = None,
+    **options: Any,
+) -> None:
+    """Serve simulated wheels behind one pseudo-terminal until a signal, as `WheelProtocol.serve` one.
+
+    wheels: what each speaks, its truth, and its options (seed, noise, faults, ...). faults: of the line; baud: its
+    speed, None: the wire map's. Raises DriverError where the link cannot be made.
+    """
+    from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
+    from rw_ekf.drivers.sim.bus_electronics import BusElectronics
+    from rw_ekf.drivers.sim.faults import FaultInjector
+    from rw_ekf.drivers.sim.pty_server import serve_electronics
+
+    made = [
+        protocol.simulated(plant, **own)
+        for protocol, plant, own in wheels
+        if isinstance(protocol, AddressedRegisterProtocol)
+    ]
+    serve_electronics(BusElectronics(made, FaultInjector(faults, seed), baud), link_path, **options)
 
 
 def replay_wheel(rows: Iterable[tuple[WheelSample, IssuedCommand]], name: str) -> WheelDriver:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import select
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
+_ROUNDING_S = 1e-6  # far below any period: sums of periods are not exact
 _PATIENCE_S = 30.0  # longer than any disk that works; one that does not must end a test, not hang it
 
 
@@ -51,6 +53,41 @@ class SystemClock:
     def utc(self) -> datetime:
         """The hour of the day."""
         return datetime.now(UTC)
+
+
+class Slot:
+    """The part of each period that is one wheel's, where several share a line: one silent in it has had its turn.
+
+    So a wheel that does not answer costs the others one time-out a period, however often its own loop would ask again.
+    """
+
+    def __init__(self, clock: Clock, period_s: float, phase_s: float) -> None:
+        """phase_s: where in the period it begins."""
+        self.period_s = period_s
+        self._clock = clock
+        self._origin_s = clock.monotonic() + phase_s
+        self._again_s = -math.inf
+
+    @property
+    def may_ask(self) -> bool:
+        """Whether nobody has been waited for in vain since it began last."""
+        return self._clock.monotonic() >= self._again_s - _ROUNDING_S
+
+    def give_up(self) -> None:
+        """Somebody was waited for in vain."""
+        self._again_s = self.next_s()
+
+    def wake_s(self, time_s: float) -> float:
+        """When whoever waits until a time [s] to ask again had better do so: not before it begins again."""
+        return max(time_s, self._again_s)
+
+    def next_s(self) -> float:
+        """When it begins next [s], by the clock."""
+        return self._origin_s + self.period_s * (self.number() + 1)
+
+    def number(self) -> int:
+        """Of the period that it is in now, or was last."""
+        return math.floor((self._clock.monotonic() - self._origin_s + _ROUNDING_S) / self.period_s)
 
 
 class VirtualClock:

@@ -66,6 +66,7 @@ class LinkCounters:
     damaged: int = 0
     reconnects: int = 0
     foreign: int = 0  # frames on a shared bus that claim to be of this wheel or this program, and are not
+    echoes_lost: int = 0  # of requests whose echo (wheel.echo) did not come back as they were sent
     bus_errors: int = 0  # that the controller of a bus told of
     bus: str | None = None  # what that controller is: active, warning, passive, off; None: no bus, or it does not say
     trouble: str | None = None  # why the link is lost, while it is

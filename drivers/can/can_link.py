@@ -20,8 +20,8 @@ from rw_ekf.drivers.can.can_map import NOT_TAKEN, CanMap
 from rw_ekf.drivers.can.slcan import SlcanBus
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.registers import decode_register
-from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
+from rw_ekf.drivers.line.shared_port import OpenPort
 from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
@@ -39,6 +39,8 @@ _NO_ROOM_S = 0.5  # a bus that takes no frame for so long is lost: the wheel can
 
 class CanLink:
     """An open bus, as SerialLink is an open line. Raises DriverError when it cannot be opened or fails."""
+
+    in_turns, may_ask = False, True  # on a bus nobody is asked
 
     def __init__(
         self,

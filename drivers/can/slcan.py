@@ -15,8 +15,8 @@ import serial
 from rw_ekf.clock import Clock
 from rw_ekf.drivers.can.can_frames import EXTENDED_IDS, STANDARD_IDS, CanFrame
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
-from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, let_pass, read_port
+from rw_ekf.drivers.line.shared_port import OpenPort
 from rw_ekf.errors import DriverError
 
 CR, BELL = b"\r", b"\a"

@@ -3,6 +3,8 @@
     frame   1F 7F  body  1F FF      a 1F inside the body is sent twice; anything between frames is skipped
     body    seq u8, id u8, data, crc16 (low byte first, over seq, id and data)
 
+Where the wire map gives the wheel an address, that is one more byte before seq, in requests and replies, checksum too.
+
 The marker bytes come from the wire map. `decode` never raises, whatever the bytes: noise on a line is not exceptional.
 """
 
@@ -14,7 +16,7 @@ from rw_ekf.drivers.line.wire_layout import Framing
 
 MAX_DATA_BYTES = 256
 _OVERHEAD_BYTES = 4  # seq, id, crc
-_MAX_ENCODED_BYTES = 2 + 2 * (MAX_DATA_BYTES + _OVERHEAD_BYTES) + 2
+_MAX_ENCODED_BYTES = 2 + 2 * (MAX_DATA_BYTES + _OVERHEAD_BYTES) + 2  # without an address
 
 
 class Crc(NamedTuple):
@@ -65,6 +67,9 @@ class Frame(NamedTuple):
     data: bytes
 
 
+NOT_OURS = Frame(-1, -1, b"")  # good, and of no use: of another wheel on the line
+
+
 class Decoded(NamedTuple):
     """What a stretch of bytes held: whole good frames, how many damaged ones, and the bytes of an unfinished one."""
 
@@ -78,7 +83,7 @@ def encode(seq: int, register_id: int, data: bytes = b"", framing: Framing | Non
     framing = framing or Framing()
     if len(data) > MAX_DATA_BYTES:
         raise ValueError(f"a frame carries at most {MAX_DATA_BYTES} data bytes, not {len(data)}")
-    content = bytes((seq & 0xFF, register_id)) + data
+    content = _address(framing) + bytes((seq & 0xFF, register_id)) + data
     body = content + crc16(content, framing.crc).to_bytes(2, "little")
     escape = bytes((framing.escape,))
     doubled = body.replace(escape, escape + escape)
@@ -139,9 +144,8 @@ class Codec(Protocol):
 class RegisterCodec:
     """The frames above, the same in both directions."""
 
-    overhead_bytes = 8
-
     def __init__(self, framing: Framing) -> None:
+        self.overhead_bytes = 8 + len(_address(framing))
         self._framing = framing
 
     def request(self, seq: int, register_id: int, data: bytes) -> bytes:
@@ -159,9 +163,13 @@ class RegisterCodec:
         return encode(*answer, self._framing)
 
 
+def _address(framing: Framing) -> bytes:
+    return b"" if framing.address is None else bytes((framing.address,))
+
+
 def _body(buffer: bytes, position: int, framing: Framing) -> tuple[bytes | None, int, bool]:
     """The body from `position` with doubled escapes undone, where it ends, and whether that (or a fault) was seen."""
-    limit = position + _MAX_ENCODED_BYTES - 2  # the start is behind us
+    limit = position + _MAX_ENCODED_BYTES - 2 + 2 * len(_address(framing))  # the start is behind us
     parts = bytearray()
     while True:
         escape = buffer.find(framing.escape, position, limit)
@@ -181,6 +189,11 @@ def _body(buffer: bytes, position: int, framing: Framing) -> tuple[bytes | None,
 
 def _frame(body: bytes, framing: Framing) -> Frame | None:
     """The frame of a body, or None if it is too short or its checksum does not hold."""
-    if len(body) < _OVERHEAD_BYTES or crc16(body[:-2], framing.crc) != int.from_bytes(body[-2:], "little"):
+    address = _address(framing)
+    least = len(address) + _OVERHEAD_BYTES
+    if len(body) < least or crc16(body[:-2], framing.crc) != int.from_bytes(body[-2:], "little"):
         return None
+    if not body.startswith(address):
+        return NOT_OURS
+    body = body[len(address) :]
     return Frame(body[0], body[1], body[2:-2])

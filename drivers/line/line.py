@@ -28,6 +28,16 @@ class Line(Protocol):
     reply_timeout_s: float
 
     @property
+    def in_turns(self) -> bool:
+        """Whether others speak on the line too, so that nobody is waited for twice in a turn."""
+        ...
+
+    @property
+    def may_ask(self) -> bool:
+        """Whether its turn is not over."""
+        ...
+
+    @property
     def answers(self) -> bool:
         """Whether the wheel does, since the line was opened."""
         ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 
+from rw_ekf.drivers.line.echo import EchoError
 from rw_ekf.errors import DriverError
 
 try:
@@ -50,6 +51,8 @@ def open_error(port: str, error: BaseException, parity: str) -> DriverError:
 
 def lost_error(port: str, error: BaseException) -> DriverError:
     """The DriverError for a port that failed while in use."""
+    if isinstance(error, EchoError):
+        return DriverError(f"{port}: {error}")
     return DriverError(
         f"{port} failed: {error}. The adapter was unplugged or the far end is gone, or a second process reads "
         "the same port; check both"

@@ -14,7 +14,7 @@ from __future__ import annotations
 import zlib
 from typing import NamedTuple
 
-from rw_ekf.drivers.line.framing import MAX_DATA_BYTES, Decoded, Frame, crc16
+from rw_ekf.drivers.line.framing import MAX_DATA_BYTES, NOT_OURS, Decoded, Frame, crc16
 
 END, ESCAPE, ESCAPED_END, ESCAPED_ESCAPE = 0xC0, 0xDB, 0xDC, 0xDD
 POLL = FINAL = 0x80
@@ -24,7 +24,6 @@ FIRST_READ, PING_ID, INIT_ID = 128, 255, 127
 OK, REFUSED = b"\x00", b"\x04"  # what a write is told by its ack
 _LEAST_BYTES = 5  # destination, source, control, crc
 _MOST_BYTES = 2 * (MAX_DATA_BYTES + _LEAST_BYTES)  # escaped
-_NOT_OURS = Frame(-1, -1, b"")  # good, and of no use: another wheel's, our own echo, one of several replies
 
 
 class Packet(NamedTuple):
@@ -109,25 +108,25 @@ class NspCodec:
     def _replied(self, packet: Packet) -> Frame:
         seq, register_id = self._asked
         if packet[:2] != (self._own, self._wheel) or not packet.control & FINAL:
-            return _NOT_OURS
+            return NOT_OURS
         copied = bool(packet.control & B)
         if self.echoes_b is None and seq & 1:
             self.echoes_b = copied
         if self.echoes_b is not False and copied != bool(seq & 1):
-            return _NOT_OURS
+            return NOT_OURS
         command, data, acked = packet.control & COMMAND, packet.data, bool(packet.control & ACK)
         if command == READ:
             if not acked:
                 self.refused_to_read = FIRST_READ <= register_id < PING_ID
-                return _NOT_OURS
-            return Frame(seq, FIRST_READ + data[0], data[1:]) if data else _NOT_OURS
+                return NOT_OURS
+            return Frame(seq, FIRST_READ + data[0], data[1:]) if data else NOT_OURS
         if command == PING and acked:
             return Frame(seq, PING_ID, zlib.crc32(data).to_bytes(4, "little"))  # another wheel's text is another
         status = OK if acked else REFUSED
         if command == INIT:
             return Frame(seq, INIT_ID, status)
         of_this = command == WRITE and register_id < INIT_ID and (len(data) < 2 or data[1] == register_id)
-        return Frame(seq, register_id, status) if of_this else _NOT_OURS
+        return Frame(seq, register_id, status) if of_this else NOT_OURS
 
     def requests(self, buffer: bytes) -> Decoded:
         """Frames at the wheel's end: those that are for it, and to be answered."""

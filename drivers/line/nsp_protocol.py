@@ -14,7 +14,7 @@ from rw_ekf.drivers.line.framing import Codec
 from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error
 from rw_ekf.drivers.line.nsp import FIRST_READ, INIT_ID, OK, PING_ID, REFUSED, NspCodec
-from rw_ekf.drivers.line.register_protocol import RegisterProtocol, of_content
+from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol, of_content
 from rw_ekf.drivers.line.serial_link import SerialLink
 from rw_ekf.drivers.line.wire_layout import Byte, IdRanges, Register
 from rw_ekf.drivers.line.wire_map import WireMap
@@ -65,16 +65,20 @@ class NspLink(SerialLink):
 
     def request(self, register_id: int, data: bytes, reply_bytes: int, timeout_s: float | None = None) -> Exchange:
         """As `SerialLink.request`; a wheel that refuses every read, or hears none though it is there, is started."""
+        if not self.may_ask:  # nor is anything of it in vain
+            return super().request(register_id, data, reply_bytes, timeout_s)
+        if self.in_turns and self._in_vain >= _DEAF_READS and self._clock.monotonic() >= self._start_again_s:
+            self._start()
         if register_id == PING_ID:
             return self._identity(reply_bytes, timeout_s)
-        if self._in_vain and self.codec.echoes_b is False:
+        if self._in_vain and self.codec.echoes_b is False and not self.in_turns:  # there it has had a period for that
             self._hush()  # a late reply would be taken for the next one's
         ahead = self._asked_ahead(register_id)
         exchange = super().request(ahead, b"", self._files[ahead], timeout_s) if ahead is not None else None
         if exchange is None or exchange.data is not None:
             exchange = super().request(register_id, data, reply_bytes, timeout_s)
         self._note(register_id, reply_bytes, exchange)
-        may_start = self._clock.monotonic() >= self._start_again_s
+        may_start = self.may_ask and self._clock.monotonic() >= self._start_again_s
         if exchange.data == REFUSED and not self._runs and may_start:
             if self._start():  # idle from then on: a zero is confirmed that way too
                 exchange = super().request(register_id, data, reply_bytes)
@@ -199,16 +203,17 @@ class NspMap(WireMap):
         return self.framing.init_address.to_bytes(4, "little")
 
 
-class NspProtocol(RegisterProtocol):
+class NspProtocol(AddressedRegisterProtocol):
     """A WheelProtocol over such a map."""
 
     wire_map: NspMap
+    _address_key = "wheel_address"
 
     def reading_only(self) -> NspProtocol:
         """As StartedByWrite has it."""
         held = self.wire_map.model_copy()
         held._starts = False
-        return type(self)(held, self.scale_places, self.fingerprint, self._open_port)
+        return type(self)(held, self.scale_places, self.fingerprint, self.open_port)
 
     @property
     def electronics(self) -> type[RegisterServer]:

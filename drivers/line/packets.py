@@ -29,7 +29,10 @@ def packets_of(wire_map: WireMap) -> tuple[WirePacket, ...]:
 def _packet(register: Register, items: tuple[WireItem, ...], wire_map: WireMap) -> tuple[WireItem, ...]:
     crc = CRCS[wire_map.framing.crc]
     told = WireCrc(int(f"{crc.polynomial:016b}"[::-1], 2), crc.start, crc.final)
+    address = wire_map.framing.address
+    addressed = (WireItem("address", "u8", True, "the wheel", constant=address),) if address is not None else ()
     return (
+        *addressed,
         WireItem("seq", "u8", True, "number of the request, repeated by its reply"),
         WireItem("id", "u8", True, "register", constant=register.id),
         *items,

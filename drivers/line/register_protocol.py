@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from rw_ekf.checking.findings import Where, checked
 from rw_ekf.clock import Clock
 from rw_ekf.driver import USUAL_LINES, ControlLines, WheelDriver, WireLimits, WirePacket
 from rw_ekf.drivers.line.packets import packets_of
-from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import open_serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
+from rw_ekf.drivers.line.shared_port import OpenPort
 from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.errors import ConfigError
 
 if TYPE_CHECKING:
     from rw_ekf.drivers.sim.register_server import RegisterServer
@@ -39,7 +40,11 @@ class RegisterProtocol:
         self.wire_map = wire_map
         self.fingerprint = fingerprint
         self.scale_places = scale_places if scale_places is not None else {}
-        self._open_port = open_port
+        self.open_port = open_port
+
+    def over(self, open_port: OpenPort) -> Self:
+        """The same over another way to open a port."""
+        return type(self)(self.wire_map, self.scale_places, self.fingerprint, open_port)
 
     @property
     def limits(self) -> WireLimits:
@@ -77,7 +82,7 @@ class RegisterProtocol:
             exclusive=exclusive,
             control=control,
             previous=previous if isinstance(previous, SerialWheel) else None,
-            open_port=self._open_port,
+            open_port=self.open_port,
         )
 
     def serve(self, plant: Any, link_path: str, **options: Any) -> None:
@@ -85,6 +90,12 @@ class RegisterProtocol:
         from rw_ekf.drivers.sim.pty_server import serve_simulated_wheel
 
         serve_simulated_wheel(self.wire_map, plant, link_path, electronics=self.electronics, **options)
+
+    def simulated(self, plant: Any, **options: Any) -> RegisterServer:
+        """The electronics of such a wheel, as `rw_ekf.drivers.sim.pty_server.ServedWheel` has the options."""
+        from rw_ekf.drivers.sim.pty_server import ServedWheel
+
+        return ServedWheel(self.wire_map, plant, electronics=self.electronics, **options).made()
 
     @property
     def electronics(self) -> type[RegisterServer]:
@@ -94,7 +105,27 @@ class RegisterProtocol:
         return RegisterServer
 
 
-class FramedRegisterProtocol(RegisterProtocol):
+class AddressedRegisterProtocol(RegisterProtocol):
+    """One whose frames can bear a wheel's address, so that several wheels can be told apart on one line."""
+
+    _address_key = "address"  # of the map's `framing`
+
+    @property
+    def address(self) -> int | None:
+        """The wheel's; None: its frames have none."""
+        address: int | None = getattr(self.wire_map.framing, self._address_key)
+        return address
+
+    def at(self, address: int) -> Self:
+        """The same for the wheel of another address. Raises ConfigError where no wheel can have it."""
+        framing = self.wire_map.framing
+        if getattr(framing, "own_address", None) == address:
+            raise ConfigError(f"is {address}, which is this program's own (framing.own_address): give another one")
+        wire_map = self.wire_map.model_copy(update={"framing": framing.model_copy(update={self._address_key: address})})
+        return type(self)(wire_map, self.scale_places, self.fingerprint, self.open_port)
+
+
+class FramedRegisterProtocol(AddressedRegisterProtocol):
     """One whose frames are those of `rw_ekf.drivers.line.framing`, which can be written down."""
 
     @property

@@ -5,9 +5,6 @@ Knows ports, time and counters, but nothing of registers' meaning (serial_wheel.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import serial
 
 from rw_ekf.clock import Clock
@@ -15,11 +12,11 @@ from rw_ekf.drivers.line.framing import Codec, Frame
 from rw_ekf.drivers.line.line import Exchange
 from rw_ekf.drivers.line.line_errors import LINE_EXCEPTIONS, lost_error, silent_error
 from rw_ekf.drivers.line.serial_port import PortSettings, close_serial_port, let_pass, open_serial_port, read_port
+from rw_ekf.drivers.line.shared_port import LineEnd, OpenPort
 from rw_ekf.errors import DriverError
 from rw_ekf.records import LinkCounters
 
 DRAIN_LIMIT_BYTES = 65536  # a babbling peer must not keep us from asking
-OpenPort = Callable[[PortSettings, float], Any]  # gives an open port as pyserial's are
 
 
 class SerialLink:
@@ -50,8 +47,10 @@ class SerialLink:
         self._rest = b""
         self._came_s = clock.monotonic()  # when bytes came last
         self._serial = open_port(settings, max(reply_timeout_s, 0.050))
+        self._end = self._serial if isinstance(self._serial, LineEnd) else None
         try:
-            if settings.exclusive:  # beside another process that talks there is no quiet to wait for
+            # Beside another process that talks there is no quiet to wait for; on a line that others use there was one.
+            if settings.exclusive and (self._end is None or self._end.is_fresh):
                 let_pass(self._serial, clock)
         except LINE_EXCEPTIONS as error:
             self.close()
@@ -61,8 +60,12 @@ class SerialLink:
         """Send one frame and wait for the reply with the same seq and id and `reply_bytes` of data.
 
         Replies to earlier requests are dropped and counted as stale, frames with a bad CRC or another length as
-        damaged. Returns within timeout_s (default: sending time + reply timeout). Raises DriverError if the port fails.
+        damaged. Returns within timeout_s (default: sending time + reply timeout), at once where this is not its turn.
+        Raises DriverError if the port fails.
         """
+        if not self.may_ask:
+            now_s = self._clock.monotonic()
+            return Exchange(None, now_s, now_s)
         self._seq = (self._seq + 1) & 0xFF
         frame = self.codec.request(self._seq, register_id, data)
         started_s = self._clock.monotonic()
@@ -76,6 +79,8 @@ class SerialLink:
             reply = self._wait(register_id, reply_bytes, deadline_s) if self._send(frame) else None
             if reply is None and self.settings.is_local:
                 self._serial.reset_output_buffer()  # what could not be sent by now must not come at some later time
+            if reply is None and self._end is not None:
+                self._give_up_turn(self._end)
         except LINE_EXCEPTIONS as error:
             raise lost_error(self.settings.port, error) from error
         arrived_s = sent_s + self.transmit_s(len(frame))
@@ -85,6 +90,26 @@ class SerialLink:
         took_s = self._came_s - arrived_s - self.transmit_s(self.codec.overhead_bytes + reply_bytes)
         self.counters.note_reply(1e3 * max(took_s, 0.0))
         return Exchange(reply, arrived_s, self._came_s)
+
+    @property
+    def in_turns(self) -> bool:
+        """Whether others speak on the line too, so that nobody is waited for twice in a turn."""
+        return self._end is not None and self._end.slot is not None
+
+    @property
+    def may_ask(self) -> bool:
+        """Whether its turn is not over: always, where it has the line for itself."""
+        return self._end is None or self._end.may_ask
+
+    def _give_up_turn(self, end: LineEnd) -> None:
+        """No reply has come: its turn is over, unless the wheel has answered in another way."""
+        lost = end.echoes_lost
+        try:
+            if not self.is_refused:
+                end.give_up()
+        finally:
+            if end.echoes_lost != lost:
+                self.counters.echoes_lost += end.echoes_lost - lost
 
     @property
     def is_refused(self) -> bool:

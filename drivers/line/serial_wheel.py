@@ -7,8 +7,8 @@ from rw_ekf.driver import USUAL_LINES, ControlLines
 from rw_ekf.drivers.line.current_writer import CurrentWriter, Written
 from rw_ekf.drivers.line.line import Exchange, Line
 from rw_ekf.drivers.line.registers import decode_register, is_plausible
-from rw_ekf.drivers.line.serial_link import OpenPort
 from rw_ekf.drivers.line.serial_port import PortSettings, open_serial_port
+from rw_ekf.drivers.line.shared_port import OpenPort
 from rw_ekf.drivers.line.wheel_clock import WheelClock
 from rw_ekf.drivers.line.wheel_registers import (
     FLAG_RESET,
@@ -22,6 +22,7 @@ from rw_ekf.drivers.line.wire_layout import Register
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.records import OTHER_MODE, IssuedCommand, LinkCounters, WheelIdentity, WheelSample
 
+_ASKED_IN_TURN = 4  # times; a boot loader refuses twice before it is told to start
 PROBE_S = 2.0  # how long a wheel may be silent when the port is opened
 STATUS_EVERY_S = 1.0  # how often the status register is read beside the cycle ...
 ALARMED_EVERY_S = 0.2  # ... and while a flag is up, so that its end is soon known too
@@ -142,12 +143,19 @@ class SerialWheel:
         self._line.close()
 
     def probe(self, within_s: float = PROBE_S) -> None:
-        """Wait for the first valid reply and read who answers. Raises DriverError if none comes within_s [s]."""
+        """Wait for the first valid reply and read who answers. Raises DriverError if none comes within_s [s].
+
+        On a line that is shared in turns only one that answers in some way is asked again, a few times.
+        """
         identity = self._map.register("identity")
         deadline_s = self._host.monotonic() + within_s
+        asked = 0
         while not self._line.answers:
+            asked += 1
             for register in filter(None, (identity, self._main)):
                 self._note_identity(self._values(register, self._exchange(register, deadline_s)), register)
+            if self._line.in_turns and (asked >= _ASKED_IN_TURN or not self._line.may_ask):
+                break
             if self._host.monotonic() >= deadline_s:
                 break
         if not self._line.answers:

@@ -237,6 +237,9 @@ class Framing(Section):
     end: Byte = 0xFF
     crc: Crc = "crc16-mcrf4xx"
     byte_order: Literal["little", "big"] = Key("little", description="of the values in the data")
+    address: Byte | None = Key(
+        None, description="of the wheel: a byte before seq, in requests and replies; null: there is none"
+    )
 
     @model_validator(mode="after")
     def _holds(self) -> Self:

@@ -6,10 +6,10 @@ KIND[/to|/from|/REGISTER][:AMOUNT[:AMOUNT]][@START[:LASTS[:PERIOD]]]
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from rw_ekf.drivers.sim.faults import CABLE, FROM, KINDS, LINE, TO, Fault, FaultKind, Share
+from rw_ekf.drivers.sim.faults import CABLE, FROM, KINDS, LINE, TO, WHEEL, Fault, FaultKind, Share
 from rw_ekf.errors import BadInputError
 from rw_ekf.units import seconds_from
 
@@ -26,6 +26,32 @@ _SHOWN = {
 def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
     """The faults of texts that each hold some, separated by commas. Raises BadInputError naming the wrong word."""
     return tuple(parse_fault(part) for text in texts for part in text.split(","))
+
+
+def parse_bus_faults(
+    texts: Iterable[str], names: Sequence[str]
+) -> tuple[tuple[Fault, ...], dict[str, tuple[Fault, ...]]]:
+    """The faults of a line with several wheels: those of the line, and by name those of each wheel.
+
+    `NAME=FAULT` is of that wheel alone: one of the wheel itself, or its silence. Without a name, those of a line and
+    its port are of the line, others of every wheel. Raises BadInputError as parse_faults.
+    """
+    of_line: list[Fault] = []
+    of_wheel: dict[str, list[Fault]] = {name: [] for name in names}
+    for part in (part.strip() for text in texts for part in text.split(",")):
+        name, equals, rest = part.partition("=")
+        if not equals or name not in of_wheel:
+            fault = parse_fault(part)
+            for faults in of_wheel.values() if KINDS[fault.kind].place == WHEEL else (of_line,):
+                faults.append(fault)
+            continue
+        fault = parse_fault(rest)
+        if KINDS[fault.kind].place != WHEEL and fault.kind != "silence":
+            raise BadInputError(
+                f"--fault {part!r}: {fault.kind} is a fault of the line, which all wheels share: leave {name}= out"
+            )
+        of_wheel[name].append(fault)
+    return tuple(of_line), {name: tuple(faults) for name, faults in of_wheel.items()}
 
 
 def parse_fault(text: str) -> Fault:

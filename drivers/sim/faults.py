@@ -61,6 +61,9 @@ KINDS: dict[str, FaultKind] = {
     "heat": FaultKind(WHEEL, None, {"number": 80.0}, "the wheel is `number` degC hot"),
     "reset": FaultKind(WHEEL, None, {}, "the wheel restarts: idle, no current, uptime from 0; once a stretch"),
     "clock": FaultKind(WHEEL, None, {"time": 3600.0}, "the wheel's clock jumps by `time`; once a stretch"),
+    "dead": FaultKind(
+        WHEEL, None, {}, "the wheel has no power: it hears and says nothing, and comes back as from a reset"
+    ),
     "serial": FaultKind(WHEEL, None, {"count": 77}, "another wheel answers: its serial number is `count`"),
     "hangup": FaultKind(CABLE, None, {}, "the port is gone, and comes back under its name"),
     "block": FaultKind(CABLE, None, {}, "the far end takes no bytes, so that output backs up"),

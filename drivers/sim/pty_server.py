@@ -10,10 +10,12 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
 from rw_ekf.drivers.line.wire_map import WireMap
+from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.faults import Fault, FaultInjector
 from rw_ekf.drivers.sim.plant import advance
 from rw_ekf.drivers.sim.plant_parameters import PlantNoise, PlantParameters, PlantState
@@ -28,9 +30,11 @@ STOP_POLL_S = 0.1
 
 
 class PtyServer:
-    """Serves one RegisterServer on one pty. `run` in a thread or as the main loop; `close` when done."""
+    """Serves one RegisterServer, or a bus of them, on a pty. `run` in a thread or as main loop; `close` when done."""
 
-    def __init__(self, server: RegisterServer, link_path: str | Path, speed_factor: float = 1.0) -> None:
+    def __init__(
+        self, server: RegisterServer | BusElectronics, link_path: str | Path, speed_factor: float = 1.0
+    ) -> None:
         if not speed_factor > 0.0:
             raise ValueError(f"speed_factor must be above 0, not {speed_factor}")
         self.server = server
@@ -104,14 +108,56 @@ def serve_simulated_wheel(
     another family of wheels. Raises DriverError where the link cannot
     be made, BadInputError for a fault of what the map does not have.
     """
-    check_faults(faults, wire_map)
-    state = PlantState(speed_rad_s=initial_speed_rad_s, temperature_degC=parameters.ambient_degC)
-    plant = PlantRunner(parameters, noise, seed, state, law=law)
-    registers = electronics(wire_map, plant, serial_number=(seed % 65535) + 1, faults=FaultInjector(faults, seed))
+    served = ServedWheel(wire_map, parameters, seed, noise, initial_speed_rad_s, faults, law, electronics)
+    serve_electronics(
+        served.made(),
+        link_path,
+        speed_factor=speed_factor,
+        on_ready=on_ready,
+        stop=stop,
+        duration_s=duration_s,
+    )
+
+
+@dataclass(frozen=True)
+class ServedWheel:
+    """A wheel to be simulated; its fields are the options of `serve_simulated_wheel`."""
+
+    wire_map: WireMap
+    parameters: PlantParameters
+    seed: int = 0
+    noise: PlantNoise | None = None
+    initial_speed_rad_s: float = 0.0
+    faults: Sequence[Fault] = ()
+    law: Advance = advance
+    electronics: type[RegisterServer] = RegisterServer
+
+    def made(self) -> RegisterServer:
+        """Its electronics. Raises BadInputError for a fault of what the map does not have."""
+        check_faults(self.faults, self.wire_map)
+        parameters = self.parameters
+        state = PlantState(speed_rad_s=self.initial_speed_rad_s, temperature_degC=parameters.ambient_degC)
+        plant = PlantRunner(parameters, self.noise, self.seed, state, law=self.law)
+        number = (self.seed % 65535) + 1
+        return self.electronics(
+            self.wire_map, plant, serial_number=number, faults=FaultInjector(self.faults, self.seed)
+        )
+
+
+def serve_electronics(
+    served: RegisterServer | BusElectronics,
+    link_path: str | Path,
+    *,
+    speed_factor: float = 1.0,
+    on_ready: Callable[[str], None] | None = None,
+    stop: threading.Event | Callable[[], bool] | None = None,
+    duration_s: float | None = None,
+) -> None:
+    """Serve one wheel's electronics, or a bus of them, as `serve_simulated_wheel` does."""
     asked = stop.is_set if isinstance(stop, threading.Event) else (stop or (lambda: False))
     end_s = None if duration_s is None else time.monotonic() + duration_s
     with _signals() as (signalled, wake):
-        server = PtyServer(registers, link_path, speed_factor)
+        server = PtyServer(served, link_path, speed_factor)
         try:
             if on_ready is not None:
                 on_ready(server.pty.device_path)

@@ -76,6 +76,9 @@ class RegisterServer:
     def handle(self, received: bytes, time_s: float) -> list[Reply]:
         """Replies to bytes whose last one arrived at `time_s` of the plant's clock. Damaged frames get none."""
         self.advance_to(time_s)
+        if self._spoilt.is_dead(time_s):
+            self._rest = b""
+            return []
         decoded = self._codec.requests(self._rest + received)
         self._rest = decoded.rest
         self.damaged += decoded.damaged

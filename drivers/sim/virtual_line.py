@@ -14,6 +14,7 @@ from rw_ekf.clock import Clock
 from rw_ekf.drivers.line.line_errors import open_error
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol
 from rw_ekf.drivers.line.serial_port import POLL_S, PortSettings
+from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.register_server import RegisterServer
 from rw_ekf.drivers.sim.wheel_line import WheelLine
 
@@ -83,7 +84,7 @@ class VirtualPort:
 class VirtualCable:
     """A wheel's line in the time of a clock; ports are opened on it one after the other."""
 
-    def __init__(self, server: RegisterServer, clock: Clock) -> None:
+    def __init__(self, server: RegisterServer | BusElectronics, clock: Clock) -> None:
         self.line = WheelLine(server)
         self.clock = clock
         self._zero_s = clock.monotonic() - server.plant.time_s
@@ -107,7 +108,7 @@ class VirtualCable:
 
     def carrying(self, spoken: RegisterProtocol) -> RegisterProtocol:
         """The same protocol on this cable, whatever the port's name."""
-        return type(spoken)(spoken.wire_map, spoken.scale_places, spoken.fingerprint, self._open_port)
+        return spoken.over(self._open_port)
 
     def _open_port(self, settings: PortSettings, write_timeout_s: float) -> VirtualPort:
         """Raises DriverError while the cable is out."""

@@ -45,6 +45,8 @@ class WheelFaults:
         for fault in self._faults.on("reset", time_s):
             if fault.begins(time_s):
                 server.restart()
+        for _ in self._faults.on("dead", time_s):
+            server.restart()  # as long as there is no power
         for fault in self._faults.on("clock", time_s):
             if fault.begins(time_s):
                 server.jump_clock(fault.fault.time_s)
@@ -57,6 +59,10 @@ class WheelFaults:
         elif self._cool_degC is not None:
             plant.state = plant.state._replace(temperature_degC=self._cool_degC)
             self._cool_degC = None
+
+    def is_dead(self, time_s: float) -> bool:
+        """Whether the wheel has no power."""
+        return bool(self._faults.on("dead", time_s))
 
     def refusal(self, register: str, time_s: float) -> Refusal | None:
         """How a write to a register is refused, where it is."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import heapq
 
+from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.faults import FROM, TO
 from rw_ekf.drivers.sim.line_stage import LineStage
 from rw_ekf.drivers.sim.register_server import RegisterServer, Reply
@@ -19,9 +20,12 @@ RECEIVED, SEND = 0, 1  # kinds of event
 
 
 class WheelLine:
-    """One RegisterServer and its line, with the server's faults. Times are the wheel's [s], and never go back."""
+    """One RegisterServer, or a bus of them, and its line, with the server's faults.
 
-    def __init__(self, server: RegisterServer) -> None:
+    Times are the wheel's [s], and never go back.
+    """
+
+    def __init__(self, server: RegisterServer | BusElectronics) -> None:
         self.server = server
         self._faults = server.faults
         self._stage = LineStage(self._faults)

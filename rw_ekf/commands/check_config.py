@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 from rw_ekf.commands.inputs import CONFIG_HELP
+
+if TYPE_CHECKING:
+    from rw_ekf.checking.yaml_loader import YamlDocument
+    from rw_ekf.settings.schema import Configuration
 
 HELP = "validate a configuration and print it with every default"
 EXAMPLE = """example:
@@ -19,16 +24,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises ConfigError with every finding."""
-    from rw_ekf.attach import beyond_wire, load_protocol, plant_of
     from rw_ekf.checking.yaml_loader import load_yaml
-    from rw_ekf.errors import BadInputError, ConfigError
+    from rw_ekf.errors import ConfigError
     from rw_ekf.json_output import print_json
-    from rw_ekf.settings.load import configuration_from, configuration_path, resolved_lines
+    from rw_ekf.settings.load import configuration_path, resolved_lines, wheels_from
 
-    document = load_yaml(configuration_path(args.config))
-    configuration = configuration_from(document)
-    wire = load_protocol(configuration.wheel.protocol).limits
-    found = [f"{document.where(keys)}: {text}" for keys, text in beyond_wire(configuration, wire)]
+    wheels = wheels_from(load_yaml(configuration_path(args.config)))
+    found = [text for document, configuration in wheels for text in _beyond(document, configuration)]
+    found = list(dict.fromkeys(found)) or _together(wheels)
+    if found:
+        raise ConfigError(found)
+    if args.json:
+        dumped = [configuration.model_dump(mode="json") for _, configuration in wheels]
+        if len(wheels) == 1:
+            print_json({"schema": "rw_ekf.configuration/1", "configuration": dumped[0]})
+        else:
+            print_json({"schema": "rw_ekf.bus_configuration/1", "wheels": [{"configuration": one} for one in dumped]})
+        return 0
+    for document, configuration in wheels:
+        if len(wheels) > 1:
+            sys.stdout.write(f"# {configuration.wheel.name}\n")
+        sys.stdout.write(resolved_lines(configuration, document))
+    return 0
+
+
+def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
+    """What is wrong with one wheel that only its wire map, its model or the effects' catalogue can tell."""
+    from rw_ekf.attach import beyond_wire, plant_of, spoken_by
+    from rw_ekf.errors import BadInputError, ConfigError
+
+    found = []
+    try:
+        wire = spoken_by(configuration).limits
+        found += [f"{document.where(keys)}: {text}" for keys, text in beyond_wire(configuration, wire)]
+    except ConfigError as error:
+        addressed = [text for text in error.findings if text.startswith("wheel.address")]
+        if not addressed:
+            raise
+        found += [f"{document.where(('wheel', 'address'))}: {text}" for text in addressed]
     try:
         plant_of(configuration, [])
     except (BadInputError, ValueError) as error:
@@ -42,10 +75,15 @@ def execute(args: argparse.Namespace) -> int:
             read_model(Path(configuration.filter.model))
         except ConfigError as error:
             found += error.findings
-    if found:
-        raise ConfigError(found)
-    if args.json:
-        print_json({"schema": "rw_ekf.configuration/1", "configuration": configuration.model_dump(mode="json")})
-    else:
-        sys.stdout.write(resolved_lines(configuration, document))
-    return 0
+    return found
+
+
+def _together(wheels: list[tuple[YamlDocument, Configuration]]) -> list[str]:
+    """What keeps several wheels from sharing their line."""
+    from rw_ekf.attach import beyond_line, spoken_by
+
+    if len(wheels) == 1:
+        return []
+    configurations = [configuration for _, configuration in wheels]
+    found = beyond_line(configurations, [spoken_by(configuration) for configuration in configurations])
+    return [f"{wheels[index][0].where(keys)}: {text}" for index, keys, text in found]

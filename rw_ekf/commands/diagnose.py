@@ -72,7 +72,7 @@ def execute(args: argparse.Namespace) -> int:
         names = ("report.html", "diagnosis.json", DIAGNOSED_MODEL)
         inputs = [*args.logs, args.columns, args.config, args.effect_file]  # the model may be replaced by a better one
         refuse_to_overwrite([str(directory / name) for name in names], inputs)
-    configuration = read_configuration(args.config)
+    configuration = read_configuration(args)
     model = read_wheel_model(args.model, configuration)
     own = read_own_effects(args.effect_file, model)
     logs = read_logs(args.logs, args.columns)

@@ -39,7 +39,7 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError("excite: name either a PROFILE or --settle diagnosis.json")
     if args.dry_run and args.settle is None:
         raise BadInputError("--dry-run: only with --settle diagnosis.json, whose design it shows")
-    configuration = load_configuration(args.config)
+    configuration = load_configuration(args.config, args.wheel)
     if args.seed is not None and args.seed < 0:
         raise BadInputError(f"--seed {args.seed}: a seed is not negative")
     if args.settle is not None:

@@ -57,7 +57,7 @@ def execute(args: argparse.Namespace) -> int:
 
     form = next(name for name in ("c", "fmu", "matlab", "basilisk") if getattr(args, name) is not None)
     _check(args, form)
-    configuration = read_configuration(args.config)
+    configuration = read_configuration(args)
     model = read_wheel_model(args.model, configuration)
     assert model is not None
     if configuration is not None:

@@ -47,7 +47,7 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.json_output import print_json
 
     refuse_to_overwrite([args.out], [args.log, args.columns, args.config])
-    configuration = read_configuration(args.config)
+    configuration = read_configuration(args)
     prior = read_wheel_model(args.prior, configuration)
     (log,) = read_logs([args.log], args.columns)
     with_effects = prior is not None and prior.effects.terms and args.method != "deterministic"

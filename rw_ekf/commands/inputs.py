@@ -18,13 +18,18 @@ if TYPE_CHECKING:
     from rw_ekf.wheel.wheel_tag import WheelTag
 
 
-CONFIG_HELP = "configuration file, or the name of a shipped one: simulated, example"
+CONFIG_HELP = "configuration file, or the name of a shipped one: simulated, example, bus"
 
 
-def add_config_option(parser: argparse.ArgumentParser, what: str = "", *, required: bool = False) -> None:
-    """Add --config; what: it is read for."""
+def add_config_option(
+    parser: argparse.ArgumentParser, what: str = "", *, required: bool = False, one_wheel: bool = True
+) -> None:
+    """Add --config, and --wheel where one wheel of it can be meant; what: it is read for."""
     help_text = f"{CONFIG_HELP}; {what}" if what else CONFIG_HELP
     parser.add_argument("-c", "--config", metavar="F", required=required, help=help_text)
+    if one_wheel:
+        what = "of a configuration with several wheels (wheels: [...]) that one"
+        parser.add_argument("--wheel", metavar="NAME", help=what)
 
 
 def duration_s(text: str, *, or_zero: bool = False) -> float:
@@ -60,13 +65,13 @@ def log_options(args: argparse.Namespace) -> list[str]:
     return given
 
 
-def read_configuration(path: str | None) -> Configuration | None:
-    """Read a configuration, if one is named."""
-    if path is None:
+def read_configuration(args: argparse.Namespace) -> Configuration | None:
+    """Read the configuration of --config, if there is one, of the wheel of --wheel."""
+    if args.config is None:
         return None
     from rw_ekf.settings.load import load_configuration
 
-    return load_configuration(path)
+    return load_configuration(args.config, args.wheel)
 
 
 def read_wheel_model(path: str | None, configuration: Configuration | None = None) -> WheelModel | None:

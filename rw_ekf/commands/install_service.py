@@ -28,7 +28,7 @@ _UNKNOWN = ("ttyUSB", "ttyACM")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    add_config_option(parser, required=True)
+    add_config_option(parser, required=True, one_wheel=False)
     parser.add_argument("--user", metavar="NAME", help="account that the run has; default: yours, also under sudo")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--print", action="store_true", help="print both (what is done without options)")
@@ -43,11 +43,17 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.live.port_name import aliases_of, device_of, own_name
     from rw_ekf.service.udev import by_id_name, rule_text
     from rw_ekf.service.unit import unit_text
-    from rw_ekf.settings.load import configuration_path, load_configuration
+    from rw_ekf.settings.load import configuration_path, load_configurations
 
-    configuration = load_configuration(args.config)
-    checked_protocol(configuration)
-    service = service_of(configuration, configuration_path(args.config), _user(args.user))
+    path = configuration_path(args.config)
+    configurations = load_configurations(path)
+    for one in configurations:
+        checked_protocol(one)
+    configuration = configurations[0]
+    if len(configurations) > 1:  # a unit for all of them
+        wheel = configuration.wheel.model_copy(update={"name": path.stem})
+        configuration = configuration.model_copy(update={"wheel": wheel})
+    service = service_of(configuration, path, _user(args.user))
     name = f"rw-ekf-{_safe(configuration.wheel.name)}"
     files = {Path(args.root) / _UNITS / f"{name}.service": unit_text(service)}
     port = own_name(configuration.wheel.port)

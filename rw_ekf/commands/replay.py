@@ -73,7 +73,7 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.logs.tables import check_suffix
 
         check_suffix(args.out)
-    configuration = read_configuration(args.config)
+    configuration = read_configuration(args)
     model = read_wheel_model(args.model, configuration)
     started = time.perf_counter()
     named = _named(args)

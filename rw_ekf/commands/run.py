@@ -11,19 +11,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rw_ekf.commands.inputs import add_config_option, duration_s
-from rw_ekf.console import shown_path
-from rw_ekf.records import RunState
 
 if TYPE_CHECKING:
     from rw_ekf.control.commanders import Commander
-    from rw_ekf.live.outcome import RunOutcome
     from rw_ekf.live.oversight import Heartbeat
     from rw_ekf.settings.schema import Configuration
 
 HELP = "attach to a wheel: estimate, log and publish until a signal"
 EXAMPLE = """example:
   rw-ekf check-config my-wheel.yaml && rw-ekf run --config my-wheel.yaml --duration 600"""
-SAFE_STATUS = 5
 
 
 class Planned(NamedTuple):
@@ -79,9 +75,14 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
-    from rw_ekf.settings.load import load_configuration
+    from rw_ekf.settings.load import load_configurations, one_of_wheels
 
-    configuration = load_configuration(args.config)
+    configurations = load_configurations(args.config)
+    if args.wheel is None and len(configurations) > 1:
+        from rw_ekf.commands.run_bus import execute_bus
+
+        return execute_bus(configurations, args)
+    configuration = one_of_wheels(configurations, args.config, args.wheel)
     if args.resume:
         from rw_ekf.live.resume import resume_daemon
 
@@ -118,7 +119,8 @@ def _supervised(configuration: Configuration, args: argparse.Namespace) -> int:
         raise BadInputError("--supervise: systemd watches this process already (NOTIFY_SOCKET is set): leave it out")
     log = logger(args.log_format).bind(wheel=configuration.wheel.name)
     protocol = checked_protocol(configuration)
-    born = Supervisor(configuration, protocol, log, SystemClock(), Patience.of(configuration)).supervise()
+    wheels = ((configuration, protocol),)
+    born = Supervisor(wheels, log, SystemClock(), Patience.of(configuration)).supervise()
     if isinstance(born, int):
         return born
     if args.duration is not None:
@@ -163,7 +165,9 @@ def run_and_report(
             faulthandler.enable()  # a crash in compiled code says where
         from rw_ekf.attach import checked_protocol
         from rw_ekf.commands.inputs import given_model
+        from rw_ekf.commands.run_report import exit_status, report_document, report_text, warnings_of
         from rw_ekf.console import abandon_output, logger
+        from rw_ekf.json_output import print_json
         from rw_ekf.live.daemon import run_daemon
         from rw_ekf.live.oversight import Oversight
         from rw_ekf.live.published_state import crashed_in_safe
@@ -191,125 +195,13 @@ def run_and_report(
             None if planned is None else planned.commander,
             claim,
         )
-        warnings = _warnings(outcome)
+        warnings = warnings_of(outcome)
         try:
-            _print(outcome, warnings, planned, json=args.json)
+            if args.json:
+                print_json(report_document(outcome, warnings, None if planned is None else planned.document))
+            else:
+                sys.stdout.write(report_text(outcome, warnings, None if planned is None else planned.afterwards))
         except OSError as error:  # the terminal, or who read us, has gone; the run is well, and its files are there
             abandon_output()
             log.warning("report_lost", reason=str(error))
         return exit_status(outcome)
-
-
-def exit_status(outcome: RunOutcome) -> int:
-    """What a run's exit says: a lost line (1) comes before a safety stop (5), which a line that is lost brings on."""
-    no_sample = outcome.statistics.samples == 0 and outcome.stopped_by is None
-    if outcome.lost or no_sample or not outcome.zero_confirmed:
-        return 1
-    if outcome.halted is not None or outcome.state.state is RunState.SAFE:
-        return SAFE_STATUS
-    return 1 if outcome.unwritten else 0
-
-
-def _said_while_running(outcome: RunOutcome) -> list[str]:
-    """Sentences for the document that a person has already read on standard error, as they came."""
-    unconfirmed = "the wheel did not confirm zero current at the end; `rw-ekf stop --config F` tries again"
-    return [*([] if outcome.zero_confirmed else [unconfirmed]), *outcome.alarms]
-
-
-def _warnings(outcome: RunOutcome) -> list[str]:
-    """Judge the last hour of the run; a run's own numbers never fail because of this."""
-    from rw_ekf.errors import RwEkfError
-    from rw_ekf.log_replay import consistency_now
-
-    found = _said_while_running(outcome)
-    if outcome.lost:
-        found.append("the link to the wheel was lost to the end of the run")
-    if outcome.link.reconnects > 0 and not outcome.lost:
-        found.append(
-            f"the link was lost and taken up again {outcome.link.reconnects} times; the log has a gap each time"
-        )
-    if outcome.unwritten:
-        found.append(outcome.unwritten.text())
-    found += [f"{ticks} ticks went nowhere from output.{name}" for name, ticks in outcome.unwritten.not_sent.items()]
-    if outcome.state.state is RunState.SAFE:
-        found.append(
-            f"the run ended in SAFE, only zero was written since {outcome.state.since_utc}: {outcome.state.reason}"
-        )
-    found += outcome.findings
-    if outcome.statistics.samples == 0:
-        return [*found, "no sample came from the wheel"]
-    refused = outcome.statistics.gate_finding(outcome.setup.constants.gate)
-    if refused is not None:
-        found.append(refused)
-    log = shown_path(outcome.files.log)
-    try:
-        course = outcome.recent.course()
-        judged, _ = consistency_now(course, outcome.setup, outcome.belief)
-    except (RwEkfError, ArithmeticError, ValueError, LookupError) as error:
-        return [*found, f"the run's residual could not be judged: {error}"]
-    stretch = (
-        "" if outcome.recent.is_whole else f" (Judged over the last {course.duration_s / 60.0:.3g} min of the run.)"
-    )
-    # A command that is named can be run from here, as it stands.
-    return [*found, *(text.replace(" LOG", f" {log}") + stretch for text in judged.warnings())]
-
-
-def _print(outcome: RunOutcome, warnings: list[str], planned: Planned | None, *, json: bool) -> None:
-    """The result on standard output; as text without what standard error has told already."""
-    from rw_ekf.documents import REPLAY_SCHEMA, entry_text, log_entry
-    from rw_ekf.json_output import print_json
-
-    entry = log_entry(
-        str(outcome.files.log),
-        outcome.statistics,
-        outcome.belief,
-        outcome.setup,
-        warnings,
-    )
-    if not json:
-        said = _said_while_running(outcome)
-        entry |= {"log": shown_path(outcome.files.log), "warnings": [text for text in warnings if text not in said]}
-        lines = [entry_text(entry, outcome.statistics, outcome.belief, outcome.setup)]
-        if outcome.alarms:
-            lines.append(f"  alarms: {len(outcome.alarms)} lines above, as they came")
-        if outcome.model is not None:
-            lines.append(f"  model: {shown_path(outcome.model)}  (run, replay and diagnose take it: --model)")
-        elif outcome.statistics.samples:
-            lines.append("  model: none, because the run learned nothing that its configuration does not say")
-        if planned is not None:
-            lines.append(planned.afterwards(shown_path(outcome.files.log)))
-        sys.stdout.write("\n".join(lines) + "\n")
-        return
-    link, timing = outcome.link, outcome.timing
-    document: dict[str, Any] = {
-        "schema": REPLAY_SCHEMA,
-        "logs": [entry],
-        "seconds": {"read": 0.0, "filter": outcome.statistics.duration_s, "write": 0.0},
-        "link": {
-            "requests": link.requests,
-            "timeouts": link.timeouts,
-            "stale": link.stale,
-            "damaged": link.damaged,
-            "reconnects": link.reconnects,
-        },
-        "reply": {"mean_ms": link.reply_ms, "jitter_ms": link.reply_jitter_ms, "max_ms": link.reply_ms_max},
-        "loop": {
-            "ticks": timing.ticks,
-            "overruns": timing.overruns,
-            "late_ms_p50": timing.percentile_ms(0.50),
-            "late_ms_p99": timing.percentile_ms(0.99),
-            "late_ms_max": timing.late_ms_max,
-        },
-        "stopped_by": outcome.stopped_by,
-        "state": outcome.state._asdict(),
-        "start": outcome.start,
-        "model": None if outcome.model is None else str(outcome.model),
-        "unwritten": {
-            "log_rows": outcome.unwritten.log_rows,
-            "estimate_rows": outcome.unwritten.estimate_rows,
-            "state_files": outcome.unwritten.state_files,
-            "other_files": outcome.unwritten.other_files,
-            "not_sent": outcome.unwritten.not_sent,
-        },
-    }
-    print_json(document | ({} if planned is None else planned.document))

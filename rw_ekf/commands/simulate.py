@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rw_ekf.commands.inputs import add_config_option
+
+if TYPE_CHECKING:
+    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
+    from rw_ekf.settings.schema import Configuration
 
 HELP = "serve a simulated wheel on a pseudo-terminal"
 EXAMPLE = """example:
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect offset_torque:torque_rad_s2=0.03 --seed 7
   rw-ekf simulate --link /tmp/rw-ekf-wheel --fault drop:0.1,freeze@30s:5s
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect-file my-effects.yaml --effect eddy:a=0.004,w0=40
+  rw-ekf simulate --link /tmp/bus --config bus --fault echo,rw-y=dead@30s:20s
   rw-ekf simulate --effects"""
 MAX_SPEED_RPM = 1.0e5
 
@@ -60,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="KIND:amount@start:lasts:period,...",
         action="append",
         default=[],
-        help="a fault of the line or the wheel; may be repeated",
+        help="a fault of the line or the wheel, or NAME=KIND... of one of several wheels; may be repeated",
     )
     parser.add_argument("--faults", nargs=0, action=_ListFaults, help="list all faults with their amounts")
     parser.add_argument("--seed", type=int, default=0, help="of the noise and the faults (default 0)")
@@ -70,10 +75,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb until a signal; raises RwEkfError."""
-    from rw_ekf.attach import load_protocol, plant_of, with_own_formulas
-    from rw_ekf.commands.inputs import read_configuration, read_own_formulas
+    from rw_ekf.attach import load_protocol, plant_of, spoken_by, with_own_formulas
+    from rw_ekf.commands.inputs import read_own_formulas
     from rw_ekf.drivers.sim.fault_text import parse_faults
-    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
     from rw_ekf.errors import BadInputError
     from rw_ekf.json_output import print_json
     from rw_ekf.units import rad_s_from_rpm
@@ -84,18 +88,16 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError(f"--seed {args.seed}: a seed is not negative")
     if not abs(args.initial_speed_rpm) <= MAX_SPEED_RPM:
         raise BadInputError(f"--initial-speed-rpm {args.initial_speed_rpm:g}: give at most {MAX_SPEED_RPM:g} rpm")
+    configurations = _configurations(args)
+    if len(configurations) > 1:
+        return _bus(args, configurations)
     faults = parse_faults(args.fault)
-    configuration = read_configuration(args.config)
+    configuration = configurations[0] if configurations else None
     asked = [text for group in args.effect for text in group]
     effects, law, numbers = with_own_formulas(asked, read_own_formulas(args.effect_file))
     plant = plant_of(configuration, effects)
-    noise = PlantNoise()
-    if configuration is not None:
-        noise = PlantNoise(
-            rad_s_from_rpm(configuration.simulation.speed_noise_rpm),
-            rad_s_from_rpm(configuration.simulation.acceleration_noise_rpm_per_sqrt_s),
-        )
-    protocol = load_protocol(configuration.wheel.protocol if configuration is not None else "sunspace-wheel")
+    noise = _noise(configuration)
+    protocol = load_protocol("sunspace-wheel") if configuration is None else spoken_by(configuration)
 
     def ready(device: str) -> None:
         if args.json:
@@ -126,4 +128,83 @@ def execute(args: argparse.Namespace) -> int:
         faults=faults,
         **law,
     )
+    return 0
+
+
+def _configurations(args: argparse.Namespace) -> tuple[Configuration, ...]:
+    """Of the wheels that are to be served; none where none is named."""
+    from rw_ekf.settings.load import load_configurations, one_of_wheels
+
+    if args.config is None:
+        return ()
+    found = load_configurations(args.config)
+    return found if args.wheel is None else (one_of_wheels(found, args.config, args.wheel),)
+
+
+def _noise(configuration: Configuration | None) -> PlantNoise:
+    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
+    from rw_ekf.units import rad_s_from_rpm
+
+    if configuration is None:
+        return PlantNoise()
+    truth = configuration.simulation
+    return PlantNoise(rad_s_from_rpm(truth.speed_noise_rpm), rad_s_from_rpm(truth.acceleration_noise_rpm_per_sqrt_s))
+
+
+def _bus(args: argparse.Namespace, configurations: tuple[Configuration, ...]) -> int:
+    """All wheels of a configuration behind one tty, each with a noise of its own."""
+    from rw_ekf.attach import beyond_line, plant_of, serve_bus, spoken_by, with_own_formulas
+    from rw_ekf.commands.inputs import read_own_formulas
+    from rw_ekf.drivers.sim.fault_text import parse_bus_faults
+    from rw_ekf.errors import ConfigError
+    from rw_ekf.json_output import print_json
+    from rw_ekf.units import rad_s_from_rpm
+
+    names = [configuration.wheel.name for configuration in configurations]
+    of_line, of_wheel = parse_bus_faults(args.fault, names)
+    protocols = [spoken_by(configuration) for configuration in configurations]
+    wrong = [text for _, _, text in beyond_line(configurations, protocols)]
+    if wrong:
+        raise ConfigError(wrong)
+    asked = [text for group in args.effect for text in group]
+    effects, law, numbers = with_own_formulas(asked, read_own_formulas(args.effect_file))
+    wheels = []
+    for index, (configuration, protocol) in enumerate(zip(configurations, protocols, strict=True)):
+        own: dict[str, Any] = {
+            "seed": args.seed + index,
+            "noise": _noise(configuration),
+            "initial_speed_rad_s": rad_s_from_rpm(args.initial_speed_rpm),
+            "faults": of_wheel[names[index]],
+            **law,
+        }
+        wheels.append((protocol, plant_of(configuration, effects), own))
+
+    def ready(device: str) -> None:
+        if args.json:
+            told = [
+                {
+                    "wheel": name,
+                    "seed": own["seed"],
+                    "truth": plant._asdict() | numbers,
+                    "noise": own["noise"]._asdict(),
+                    "faults": [fault.text for fault in own["faults"]],
+                }
+                for name, (_, plant, own) in zip(names, wheels, strict=True)
+            ]
+            print_json(
+                {
+                    "schema": "rw_ekf.bus_simulation/1",
+                    "link": args.link,
+                    "device": device,
+                    "speed_factor": args.speed_factor,
+                    "faults": [fault.text for fault in of_line],
+                    "wheels": told,
+                }
+            )
+        else:
+            sys.stdout.write(f"simulated wheels {', '.join(names)} at {args.link} ({device}); Ctrl-C ends them\n")
+            sys.stdout.flush()
+
+    baud = configurations[0].wheel.baud
+    serve_bus(wheels, args.link, of_line, args.seed, baud, speed_factor=args.speed_factor, on_ready=ready)
     return 0

@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rw_ekf.live.published_state import Published
+    from rw_ekf.settings.schema import Configuration
 
 HELP = "say what the daemon of a configuration is doing, also when it is dead"
 EXAMPLE = """example:
   rw-ekf status --config my-wheel.yaml --json
 
-exit status: 0 alive and TRACKING, 3 alive but not, 4 not alive"""
+exit status: 0 alive and TRACKING, 3 alive but not, 4 not alive; of several wheels what all have, else 3"""
 
 TRACKING_STATUS, OTHER_STATUS, DEAD_STATUS = 0, 3, 4
 _STALE_S = 5.0  # the state file is replaced once a second
@@ -32,32 +33,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
+    from rw_ekf.settings.load import load_configurations, one_of_wheels
+
+    configurations = load_configurations(args.config)
+    if args.wheel is not None or len(configurations) == 1:
+        document, status = _of_wheel(one_of_wheels(configurations, args.config, args.wheel))
+        return _show(args, document, "\n".join(_lines(document)), status)
+    found = [(configuration.wheel.name, *_of_wheel(configuration)) for configuration in configurations]
+    statuses = [status for _, _, status in found]
+    wheels = [{"wheel": name, **document} for name, document, _ in found]
+    text = "\n".join(f"{name}: {line}" for name, document, _ in found for line in _lines(document))
+    agreed = statuses[0] if len(set(statuses)) == 1 else OTHER_STATUS
+    return _show(args, {"schema": "rw_ekf.bus_status/1", "wheels": wheels}, text, agreed)
+
+
+def _of_wheel(configuration: Configuration) -> tuple[dict[str, Any], int]:
+    """What one wheel's run publishes, and the exit status for it."""
     from rw_ekf.clock import SystemClock
     from rw_ekf.live.holder import holders_of, supervisors_of
     from rw_ekf.live.published_place import published_place
     from rw_ekf.live.published_state import read_published
     from rw_ekf.records import RunState
-    from rw_ekf.settings.load import load_configuration
 
-    configuration = load_configuration(args.config)
     clock = SystemClock()
     holders = holders_of(configuration.wheel.port, clock)
     path = published_place(configuration, [facts.uid for facts in holders])
     found = read_published(path)
     if holders and (found is None or not found.alive):  # of another configuration, or without a state file
-        return _show(args, _elsewhere(holders[0].pid, holders[0].described, configuration.wheel.port), OTHER_STATUS)
+        return _elsewhere(holders[0].pid, holders[0].described, configuration.wheel.port), OTHER_STATUS
     if found is None:
-        return _show(args, _nothing(path), DEAD_STATUS)
+        return _nothing(path), DEAD_STATUS
     document = _document(found)
     age_s = _age_s(document["utc"], clock.utc())
     if found.alive and age_s > _STALE_S:
         document["reason"] += f" (published {age_s:.0f} s ago: the daemon hangs, or its disk does)"
-        return _show(args, document, OTHER_STATUS)
+        return document, OTHER_STATUS
     if not found.alive:
         for facts in supervisors_of(configuration.wheel.port, clock):
             document["reason"] += f" ({facts.described} supervises it, and starts it again)"
-        return _show(args, document, DEAD_STATUS)
-    return _show(args, document, TRACKING_STATUS if found.run_state == RunState.TRACKING else OTHER_STATUS)
+        return document, DEAD_STATUS
+    return document, TRACKING_STATUS if found.run_state == RunState.TRACKING else OTHER_STATUS
 
 
 def _document(found: Published) -> dict[str, Any]:
@@ -106,8 +121,8 @@ def _nothing(path: Path) -> dict[str, Any]:
 
 def _elsewhere(pid: int, described: str, port: str) -> dict[str, Any]:
     reason = (
-        f"{described} drives the wheel at {port}, but publishes elsewhere or not at all: "
-        "was it started with another configuration?"
+        f"{described} drives the wheel at {port}, but publishes elsewhere or not at all: was it started with another "
+        "configuration, or is this one of several wheels on the line, and has not answered yet?"
     )
     return _unknown(alive=True, pid=pid, reason=reason)
 
@@ -119,13 +134,13 @@ def _age_s(utc: Any, now: Any) -> float:
     return float("inf") if moment is None else float((now - moment).total_seconds())
 
 
-def _show(args: argparse.Namespace, document: dict[str, Any], status: int) -> int:
+def _show(args: argparse.Namespace, document: dict[str, Any], text: str, status: int) -> int:
     if args.json:
         from rw_ekf.json_output import print_json
 
         print_json(document)
     else:
-        sys.stdout.write("\n".join(_lines(document)) + "\n")
+        sys.stdout.write(text + "\n")
     return status
 
 

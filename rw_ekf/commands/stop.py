@@ -10,7 +10,6 @@ from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
     from rw_ekf.clock import Clock
-    from rw_ekf.driver import WheelDriver
     from rw_ekf.live.holder import HolderReport
     from rw_ekf.settings.line import LineConfiguration
 
@@ -19,11 +18,12 @@ EXAMPLE = """example:
   rw-ekf stop --config my-wheel.yaml"""
 
 _TRY_S = 1.0
+_WITHIN_S = 5.0  # a daemon of one wheel ends, from being told
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    add_config_option(parser, "only its line is read", required=True)
+    add_config_option(parser, "only its line is read", required=True, one_wheel=False)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -34,23 +34,23 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.clock import SystemClock
     from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
-    from rw_ekf.live.guard import zero_and_close
+    from rw_ekf.live.guard import STAND_DOWN_S
     from rw_ekf.live.holder import stop_holder
     from rw_ekf.settings.line import read_line
 
     clock = SystemClock()
     line = read_line(args.config)
-    port = line.configuration.wheel.port
+    port = line.wheels[0].wheel.port
     if line.findings:
         _warn([*line.findings, "the configuration has mistakes; stop used its port and went on", *line.doubts])
-    report = stop_holder(port, clock)
+    report = stop_holder(port, clock, _WITHIN_S + STAND_DOWN_S * (len(line.wheels) - 1))
     _warn(report.notes)
-    driver = _open(line, report, clock)
-    if not zero_and_close(driver, line.configuration.limits, clock, _TRY_S, lambda event, text: _warn([text])):
+    confirmed = _zero(line, report, clock)
+    if not all(confirmed):
         doubts = "".join(f"; {doubt}" for doubt in line.doubts)
         raise DriverError(
-            f"{port}: {_done(report)}zero was sent but no wheel confirmed it within {_TRY_S:g} s{doubts}; check the "
-            "port, try again, or cut its power" + _still(report)
+            f"{port}: {_done(report)}zero was sent but {_who(line, confirmed)} confirmed it within {_TRY_S:g} s{doubts}"
+            "; check the port, try again, or cut its power" + _still(report)
         )
     if report.remaining:
         raise DriverError(f"{port}: {_done(report)}zero was sent and confirmed, but does not last" + _still(report))
@@ -65,26 +65,39 @@ def execute(args: argparse.Namespace) -> int:
         }
         print_json(document)
     else:
-        sys.stdout.write(f"{port}: {_done(report)}zero current confirmed\n")
+        of = "" if len(line.wheels) == 1 else f" by all {len(line.wheels)} wheels"
+        sys.stdout.write(f"{port}: {_done(report)}zero current confirmed{of}\n")
     return 0
 
 
-def _open(line: LineConfiguration, report: HolderReport, clock: Clock) -> WheelDriver:
-    """The wheel's line, for ourselves, or beside a daemon that is still there. Raises RwEkfError with what was done."""
-    from rw_ekf.attach import load_protocol, opener
+def _who(line: LineConfiguration, confirmed: list[bool]) -> str:
+    """Who has not confirmed a zero, before that word: `no wheel`, or of several the names."""
+    silent = [wheel.wheel.name for wheel, done in zip(line.wheels, confirmed, strict=True) if not done]
+    return "no wheel" if len(silent) == len(line.wheels) else f"of several wheels not {', '.join(silent)}"
+
+
+def _zero(line: LineConfiguration, report: HolderReport, clock: Clock) -> list[bool]:
+    """Zero over the line, for ourselves, or beside a daemon that is still there; which wheels confirmed it.
+
+    Raises RwEkfError with what was done.
+    """
+    from rw_ekf.attach import opener, spoken_by
     from rw_ekf.errors import ConfigError, DriverError
+    from rw_ekf.live.guard import zero_each
     from rw_ekf.live.holder import others_with
 
-    configuration = line.configuration
-    port = configuration.wheel.port
+    port = line.wheels[0].wheel.port
     try:
-        protocol = load_protocol(configuration.wheel.protocol)
+        # Without a probe: zero goes out even where the wheel's answers are lost.
+        openers = [
+            (opener(wheel, spoken_by(wheel), clock, probe=False, exclusive=not report.remaining), wheel.limits)
+            for wheel in line.wheels
+        ]
     except ConfigError as error:
         said = f"{port}: {_done(report)}zero could not be written, because the wire map cannot be used{_still(report)}"
         raise ConfigError([*error.findings, said]) from None
-    # Without a probe: zero goes out even where the wheel's answers are lost.
     try:
-        return opener(configuration, protocol, clock, probe=False, exclusive=not report.remaining)(None)
+        return zero_each(openers, clock, _TRY_S, lambda event, text: _warn([text]))
     except DriverError as error:
         others = "".join(f"; it is open in {other}" for other in others_with(port))
         raise DriverError(f"{_done(report)}zero could not be written: {error}{others}{_still(report)}") from None

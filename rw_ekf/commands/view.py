@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("run", metavar="RUN|DIR", help="log of a run, or the folder of several")
     add_listen_option(parser, "--listen")
-    add_config_option(parser, "its wheel can then be stopped from the page")
+    add_config_option(parser, "its wheel can then be stopped from the page", one_wheel=False)
     parser.add_argument("--of-run", action="store_true", help=argparse.SUPPRESS)  # end with the run that started it
 
 

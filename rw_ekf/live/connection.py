@@ -29,16 +29,19 @@ class Connection:
         *,
         writes: bool,
         speed_step_rad_s: float,
+        back_at_zero_within_s: float = 0.5,
         say: Say,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
-        say: takes what was found about the wheel, as an event and a sentence.
+        back_at_zero_within_s: how long zero is tried on a line that is back [s]. say: takes what was found about the
+        wheel, as an event and a sentence.
         """
         self._open = open_wheel
         self._clock = clock
         self._note = note
         self._writes = writes
+        self._back_at_zero_within_s = back_at_zero_within_s
         self.driver = open_wheel(None)
         self.guard = CurrentGuard(self.driver, limits, clock, speed_step_rad_s, say)
         self.lost = False
@@ -68,7 +71,7 @@ class Connection:
             return False
         self.lost = False
         self.driver.link.trouble = None
-        self.zero()
+        self.zero(self._back_at_zero_within_s)
         self._note("link_back", reconnects=self.driver.link.reconnects)
         return True
 

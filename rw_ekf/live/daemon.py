@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -17,10 +17,11 @@ from rw_ekf.learning.run_start import GivenModel, Start, start_of_run
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.compensating import compensated, request_socket
 from rw_ekf.live.confirm_sign import confirming
+from rw_ekf.live.connection import Opener
 from rw_ekf.live.follow import following
 from rw_ekf.live.guard import SafetyLimits
-from rw_ekf.live.live_wheel import LiveWheel
-from rw_ekf.live.loop import run_loop
+from rw_ekf.live.live_wheel import InSilence, LiveWheel
+from rw_ekf.live.loop import turns
 from rw_ekf.live.outcome import RunOutcome, outcome_of, write_model
 from rw_ekf.live.oversight import ALONE, Oversight
 from rw_ekf.live.process import own_process
@@ -60,19 +61,62 @@ def run_daemon(
     Zero current is sent on every way out; `stop` ends the run in order. oversight: who is told of completed turns.
     claim: of the port, where the caller has made it already.
     """
+    from rw_ekf.attach import opener
+
+    place = Place(opener(configuration, protocol, clock))
+    with claim or PortClaim(configuration.wheel.port, clock):
+        task = Task(configuration, protocol, given, duration_s, planned)
+        run = turns_of_run(task, logger, stop, clock, oversight, place)
+        try:
+            while True:
+                next(run)
+        except StopIteration as end:
+            outcome: RunOutcome = end.value
+            return outcome
+
+
+@dataclass(frozen=True)
+class Place:
+    """A wheel's place on its line: what opens it, and what it may wait for while it is silent."""
+
+    open_wheel: Opener
+    in_silence: InSilence = lambda: (True, True)
+    begins_s: Callable[[], float | None] = lambda: None  # when its first turn is due, by the clock; None: at once
+    back_at_zero_within_s: float = 0.5  # how long zero is tried on a line that was lost and is back [s]
+    label: str = ""  # what tells it from others on one terminal
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a run is to do, as `run_daemon` has it."""
+
+    configuration: Configuration
+    protocol: WheelProtocol
+    given: GivenModel
+    duration_s: float | None = None
+    planned: Commander | None = None
+
+
+def turns_of_run(
+    task: Task, logger: Any, stop: StopSignal, clock: Clock, oversight: Oversight, place: Place
+) -> Generator[LiveWheel, None, RunOutcome]:
+    """The run as `run_daemon` has it, on a port that is claimed; yields the wheel when it is open and after every turn.
+
+    Closing it is a way out too.
+    """
+    configuration, protocol = task.configuration, task.protocol
     began = clock.utc()
-    commander = planned or (commander_of(configuration.command) if configuration.command.writes else None)
-    claim = claim or PortClaim(configuration.wheel.port, clock)
-    with claim, request_socket(configuration, clock, logger) as requests:
-        live = _opened(configuration, protocol, logger, stop, clock)
+    commander = task.planned or (commander_of(configuration.command) if configuration.command.writes else None)
+    with request_socket(configuration, clock, logger) as requests:
+        live = _opened(configuration, protocol, logger, stop, clock, place)
         with _WayOut(live, configuration.wheel.port, oversight, logger) as way_out:
             files = RunFiles.of_run(configuration, began)
             leave_place(configuration)
-            start = start_of_run(configuration, given, _tag(live, protocol, configuration), files.learned, began)
+            start = start_of_run(configuration, task.given, _tag(live, protocol, configuration), files.learned, began)
             for event, text in start.said:
                 logger.info(event, text=text)
             estimator = _estimator_of(start.setup)
-            expectation = expectation_of(configuration, given)
+            expectation = expectation_of(configuration, task.given)
             watches = RunWatches(configuration, protocol, start, expectation, estimator, live, logger, clock)
             stop.on_resume(watches.states.resume)
             if oversight.begin_safe is not None:
@@ -84,10 +128,11 @@ def run_daemon(
                 )
             run = replace(
                 _context(configuration, files, start, watches, live, logger, clock),
-                total_s=_lasts_s(duration_s, commander),
+                total_s=_lasts_s(task.duration_s, commander),
                 phase=None if commander is None else commander.phase,
                 in_order=lambda: way_out.in_order,
                 requests=requests,
+                label=place.label,
             )
             way_out.sinks = sinks_of(run)
             logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
@@ -96,8 +141,11 @@ def run_daemon(
                 readings, issue = following(readings)
             else:
                 issue = partial(live.issue, commander.controller)
+            live.due_s = place.begins_s()
+            yield live
             judge, turned = watches.judge.judge, oversight.turned
-            run_loop(readings, estimator, issue, way_out.sinks, watches.step, judge, turned, compensating)
+            for _ in turns(readings, estimator, issue, way_out.sinks, watches.step, judge, turned, compensating):
+                yield live
         confirmed = way_out.zero_confirmed
         outcome = outcome_of(run, start, estimator, watches, live, stop.requested, zero_confirmed=confirmed)
         outcome.say(logger, writes=commander is not None)
@@ -137,13 +185,11 @@ class _WayOut:
 
 
 def _opened(
-    configuration: Configuration, protocol: WheelProtocol, logger: Any, stop: StopSignal, clock: Clock
+    configuration: Configuration, protocol: WheelProtocol, logger: Any, stop: StopSignal, clock: Clock, place: Place
 ) -> LiveWheel:
     """The wheel on its line. Raises DriverError if it cannot be reached."""
-    from rw_ekf.attach import opener
-
     return LiveWheel(
-        opener(configuration, protocol, clock),
+        place.open_wheel,
         SafetyLimits.of(configuration.limits),
         configuration.loop.rate_hz,
         stop,
@@ -151,6 +197,8 @@ def _opened(
         writes=configuration.command.writes,
         note=logger.warning,
         speed_step_rad_s=max(protocol.limits.speed_step_rad_s, rad_s_from_rpm(configuration.filter.speed_noise_rpm)),
+        in_silence=place.in_silence,
+        back_at_zero_within_s=place.back_at_zero_within_s,
     )
 
 

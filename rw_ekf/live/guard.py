@@ -12,7 +12,7 @@ registers (`stand_down`, and while nothing but zero is written).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,6 +30,9 @@ Say = Callable[[str, str], None]  # an event and its sentence
 
 _ZERO_RETRY_S = 0.05
 _CONFIRMED_WITHIN_S = 0.5
+STAND_DOWN_S = (
+    2.0  # a wheel takes as long to stand down that does not answer: twice tried, the second time for a second
+)
 _INSTEAD = {ZERO_BY_MODE: "its mode was set to idle instead", ZERO_BY_RESET: "it was reset instead"}
 _WAYS = ("", ZERO_BY_MODE, ZERO_BY_RESET)  # to zero, the gentlest first
 _WATCHED_S = 0.6  # a zero before it is called confirmed: a wheel under 0.1 A changes its speed by some 8 rpm in it
@@ -334,6 +337,26 @@ def zero_and_close(
         return CurrentGuard(driver, SafetyLimits.of(limits), clock, _USUAL_STEP_RAD_S, say).stand_down(within_s)
     finally:
         driver.close()
+
+
+def zero_each(
+    wheels: Sequence[tuple[Callable[[WheelDriver | None], WheelDriver], LimitsSection]],
+    clock: Clock,
+    within_s: float = _CONFIRMED_WITHIN_S,
+    say: Say = lambda event, text: None,
+) -> list[bool]:
+    """Zero from outside the loop to each wheel of a line; whether each confirmed it, as `zero_and_close`.
+
+    wheels: what opens each, and its limits. Zero goes to all of them before any is waited for. Raises DriverError where
+    the line cannot be opened.
+    """
+    for open_wheel, limits in wheels if len(wheels) > 1 else ():
+        driver = open_wheel(None)
+        try:
+            CurrentGuard(driver, SafetyLimits.of(limits), clock, _USUAL_STEP_RAD_S).zero(within_s=0.0)
+        finally:
+            driver.close()
+    return [zero_and_close(open_wheel(None), limits, clock, within_s, say) for open_wheel, limits in wheels]
 
 
 def _is_refused(issued: IssuedCommand) -> bool:

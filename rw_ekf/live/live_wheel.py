@@ -25,6 +25,8 @@ from rw_ekf.records import (
 )
 from rw_ekf.statistics import LoopTiming
 
+InSilence = Callable[[], tuple[bool, bool]]
+
 _REOPEN_SILENT_S = 5.0  # a port that stays open but says nothing is opened anew, so often
 
 
@@ -50,10 +52,14 @@ class LiveWheel:
         writes: bool = True,
         note: Note = lambda event, **context: None,
         speed_step_rad_s: float = 0.0,
+        in_silence: InSilence = lambda: (True, True),
+        back_at_zero_within_s: float = 0.5,
     ) -> None:
         """Open the line (DriverError if that fails) and, where this run writes at all, command zero.
 
-        speed_step_rad_s: noise or resolution of a reading.
+        speed_step_rad_s: noise or resolution of a reading. in_silence: what a turn may wait for while the wheel is
+        silent, for a reading and for the answer to a zero: both, unless others want the line. back_at_zero_within_s:
+        how long zero is tried on a line that was lost and is back [s].
         """
         self.check = TelemetryCheck(note, writes=writes)
         self._connection = Connection(
@@ -63,6 +69,7 @@ class LiveWheel:
             note,
             writes=writes,
             speed_step_rad_s=speed_step_rad_s,
+            back_at_zero_within_s=back_at_zero_within_s,
             say=lambda event, text: self.check.say(event, text),  # noqa: PLW0108 - whichever judges by then
         )
         self._silence_s = limits.silence_s
@@ -75,6 +82,9 @@ class LiveWheel:
         self.judged_by(self.check)
         self.halted: str | None = None  # why the run must not go on
         self.silent = False  # no telemetry for longer than limits.silence_s
+        self.due_s: float | None = None  # when the next turn begins, by the clock; None: at once
+        self._is_over = False  # the present turn, and the next is planned
+        self._in_silence = in_silence
         self._time = SampleTime()
         self._heard_s = clock.monotonic()
         self._told_A: float | None = None  # the last current that the log and the filter were told of
@@ -124,12 +134,12 @@ class LiveWheel:
         log has a reading without a sample.
         """
         clock = self._clock
-        deadline = told_s = clock.monotonic()
+        self.due_s = told_s = self.due_s if self.due_s is not None else clock.monotonic()
         covered_s = 0.0
         before: WheelSample | None = None
-        while not self._stop.wait(deadline - clock.monotonic(), clock):
+        while not self._stop.wait(self.due_s - clock.monotonic(), clock):
             now = clock.monotonic()
-            self.timing.note(now - deadline)
+            self.timing.note(now - self.due_s)
             reading = self._read(now)
             if self.halted is not None:
                 return
@@ -138,18 +148,26 @@ class LiveWheel:
                 known = before is not None and sample.segment == before.segment
                 covered_s += max(sample.time_s - before.time_s, 0.0) if known and before else now - told_s
                 before, told_s = sample, now
+            self._is_over = False
             yield reading
             if self.halted is not None:
                 return
-            deadline += self._period_s
-            after = clock.monotonic()
-            if after > deadline:
-                self.timing.overruns += 1
-            if after - deadline > self._period_s:  # skip the ticks that are past, keep the phase
-                deadline += self._period_s * int((after - deadline) / self._period_s)
+            if not self._is_over:
+                self.turn_is_over()
             duration_s = lasts_s()
             if duration_s is not None and covered_s + now - told_s >= duration_s - 0.5 * self._period_s:
                 return
+
+    def turn_is_over(self) -> None:
+        """Plan the next turn. For whoever does something else between two turns; else `readings` sees to it."""
+        assert self.due_s is not None
+        self._is_over = True
+        self.due_s += self._period_s
+        after = self._clock.monotonic()
+        if after > self.due_s:
+            self.timing.overruns += 1
+        if after - self.due_s > self._period_s:  # skip the ticks that are past, keep the phase
+            self.due_s += self._period_s * int((after - self.due_s) / self._period_s)
 
     def issue(self, controller: Controller, tick: Tick) -> IssuedCommand | None:
         """Command the wheel after a sample: what the controller asks for, through the guard."""
@@ -185,16 +203,19 @@ class LiveWheel:
 
     def _read(self, tick_s: float) -> Reading:
         quiet_s = self._clock.monotonic() - self._heard_s
+        reads, zeroes = self._in_silence() if self.silent else (True, True)
+        if not (reads or zeroes):
+            return Reading(None, LinkState.DOWN if self._connection.lost else LinkState.SILENT, quiet_s)
         if not self._connection.is_up():
             return Reading(None, LinkState.DOWN, quiet_s)
         try:
-            sample = self.driver.read(0.5 * self._period_s)
+            sample = self.driver.read(0.5 * self._period_s) if reads else None
         except DriverError as error:
             self._lose(error)
             return Reading(None, LinkState.DOWN, quiet_s)
         self._repeating = sample is not None and not self._is_later(sample)
         if sample is None or self._repeating:
-            return self._missed(tick_s)
+            return self._missed(tick_s, zeroes=zeroes)
         now = self._clock.monotonic()
         if self.silent:
             self._note("telemetry_back", silent_s=round(now - self._heard_s, 2))
@@ -224,7 +245,7 @@ class LiveWheel:
         last = self._time.last
         return last is None or sample.segment + self._breaks != last.segment or sample.time_s > last.time_s
 
-    def _missed(self, tick_s: float) -> Reading:
+    def _missed(self, tick_s: float, *, zeroes: bool) -> Reading:
         """Answer for a tick without a reply: a sample without a speed, at the time it would have had.
 
         In silence there is one only where the current changes: when the wheel confirms the zero.
@@ -239,7 +260,7 @@ class LiveWheel:
                 self._reopened_s = now
                 self._lose(DriverError("the port is open but the wheel says nothing; opening it anew"))
                 return Reading(None, LinkState.SILENT, quiet_s)
-            if not self._zeroed_in_silence(tick_s):
+            if not zeroes or not self._zeroed_in_silence(tick_s):
                 return Reading(None, LinkState.SILENT, quiet_s)
         link = LinkState.SILENT if self.silent else LinkState.MISSED
         return Reading(self._time.missing(tick_s), link, quiet_s)

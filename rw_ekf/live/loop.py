@@ -24,7 +24,24 @@ def run_loop(
     turned: Callable[[StateNow | None], None] = lambda state: None,
     compensating: Callable[[StateNow | None], CompensationNow | None] = lambda state: None,
 ) -> None:
-    """Run until the readings end. Time is each sample's own; no clock is read here.
+    """Run until the readings end: every turn of `turns`, one after the other."""
+    for _ in turns(readings, estimator, issue, sinks, watch, judge, turned, compensating):
+        pass
+
+
+def turns(
+    readings: Iterable[Reading],
+    estimator: Estimator,
+    issue: Issue,
+    sinks: Sequence[Sink],
+    watch: Watch = lambda tick: Alarms(),
+    judge: Judge = lambda reading, estimate: None,
+    turned: Callable[[StateNow | None], None] = lambda state: None,
+    compensating: Callable[[StateNow | None], CompensationNow | None] = lambda state: None,
+) -> Iterator[None]:
+    """One turn of the loop for each reading; yields behind every one, so that others may have theirs in between.
+
+    Time is each sample's own; no clock is read here.
 
     turned: told the state at the end of every turn, behind all sinks. compensating: what becomes of a compensation in a
     state, asked in every turn behind the command.
@@ -54,6 +71,7 @@ def run_loop(
             for sink in sinks:
                 sink.write(tick)
         turned(state)
+        yield
 
 
 def readings_of_record(driver: WheelDriver) -> Iterator[Reading]:

@@ -22,7 +22,7 @@ def stops_heeded() -> list[signal.Signals]:
 
 
 class StopSignal:
-    """While open, signals to stop only set `requested`, RESUME calls what `on_resume` gave; leaving restores all.
+    """While open, signals to stop only set `requested`, RESUME calls all that `on_resume` gave; leaving restores all.
 
     A handler that raised could cut a write to the wheel in half; one that set a threading.Event could deadlock with the
     wait it interrupts. So the handler assigns, and writes one byte to a pipe that the wait watches.
@@ -34,15 +34,16 @@ class StopSignal:
         os.set_blocking(self._reader, False)
         os.set_blocking(self._writer, False)
         self._before: dict[int, object] = {}
-        self._resume: Callable[[], None] = lambda: None
+        self._resume: list[Callable[[], None]] = []  # of each wheel that is driven
 
     def on_resume(self, action: Callable[[], None]) -> None:
         """Take what a word to resume calls: from a signal handler, so it may do no more than assign."""
-        self._resume = action
+        self._resume.append(action)
 
     def resume(self) -> None:
         """Say from within the program what a person says by a signal."""
-        self._resume()
+        for action in self._resume:
+            action()
 
     def request(self, why: str) -> None:
         """Ask for the stop from within the program."""

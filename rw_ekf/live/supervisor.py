@@ -12,7 +12,7 @@ import select
 import signal
 import sys
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,7 @@ from rw_ekf.console import STATUS
 from rw_ekf.errors import DriverError
 from rw_ekf.live.claim import PortClaim
 from rw_ekf.live.forwarded import ForwardedSignals
-from rw_ekf.live.guard import zero_and_close
+from rw_ekf.live.guard import STAND_DOWN_S, zero_each
 from rw_ekf.live.oversight import OVER, TOLD, TURN, Heartbeat
 from rw_ekf.live.process import ProcessHandle
 from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop
@@ -49,10 +49,14 @@ class Patience:
     report_s: float = 120.0  # after the loop: the run's end is judged and printed
 
     @classmethod
-    def of(cls, configuration: Configuration) -> Patience:
-        """A line over a network is opened with pyserial's own patience, which is five seconds and more."""
+    def of(cls, configuration: Configuration, wheels: int = 1) -> Patience:
+        """A line over a network is opened with pyserial's own patience, which is five seconds and more.
+
+        wheels: on the line, each of which may have to be waited for to stand down.
+        """
         line_s = 20.0 if "://" in configuration.wheel.port else 5.0
-        return cls(turn_s=max(line_s, 10.0 / configuration.loop.rate_hz), stop_s=line_s)
+        stop_s = line_s + STAND_DOWN_S * (wheels - 1)
+        return cls(turn_s=max(line_s, 10.0 / configuration.loop.rate_hz), stop_s=stop_s)
 
 
 class Birth(NamedTuple):
@@ -120,8 +124,7 @@ class _Child:
 class Supervisor:
     """Starts a run, watches it, and starts it again where it crashed."""
 
-    configuration: Configuration
-    protocol: WheelProtocol
+    wheels: Sequence[tuple[Configuration, WheelProtocol]]  # of the run; more than one where they share a line
     logger: Any
     clock: Clock
     patience: Patience
@@ -133,9 +136,10 @@ class Supervisor:
 
         Raises DriverError where another daemon has the port.
         """
-        claim = PortClaim(self.configuration.wheel.port, self.clock, supervises=True)
+        port = self.wheels[0][0].wheel.port
+        claim = PortClaim(port, self.clock, supervises=True)
         with self._signals, claim:
-            if told_to_stop(self.configuration.wheel.port):
+            if told_to_stop(port):
                 self.logger.warning("not_begun", reason=TOLD_TO_STOP)
                 return 0
             crashes: deque[float] = deque(maxlen=_MOST_CRASHES)
@@ -262,8 +266,12 @@ class Supervisor:
         self.logger.error("daemon_died", pid=child.handle.pid, how=child.death, zero_current=zero)
 
     @property
+    def _writes(self) -> bool:
+        return any(configuration.command.writes for configuration, _ in self.wheels)
+
+    @property
     def _done(self) -> str:
-        return "confirmed" if self.configuration.command.writes else "left to who commands the wheel"
+        return "confirmed" if self._writes else "left to who commands the wheel"
 
     def _zero_at_once(self) -> bool:
         """Zero over the line that the dead child has left; tried for a while, a port may be away for a moment."""
@@ -273,17 +281,18 @@ class Supervisor:
         return zeroed
 
     def _zero(self, *, exclusive: bool = True) -> bool:
-        """Write zero over a line of our own; True if the wheel confirmed it, or if this run never writes."""
+        """Write zero over a line of our own; True if every wheel confirmed it, or if this run never writes."""
         from rw_ekf.attach import opener
 
-        if not self.configuration.command.writes:
-            return True
-        open_wheel = opener(self.configuration, self.protocol, self.clock, probe=False, exclusive=exclusive)
+        openers = [
+            (opener(configuration, protocol, self.clock, probe=False, exclusive=exclusive), configuration.limits)
+            for configuration, protocol in self.wheels
+            if configuration.command.writes
+        ]
         try:
-            driver = open_wheel(None)
+            return all(zero_each(openers, self.clock))
         except DriverError:
             return False
-        return zero_and_close(driver, self.configuration.limits, self.clock)
 
     def _pause(self, seconds: float, *, zeroed: bool) -> bool:
         """Wait before the next start, unless a stop is asked for; try on to write zero. Whether it was confirmed."""

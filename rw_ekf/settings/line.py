@@ -6,6 +6,7 @@ with mistakes is read as far as it goes: the line from it, everything else that 
 
 from __future__ import annotations
 
+import contextlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,19 +16,23 @@ from pydantic import ValidationError
 
 from rw_ekf.checking.yaml_loader import YamlDocument, load_what_can_be_read
 from rw_ekf.errors import ConfigError
-from rw_ekf.settings.load import configuration_from, configuration_path
+from rw_ekf.settings.load import configuration_path, configurations_from
 from rw_ekf.settings.resources import is_path
 from rw_ekf.settings.schema import Configuration
+from rw_ekf.settings.wheels import WHEELS
 
-_KEYS = (("wheel", "protocol"), ("wheel", "baud"), ("wheel", "dtr"), ("wheel", "rts"), ("loop", "reply_timeout_ms"))
+_KEYS = (
+    ("wheel", "protocol"), ("wheel", "baud"), ("wheel", "dtr"), ("wheel", "rts"), ("wheel", "address"),
+    ("wheel", "echo"), ("wheel", "name"), ("loop", "reply_timeout_ms"),
+)  # fmt: skip
 _ANY_LIMIT_A = 1.0  # a Configuration has one; nothing but zero is written with this one
 
 
 @dataclass(frozen=True)
 class LineConfiguration:
-    """A configuration that is good for writing zero and for nothing else."""
+    """Configurations that are good for writing zero and for nothing else: of every wheel on one line."""
 
-    configuration: Configuration
+    wheels: tuple[Configuration, ...]
     findings: tuple[str, ...]  # all that is wrong in the file
     doubts: tuple[str, ...]  # what of it concerns the line itself: zero may not arrive with the default taken instead
 
@@ -37,7 +42,7 @@ def read_line(path: str | Path) -> LineConfiguration:
     document, findings, repeated = load_what_can_be_read(configuration_path(path))
     if not findings:
         try:
-            return LineConfiguration(configuration_from(document), (), ())
+            return LineConfiguration(configurations_from(document), (), ())
         except ConfigError as error:
             findings = error.findings
     port = _value(document, ("wheel", "port"))
@@ -51,9 +56,7 @@ def read_line(path: str | Path) -> LineConfiguration:
         value = _value(document, (section, key))
         if value is None:
             continue
-        if key == "protocol" and isinstance(value, str) and is_path(value):
-            value = str((Path(document.path).resolve().parent / os.path.expanduser(value)).absolute())
-        trial = kept | {section: kept.get(section, {}) | {key: value}}
+        trial = kept | {section: kept.get(section, {}) | {key: _resolved(document, key, value)}}
         try:
             Configuration.model_validate(trial)
             clear = not repeated & {(section,), (section, key)}
@@ -63,7 +66,34 @@ def read_line(path: str | Path) -> LineConfiguration:
             kept = trial
         else:
             doubts.append(f"{document.where((section, key))}: {section}.{key} cannot be used; the default was taken")
-    return LineConfiguration(Configuration.model_validate(kept), tuple(findings), tuple(doubts))
+    wheels = tuple(_with_own(kept, entry, document) for entry in _entries(document)) or (kept,)
+    made = tuple(Configuration.model_validate(wheel) for wheel in wheels)
+    return LineConfiguration(made, tuple(findings), tuple(doubts))
+
+
+def _entries(document: YamlDocument) -> list[dict[Any, Any]]:
+    """Of `wheels`, what can be read."""
+    listed = document.data.get(WHEELS) if isinstance(document.data, dict) else None
+    return [entry for entry in listed if isinstance(entry, dict)] if isinstance(listed, list) else []
+
+
+def _with_own(kept: dict[str, dict[str, Any]], entry: dict[Any, Any], document: YamlDocument) -> dict[str, Any]:
+    """The line's keys with those that a wheel's entry has in their place, as far as they hold."""
+    for key in ("name", "protocol", "address"):
+        if key in entry:
+            value = entry[key]
+            trial = kept | {"wheel": kept["wheel"] | {key: _resolved(document, key, value)}}
+            with contextlib.suppress(ValidationError):
+                Configuration.model_validate(trial)
+                kept = trial
+    return kept
+
+
+def _resolved(document: YamlDocument, key: str, value: Any) -> Any:
+    """A path counts from the file's folder."""
+    if key == "protocol" and isinstance(value, str) and is_path(value):
+        return str((Path(document.path).resolve().parent / os.path.expanduser(value)).absolute())
+    return value
 
 
 def _value(document: YamlDocument, path: tuple[str, str]) -> Any:

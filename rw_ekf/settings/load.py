@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from rw_ekf.settings.schema import (
     LoopSection,
     WheelSection,
 )
+from rw_ekf.settings.wheels import WHEELS, entries_of, shared_findings
 
 SHAPED_PROFILES = frozenset({"sine", "steps", "random-sines"})  # those that use amplitude_A and bias_A
 _PLACE = re.compile(r":(\d+):(\d+): ")
@@ -39,12 +41,29 @@ _PACKED = (".zst", ".gz")  # what the first part of a run's log may have become
 _PATH_KEYS = (("wheel", "protocol"), ("filter", "model"), ("command", "log"))
 
 
-def load_configuration(path: str | Path) -> Configuration:
+def load_configuration(path: str | Path, wheel: str | None = None) -> Configuration:
     """Read, check and resolve the configuration file at `path`, or the shipped one of that name.
 
-    Paths of files that are read come back absolute. Raises ConfigError with one finding per mistake.
+    wheel: the name of the one that is meant, where the file has several (`wheels`). Paths of files that are read come
+    back absolute. Raises ConfigError with one finding per mistake.
     """
-    return configuration_from(load_yaml(configuration_path(path)))
+    return one_of_wheels(load_configurations(path), path, wheel)
+
+
+def load_configurations(path: str | Path) -> tuple[Configuration, ...]:
+    """The same for every wheel of the file: one, or as many as stand in its `wheels`. Raises ConfigError."""
+    return configurations_from(load_yaml(configuration_path(path)))
+
+
+def one_of_wheels(configurations: Sequence[Configuration], path: str | Path, wheel: str | None = None) -> Configuration:
+    """The wheel of that name, or the only one. Raises ConfigError where there is none, or it is not known which."""
+    names = [configuration.wheel.name for configuration in configurations]
+    if wheel in names or (wheel is None and len(names) == 1):
+        return configurations[0 if wheel is None else names.index(wheel)]
+    known = ", ".join(names)
+    if wheel is None:
+        raise ConfigError(f"{path}: it has {len(names)} wheels; say which one is meant: --wheel NAME, of {known}")
+    raise ConfigError(f"{path}: it has no wheel {wheel!r}; known here: {known}")
 
 
 def configuration_path(name: str | Path) -> Path:
@@ -52,8 +71,31 @@ def configuration_path(name: str | Path) -> Path:
     return own_or_shipped(name, CONFIGURATIONS)
 
 
+def configurations_from(document: YamlDocument) -> tuple[Configuration, ...]:
+    """Check and resolve a parsed configuration, for each of its wheels. Raises ConfigError as below."""
+    return tuple(configuration for _, configuration in wheels_from(document))
+
+
+def wheels_from(document: YamlDocument) -> list[tuple[YamlDocument, Configuration]]:
+    """The same, each with the document that its values stand in. Raises ConfigError with one finding per mistake."""
+    if not isinstance(document.data, dict) or WHEELS not in document.data:
+        return [(document, configuration_from(document))]
+    documents, findings = entries_of(document)
+    configurations = []
+    for one in documents:
+        try:
+            configurations.append(configuration_from(one))
+        except ConfigError as error:
+            findings += error.findings
+    if not findings:
+        findings = shared_findings(documents, configurations)
+    if findings:
+        raise ConfigError(sorted(dict.fromkeys(findings), key=_place_order))
+    return list(zip(documents, configurations, strict=True))
+
+
 def configuration_from(document: YamlDocument) -> Configuration:
-    """Check and resolve a parsed configuration. Raises ConfigError with one finding per mistake."""
+    """Check and resolve a parsed configuration of one wheel. Raises ConfigError with one finding per mistake."""
     if not isinstance(document.data, dict):
         message = f"the configuration must be a table of sections, found {shown(document.data)}"
         raise ConfigError(f"{document.where()}: {message}; known here: {', '.join(SECTIONS)}")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rw_ekf.errors import ConfigError
 
-CONFIGURATIONS = ("example", "simulated")  # those of the shipped files that are configurations
+CONFIGURATIONS = ("example", "simulated", "bus")  # those of the shipped files that are configurations
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 

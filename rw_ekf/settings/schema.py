@@ -65,6 +65,12 @@ class WheelSection(Section):
     baud: int | None = Field(None, gt=0, le=10_000_000, description="line speed; null takes the wire map's [baud]")
     dtr: bool = Field(True, description="what the port's DTR line is set to when it is opened, and stays at")
     rts: bool = Field(True, description="what the port's RTS line is set to when it is opened, and stays at")
+    address: int | None = Field(
+        None, ge=0, le=255, description="the wheel's address on its line; null takes the wire map's"
+    )
+    echo: bool = Field(
+        False, description="whether the adapter echoes what is sent, as on two wires: the echo is taken out and checked"
+    )
 
 
 class LimitsSection(Section):

@@ -81,7 +81,7 @@ SINKS: dict[str, SinkKind] = {
     "learned": SinkKind(_learned),
     "requests": SinkKind(_requests, every_turn=True),
     "status": SinkKind(
-        lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase), None),
+        lambda run: (StatusLine(run.logger, run.clock, run.total_s, run.phase, label=run.label), None),
         every_turn=True,
     ),
     **RECORDERS,

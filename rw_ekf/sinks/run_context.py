@@ -36,6 +36,7 @@ class RunContext:
     compensated: bool = False  # whether friction may be compensated
     total_s: Callable[[], float | None] = lambda: None
     phase: Phase | None = None
+    label: str = ""  # of the wheel, where several are shown on one terminal
     watched: bool = True  # whether there can be alarms
     statistics: RunStatistics = field(default_factory=RunStatistics)
     learning: Learning | None = None  # None: nothing is kept for the next run

@@ -51,8 +51,13 @@ class StatusLine:
         *,
         every_s: float = 0.5,
         log_every_s: float = 60.0,
+        label: str = "",
     ) -> None:
-        """logger: takes the line a minute where there is no terminal; phase: of the profile, by its time [s]."""
+        """logger: takes the line a minute where there is no terminal; phase: of the profile, by its time [s].
+
+        label: what the line begins with, where it is shown in turn with those of other wheels.
+        """
+        self._label = f"{label} " if label else ""
         self._logger = logger
         self._clock = clock
         self._total_s = total_s
@@ -92,7 +97,7 @@ class StatusLine:
         state, std = estimate.state, estimate.std
         current = "" if tick.command is None else f"{1e3 * tick.command.current_A:+.1f} mA"
         return [
-            elapsed_text(self._elapsed_s, self._total_s()),
+            self._label + elapsed_text(self._elapsed_s, self._total_s()),
             _state_word(tick),
             f"{rpm_from_rad_s(state.speed_rad_s):+.1f} rpm",
             current,

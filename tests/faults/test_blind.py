@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.commands.run import exit_status
+from rw_ekf.commands.run_report import exit_status
 from tests.faults.rig import EACH_FAMILY, FAMILY, LineWheel
 from tests.live.bench import FAMILIES
 

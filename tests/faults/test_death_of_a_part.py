@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.commands.run import exit_status
+from rw_ekf.commands.run_report import exit_status
 from rw_ekf.control.commanders import ProfileController
 from rw_ekf.drivers.line.serial_wheel import SerialWheel
 from rw_ekf.filter.estimator import Estimator

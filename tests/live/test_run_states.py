@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rw_ekf.clock import VirtualClock
-from rw_ekf.commands.run import exit_status
+from rw_ekf.commands.run_report import exit_status
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.live.run_states import RunStates, Turn
 from rw_ekf.live.stop_signal import StopSignal

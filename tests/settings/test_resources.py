@@ -10,7 +10,7 @@ from rw_ekf.cli import main
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings import resources
 from rw_ekf.settings.line import read_line
-from rw_ekf.settings.load import _yaml_value, load_configuration
+from rw_ekf.settings.load import _yaml_value, load_configuration, load_configurations
 from rw_ekf.settings.schema import SECTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,7 +34,7 @@ def test_a_shipped_configuration_is_read_by_its_name(
 ) -> None:
     """Proves that every verb's ways to a configuration know the shipped ones in an empty folder, `stop`'s too."""
     monkeypatch.chdir(tmp_path)
-    assert load_configuration(name) == read_line(name).configuration
+    assert load_configurations(name) == read_line(name).wheels
     assert main(["check-config", name]) == 0
 
 
@@ -52,7 +52,7 @@ def test_a_file_here_comes_before_a_shipped_one(tmp_path: Path, monkeypatch: pyt
 def test_a_configuration_that_is_nowhere_is_told_what_there_is(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Proves that a bare name which is no file, no shipped configuration, or nothing, ends in one sentence."""
     assert main(["status", "--config", name]) == 2
-    assert capsys.readouterr().err.endswith("no such file here, and the program ships example, simulated\n")
+    assert capsys.readouterr().err.endswith("no such file here, and the program ships example, simulated, bus\n")
 
 
 def test_an_installed_package_carries_its_own_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.commands.run import _warnings
+from rw_ekf.commands.run_report import warnings_of
 from rw_ekf.course.course import Course
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.sinks.recent import RecentSink
@@ -60,6 +60,6 @@ def test_the_end_of_a_long_run_says_which_stretch_was_judged_and_opens_no_log(
             return true(path, *args, **options)
 
         monkeypatch.setattr(module, name, watched)
-    said = _warnings(ran.outcome)
+    said = warnings_of(ran.outcome)
     assert any("(Judged over the last 60 min of the run.)" in text for text in said), said
     assert not [path for path in opened if "runs" in path]

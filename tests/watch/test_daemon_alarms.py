@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rw_ekf.commands.run import _warnings
+from rw_ekf.commands.run_report import warnings_of
 from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
 from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.logs.metadata import read_metadata
@@ -67,7 +67,7 @@ def test_a_spike_in_a_run_is_logged_published_and_reported(tmp_path: Path) -> No
     assert metadata is not None
     assert first["since_utc"][:13] >= metadata.first_sample_utc[:13]
     assert any("drag spike" in text for text in ran.outcome.alarms)
-    assert any("drag spike" in text for text in _warnings(ran.outcome))
+    assert any("drag spike" in text for text in warnings_of(ran.outcome))
     kept = read_run(ran.outcome.files.log)
     assert kept is not None
     (found,) = kept.spikes

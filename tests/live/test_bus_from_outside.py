@@ -1,0 +1,160 @@
+"""A line of four wheels from outside: processes of the program on a real tty, and what the wheels were sent."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rw_ekf.cli import main
+from tests.live.bench import document_of, program, rw_ekf, wait_for
+from tests.live.bus import FAMILIES, NAMES, BusBench, put, served_bus
+
+LONG_S = 60.0
+
+
+def states(bench: BusBench) -> dict[str, str]:
+    """By wheel what its state file says."""
+    found = {}
+    for path in (bench.path.parent / "runs").glob("*.state.json"):
+        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        found[document["wheel"]] = document["run_state"]
+    return found
+
+
+def is_driven(bench: BusBench, name: str) -> bool:
+    """Whether a wheel carries a current."""
+    return abs(bench[name].electronics.command_A) > 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES)
+def test_one_dead_from_the_start_and_one_that_dies_come_back_while_the_others_are_driven(
+    family: str, tmp_path: Path
+) -> None:
+    """Over a pty with echo: each wheel's log, state and zero; two are away and come by themselves; SIGTERM ends all."""
+    with served_bus(tmp_path, family, "echo,rw-z=dead") as bench:
+        config = str(bench.path)
+        with program("run", "--config", config, "--json") as run:
+            wait_for(lambda: all(is_driven(bench, name) for name in ("rw-x", "rw-y", "rw-skew")), LONG_S)
+            wait_for(lambda: list(states(bench).values()).count("TRACKING") == 3, LONG_S)
+            assert main(["status", "--config", config]) == 3  # one has not answered
+            put(bench, "rw-z", "")
+            put(bench, "rw-y", "dead")
+            wait_for(lambda: is_driven(bench, "rw-z") and states(bench)["rw-y"] == "LOST", LONG_S)
+            put(bench, "rw-y", "")
+            wait_for(lambda: is_driven(bench, "rw-y"), LONG_S)
+            wait_for(lambda: set(states(bench).values()) == {"TRACKING"}, LONG_S)
+            told = document_of(rw_ekf("status", "--config", config, "--json").stdout)
+            assert [(wheel["wheel"], wheel["state"]) for wheel in told["wheels"]] == [(n, "TRACKING") for n in NAMES]
+            assert all(wheel["link"]["echoes_lost"] <= wheel["link"]["timeouts"] for wheel in told["wheels"])
+            seen = rw_ekf("watch", "--config", config, "--once").stdout
+            assert all(f"{name} on" in seen for name in NAMES)
+            run.send_signal(signal.SIGTERM)
+            out, errors = run.communicate(timeout=LONG_S)
+        assert run.returncode == 0, errors
+        document = document_of(out)
+        for wheel in document["wheels"]:
+            name, ran = wheel["wheel"], wheel["run"]
+            assert ran["stopped_by"] == "SIGTERM"
+            assert ran["loop"]["ticks"] > 0
+            assert bench[name].electronics.command_A == 0.0
+            assert bench[name].currents_A[-1] == 0.0
+            assert ran["link"]["damaged"] == 0
+        away = {wheel["wheel"]: wheel["run"]["link"]["timeouts"] for wheel in document["wheels"]}
+        assert away["rw-y"] > away["rw-x"]
+        assert len({wheel["run"]["logs"][0]["log"] for wheel in document["wheels"]}) == len(NAMES)
+
+
+@pytest.mark.slow
+def test_stop_ends_the_process_and_zeroes_every_wheel_that_lives(tmp_path: Path) -> None:
+    """With all alive it confirms; with one dead it says which did not, and the others are at zero all the same."""
+    with served_bus(tmp_path) as bench:
+        config = str(bench.path)
+        for dead, status in (("", 0), ("rw-z", 1)):
+            with program("run", "--config", config) as run:
+                wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
+                if dead:
+                    put(bench, dead, "dead")
+                done = rw_ekf("stop", "--config", config, *(["--json"] if not dead else []))
+                run.communicate(timeout=LONG_S)
+            assert done.returncode == status, done.stderr
+            if not dead:
+                assert document_of(done.stdout)["zero_confirmed"]
+            else:
+                assert "of several wheels not rw-z confirmed it" in done.stderr
+            for name in NAMES:
+                if name != dead:
+                    assert bench[name].electronics.command_A == 0.0
+                    assert bench[name].currents_A[-1] == 0.0
+
+
+@pytest.mark.slow
+def test_a_supervisor_zeroes_every_wheel_of_a_daemon_that_was_killed(tmp_path: Path) -> None:
+    """SIGKILL to the daemon: zero to each wheel, then it drives them again; SIGTERM ends both in order."""
+    with served_bus(tmp_path) as bench:
+        with program("run", "--supervise", "--config", str(bench.path)) as run:
+            wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
+            counts = {name: len(bench[name].written) for name in NAMES}
+            (pid,) = {
+                json.loads(path.read_text(encoding="utf-8"))["pid"]
+                for path in (bench.path.parent / "runs").glob("*.state.json")
+            }
+            os.kill(pid, signal.SIGKILL)
+            for name in NAMES:
+                wait_for(lambda name=name: 0.0 in bench[name].currents_A[counts[name] :], LONG_S)  # type: ignore[misc]
+            wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
+            run.send_signal(signal.SIGTERM)
+            _, errors = run.communicate(timeout=LONG_S)
+        assert run.returncode == 0, errors
+        assert "daemon_died" in errors
+        assert {bench[name].electronics.command_A for name in NAMES} == {0.0}
+
+
+@pytest.mark.slow
+def test_simulate_plays_the_shipped_line_and_its_faults(tmp_path: Path) -> None:
+    """`simulate --config bus` and `run --config bus` as they are documented, from two processes, one wheel dead."""
+    text = Path(__file__).parents[2].joinpath("config", "bus.yaml").read_text(encoding="utf-8")
+    config, link = tmp_path / "bus.yaml", tmp_path / "line"
+    config.write_text(text.replace("/tmp/bus ", f"{link} "), encoding="utf-8")
+    faults = "echo,rw-y=dead"
+    with program(
+        "simulate", "--config", str(config), "--link", str(link), "--fault", faults, "--json", cwd=tmp_path
+    ) as sim:
+        assert sim.stdout is not None
+        text = ""
+        while not text.endswith("\n}\n"):
+            text += sim.stdout.readline()
+        told = document_of(text)
+        assert told["faults"] == ["echo"]
+        assert [wheel["wheel"] for wheel in told["wheels"] if wheel["faults"]] == ["rw-y"]
+        done = rw_ekf("run", "--config", str(config), "--duration", "6", "--json", cwd=tmp_path)
+        alone = rw_ekf("run", "--config", str(config), "--wheel", "rw-z", "--duration", "2", "--json", cwd=tmp_path)
+        sim.send_signal(signal.SIGTERM)
+        sim.communicate(timeout=LONG_S)
+    assert "_rw-z" in document_of(alone.stdout)["logs"][0]["log"]  # one of them as if it stood alone
+    document = document_of(done.stdout)
+    assert done.returncode == 1  # one wheel never answered, and that is said
+    assert {wheel["wheel"]: wheel["run"] is None for wheel in document["wheels"]} == {
+        "rw-x": False,
+        "rw-y": True,
+        "rw-z": False,
+        "rw-skew": False,
+    }
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("rw-y=drop", "drop is a fault of the line, which all wheels share: leave rw-y= out"),
+        ("nobody=dead", "there is no fault 'nobody=dead'"),
+    ],
+)
+def test_a_fault_of_a_wheel_that_is_none_is_named(fault: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A line's fault cannot be one wheel's, and a name must be one of the configuration's."""
+    assert main(["simulate", "--config", "bus", "--link", "nowhere", "--fault", fault]) == 2
+    assert said in capsys.readouterr().err

@@ -1,0 +1,122 @@
+"""`wheels` of a configuration: what each entry comes to, and every mistake with file:line:column."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rw_ekf.cli import main
+from rw_ekf.errors import ConfigError
+from rw_ekf.settings.line import read_line
+from rw_ekf.settings.load import load_configuration, load_configurations
+
+GOOD = """\
+wheel: {port: /dev/line, protocol: nsp-wheel, echo: true, inertia_kg_m2: 2.0e-3}
+wheels:
+  - {name: rw-x, address: 0x31}
+  - name: rw-y
+    address: 0x32
+    inertia_kg_m2: 3.0e-3
+    limits: {current_A: 0.2}
+    filter: {prior: {coulomb: {value: 0.5, std: 0.1}}}
+limits: {current_A: 0.6, speed_rpm: 1000}
+loop: {reply_timeout_ms: 25}
+"""
+
+
+def findings(directory: Path, text: str) -> list[str]:
+    """What is told of a file, without its directory."""
+    path = directory / "bus.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_configurations(path)
+    return [finding.replace(f"{directory}/", "") for finding in caught.value.findings]
+
+
+def test_each_wheel_has_the_file_s_keys_but_those_of_its_entry(tmp_path: Path) -> None:
+    """A key of an entry stands in place of that key; the others of its section stay the file's."""
+    path = tmp_path / "bus.yaml"
+    path.write_text(GOOD, encoding="utf-8")
+    x, y = load_configurations(path)
+    assert (x.wheel.name, x.wheel.address, x.wheel.port, x.wheel.echo) == ("rw-x", 0x31, "/dev/line", True)
+    assert (x.wheel.inertia_kg_m2, x.limits.current_A, x.limits.speed_rpm) == (2.0e-3, 0.6, 1000)
+    assert (y.wheel.inertia_kg_m2, y.limits.current_A, y.limits.speed_rpm) == (3.0e-3, 0.2, 1000)
+    assert x.filter.prior is None
+    assert y.filter.prior is not None
+    assert load_configuration(path, "rw-y") == y
+    assert read_line(path).wheels == (x, y)
+
+
+def test_a_verb_for_one_wheel_asks_which(tmp_path: Path) -> None:
+    """Without a name the known ones are told; with a wrong one too."""
+    path = tmp_path / "bus.yaml"
+    path.write_text(GOOD, encoding="utf-8")
+    with pytest.raises(ConfigError, match="it has 2 wheels; say which one is meant: --wheel NAME, of rw-x, rw-y"):
+        load_configuration(path)
+    with pytest.raises(ConfigError, match="it has no wheel 'rw-q'; known here: rw-x, rw-y"):
+        load_configuration(path, "rw-q")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("address: 0x31", "adress: 0x31", "bus.yaml:3:18: unknown key wheels.0.adress; did you mean 'address'?"),
+        ("address: 0x31", "port: /dev/x", "bus.yaml:3:18: wheels.0.port: all wheels are on one line: give it in"),
+        ("address: 0x31", "loop: {}", "bus.yaml:3:18: wheels.0.loop: one loop reads all wheels: give it in the sect"),
+        ("name: rw-x, ", "", "bus.yaml:3:5: wheels.0.name is required: what reports and logs call this wheel"),
+        ("name: rw-y", "name: rw-x", "bus.yaml:4:11: wheels.1.name 'rw-x' is the name of a wheel above"),
+        ("address: 0x31", "address: 300", "bus.yaml:3:27: wheel.address must be at most 255, found 300"),
+        ("{current_A: 0.2}", "{curent_A: 0.2}", "bus.yaml:7:14: unknown key limits.curent_A; did you"),
+        ("{current_A: 0.2}", "{current_A: -1}", "bus.yaml:7:25: limits.current_A must be above 0, found -1"),
+        ("{current_A: 0.2}", "7", "bus.yaml:7:13: limits must be a table of keys, found 7"),
+        ("current_A: 0.6,", "current_A: x,", "bus.yaml:9:21: limits.current_A must be a number, found the text 'x'"),
+        ("  - {name: rw-x, address: 0x31}", "  - rw-x", "bus.yaml:3:5: wheels.0 must be a table with a name, fou"),
+        ("reply_timeout_ms: 25", "reply_timeout_ms: 60", "bus.yaml:10:26: loop.reply_timeout_ms 60 must be below half"),
+        ("loop:", "output: {mqtt: 'mqtt://h:1/t'}\nloop:", "bus.yaml:10:16: output.mqtt 'mqtt://h:1/t' is that of"),
+    ],
+)  # fmt: skip
+def test_every_mistake_has_its_place(tmp_path: Path, old: str, new: str, said: str) -> None:
+    """In the entry where it stands there, else in the section; told once though it is every wheel's."""
+    told = findings(tmp_path, GOOD.replace(old, new, 1))
+    assert len(told) == 1, told
+    assert said in told[0]
+
+
+@pytest.mark.parametrize("wheels", ["wheels: []", "wheels: 3", "wheels:"])
+def test_a_list_without_wheels_is_told(tmp_path: Path, wheels: str) -> None:
+    """Empty, a number, nothing."""
+    told = findings(tmp_path, f"wheel: {{port: p}}\nlimits: {{current_A: 1}}\n{wheels}\n")
+    assert len(told) == 1
+    assert "wheels must be a list of wheels, each with a name" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("address: 0x32", "address: 0x31", ":5:14: wheel.address 49 of rw-y is that of rw-x too"),
+        ("address: 0x32", "address: 0x11", ":5:14: wheel.address is 17, which is this program's own"),
+        ("address: 0x32", "protocol: ascii-wheel", ":5:15: wheel.protocol: the wire map 'ascii-wheel' is of a family"),
+        ("address: 0x32", "protocol: sunspace-wheel", "wheel.address is required for rw-y: it is one of several"),
+    ],
+)
+def test_check_config_says_why_wheels_cannot_share_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
+) -> None:
+    """Two of one address, the program's own, a family without addresses, a map without one: each with its place."""
+    path = tmp_path / "bus.yaml"
+    path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
+    assert main(["check-config", str(path)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_stop_finds_every_wheel_of_a_file_with_mistakes(tmp_path: Path) -> None:
+    """A misspelt limit, and text that is no YAML behind it: the line and every address are there all the same."""
+    path = tmp_path / "bus.yaml"
+    path.write_text(GOOD.replace("speed_rpm", "sped_rpm"), encoding="utf-8")
+    line = read_line(path)
+    assert line.findings
+    assert [(one.wheel.name, one.wheel.address) for one in line.wheels] == [("rw-x", 0x31), ("rw-y", 0x32)]
+    assert {(one.wheel.port, one.wheel.protocol, one.wheel.echo) for one in line.wheels} == {
+        ("/dev/line", "nsp-wheel", True)
+    }
