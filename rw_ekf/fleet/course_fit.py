@@ -16,9 +16,12 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 
 # Of the scatter from day to day (the scale): white scatter beside the days' own errors, and the walk over the whole
-# record. Uniform on the grid: none, and factors of two over all that a record can tell apart.
+# record: none, and factors of two over all that a record can tell apart. Before anything is seen all are alike.
 _SCATTERS = (0.0, 0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
 _WALKS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 25.6)
+ANY_WALK = np.full(len(_WALKS), 1.0 / len(_WALKS))
+_LIKE_BEFORE = 10.0  # wheels that `ANY_WALK` is worth beside what a fleet's own wheels say of their walks; chosen
+_WALK_ROUNDS = 50
 _STEP_SHARE = 0.1  # of the parameter: the size of a step before it is seen [1 sigma]; chosen: failures are per cents
 _STEPS_PER_YEAR = 0.1  # before anything is seen; chosen: one in ten years of a wheel
 STEP_PROBABILITY = 0.95  # above which a step is told
@@ -62,15 +65,30 @@ class CourseFit:
     walk: float  # per sqrt(year) [1 sigma]
     steps: tuple[Step, ...]
     line: Float64Array  # (n,) line and steps at the points' times, without temperature and walk
+    walks: Float64Array  # probability of each size of the walk
 
 
-def fit_course(points: Points, with_steps: bool = True) -> CourseFit:
-    """Fit a course of five points or more."""
+def walks_of_fleet(walks: Float64Array) -> Float64Array:
+    """How probable each size of the walk is for a wheel of this fleet: (m,), from those of n wheels, (n, m).
+
+    walks: each wheel's by `ANY_WALK`. One wheel's record hardly tells whether it wanders, and the band of its rate
+    depends on it; like wheels wander alike, and all of them tell (empirical Bayes, by expectation and maximisation).
+    """
+    prior = ANY_WALK
+    for _ in range(_WALK_ROUNDS):
+        each = walks / ANY_WALK * prior
+        each /= each.sum(axis=1, keepdims=True)
+        prior = (each.sum(axis=0) + _LIKE_BEFORE * ANY_WALK) / (walks.shape[0] + _LIKE_BEFORE)
+    return prior
+
+
+def fit_course(points: Points, walks: Float64Array = ANY_WALK) -> CourseFit:
+    """Fit a course of five points or more. walks: how probable each size of the walk is before this record is seen."""
     places: list[int] = []
     probabilities: list[float] = []
     while True:
-        grid = _Grid(points, places)
-        found = grid.likeliest_step() if with_steps and len(places) < _MOST_STEPS else None
+        grid = _Grid(points, places, walks)
+        found = grid.likeliest_step() if len(places) < _MOST_STEPS else None
         if found is None or found[1] < STEP_PROBABILITY:
             return grid.fit(probabilities)
         places.append(found[0])
@@ -80,7 +98,7 @@ def fit_course(points: Points, with_steps: bool = True) -> CourseFit:
 class _Grid:
     """All pairs of scatter and walk at once, with the steps that stand."""
 
-    def __init__(self, points: Points, places: list[int]) -> None:
+    def __init__(self, points: Points, places: list[int], walks_before: Float64Array) -> None:
         self._points, self._places = points, places
         t, y = points.time_y, points.value
         self._columns = [np.ones_like(t), t] + ([] if points.warmth_K is None else [points.warmth_K])
@@ -106,6 +124,7 @@ class _Grid:
         self._residual = self._y - np.einsum("gni,gi->gn", self._X, self._beta)
         self._log = -np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1) - 0.5 * np.linalg.slogdet(normal)[1]
         self._log -= 0.5 * np.einsum("gn,gn->g", self._residual, self._residual)
+        self._log += np.log(np.tile(walks_before, len(_SCATTERS)))
 
     @property
     def _weights(self) -> Float64Array:
@@ -157,6 +176,7 @@ class _Grid:
             per_K=None if warm is None else warm[0], per_K_std=None if warm is None else warm[1],
             scatter=float(np.sqrt(weights @ self._scatter**2)), walk=float(np.sqrt(weights @ self._walk**2)),
             steps=tuple(sorted(steps, key=lambda step: step.before)), line=np.asarray(line),
+            walks=weights.reshape(len(_SCATTERS), len(_WALKS)).sum(axis=0),
         )  # fmt: skip
 
     def _candidates(self) -> list[int]:

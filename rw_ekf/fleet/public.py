@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.fleet.daily import read_days
 from rw_ekf.fleet.executors import executor_of
 from rw_ekf.fleet.fleet_run import FleetRun, run_fleet
 from rw_ekf.fleet.folder import fleet_folder
 from rw_ekf.fleet.index import FleetIndex, built_index, read_index, write_index
 from rw_ekf.fleet.plan import FleetSettings, models_of
+from rw_ekf.fleet.remaining import limits_of
 from rw_ekf.fleet.simulation import FleetShape, simulate_fleet
+from rw_ekf.fleet.trend_document import Trends
+from rw_ekf.fleet.trends import trends_of
+from rw_ekf.logs.atomic import write_text
+from rw_ekf.one_thread import one_thread
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
-__all__ = ["FleetIndex", "FleetRun", "build", "run", "simulate"]
+__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends"]
 
 
 def simulate(
@@ -76,6 +82,19 @@ def run(
         write_index(folder, index)
         with executor_of(workers, scheduler) as executor:
             return run_fleet(folder, index, settings, executor, tick)
+
+
+def trends(directory: str | Path, out: str | Path | None = None, *, limits: Sequence[str] = ()) -> Trends:
+    """Ageing, changes, siblings and remaining time from the results; also written as `trends.json`.
+
+    limits: as `coulomb=0.9` or `coulomb=+50%`. Raises Error.
+    """
+    folder = fleet_folder(directory, out)
+    known = limits_of(limits)
+    with one_thread():
+        found = Trends(str(folder.path), trends_of(read_days(folder), known), known)
+    write_text(folder.trends, found.to_json())
+    return found
 
 
 def settings_of(

@@ -132,7 +132,7 @@ def name_of(number: int) -> str:
     return f"W{number:05d}"
 
 
-def course_of(shape: FleetShape, truth: WheelTruth, number: int) -> dict[str, Float64Array]:
+def truth_by_day(shape: FleetShape, truth: WheelTruth, number: int) -> dict[str, Float64Array]:
     """The wheel's four parameters at 20 degC and its ambient temperature, day by day: (days,) each."""
     rng = np.random.default_rng([shape.seed, number, 1])
     days = np.arange(shape.days)
@@ -162,7 +162,7 @@ def write_days(job: tuple[str, FleetShape, int, tuple[int, int]]) -> tuple[int, 
 
     root, shape, number, (first, end) = job
     truth = truth_of(shape, number)
-    course = course_of(shape, truth, number)
+    course = truth_by_day(shape, truth, number)
     law = make_profile(PROFILE, seed=shape.seed)
     times_s = np.arange(round((law.duration_s or 600.0) * 10.0)) / 10.0
     currents_A = np.array([law.current_A(float(t)) for t in times_s])
