@@ -48,9 +48,13 @@ class DaskExecutor:
     def as_completed(self) -> Iterator[Done]:
         """Each task as it ends. Raises RwEkfError where the scheduler is lost."""
         while self._added:
-            waiting = as_completed(self._added)
+            with self._client.as_current():
+                waiting = as_completed(self._added)
             self._added = []
             for future in waiting:
+                if future.status in ("lost", "pending"):  # its result went with a worker: the scheduler has it redone
+                    waiting.add(future)
+                    continue
                 key, _ = self._running.pop(future.key)
                 yield self._done(key, future)
                 future.release()
@@ -69,7 +73,7 @@ class DaskExecutor:
     def _done(self, key: str, future: Future) -> Done:
         if future.status == "finished":
             return Done(key, future.result())
-        if future.status in ("cancelled", "lost"):
+        if future.status == "cancelled":
             raise RwEkfError(
                 f"{self._address}: the Dask scheduler is lost: start it again and run again; what is written stays"
             )
