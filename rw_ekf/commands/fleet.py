@@ -57,8 +57,8 @@ def execute(args: argparse.Namespace) -> int:
 
     if args.workers is not None and args.workers < 1:
         raise BadInputError(f"--workers {args.workers}: give 1 or more")
-    if args.limit and args.action != "trends":
-        raise BadInputError("--limit is asked of `fleet trends`: leave it out")
+    if args.limit and args.action not in ("trends", "view"):
+        raise BadInputError("--limit is asked of `fleet trends` and `fleet view`: leave it out")
     return {"build": _build, "run": _run, "trends": _trends, "view": _view}[args.action](args)
 
 
@@ -105,7 +105,7 @@ def _view(args: argparse.Namespace) -> int:
     from rw_ekf.fleet.public import view
     from rw_ekf.json_output import print_json
 
-    page = view(args.directory, args.out)
+    page = view(args.directory, args.out, limits=args.limit)
     if args.json:
         print_json({"schema": "rw_ekf.fleet_view/1", "page": str(page)})
     else:

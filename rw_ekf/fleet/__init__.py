@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rw_ekf.fleet.public import FleetIndex, FleetRun, Trends, build, run, simulate, trends
+    from rw_ekf.fleet.public import FleetIndex, FleetRun, Trends, build, run, simulate, trends, view
 
-__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends"]
+__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends", "view"]
 
 
 def __getattr__(name: str) -> Any:

@@ -114,7 +114,9 @@ class _Grid:
         L = np.linalg.cholesky(V)
         candidates = np.column_stack([_risen(t.size, place) for place in self._candidates()] or [np.zeros_like(t)])
         last = self._walk[:, None] ** 2 * self._brown[-1]  # covariance of the walk now with the walk then
-        right = np.concatenate([np.broadcast_to(A, (L.shape[0], *A.shape)) for A in (X, y[:, None], candidates)], axis=2)
+        right = np.concatenate(
+            [np.broadcast_to(A, (L.shape[0], *A.shape)) for A in (X, y[:, None], candidates)], axis=2
+        )
         white = np.linalg.solve(L, np.concatenate([right, last[:, :, None]], axis=2))
         k = X.shape[1]
         self._X, self._y, self._Z, self._c = white[..., :k], white[..., k], white[..., k + 1 : -1], white[..., -1]
@@ -193,7 +195,9 @@ def _risen(n: int, place: int) -> Float64Array:
 def _scale(points: Points) -> float:
     """Scatter from one point to the next [1 sigma], robust against steps; never below the days' own errors."""
     differences = np.abs(np.diff(points.value)) / np.sqrt(points.share[1:] + points.share[:-1])
-    return max(1.4826 * float(np.median(differences)), float(np.median(np.sqrt(points.variance / points.share))), 1e-300)
+    return max(
+        1.4826 * float(np.median(differences)), float(np.median(np.sqrt(points.variance / points.share))), 1e-300
+    )
 
 
 def _averaged(weights: Float64Array, means: Float64Array, variances: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -1,4 +1,4 @@
-"""The results of a fleet as arrays: each wheel's days in their order, with what each day alone says of the parameters."""
+"""The results of a fleet as arrays: each wheel's days in their order, with what each day alone says of a parameter."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
@@ -16,6 +17,16 @@ from rw_ekf.errors import BadInputError, RwEkfError
 from rw_ekf.fleet.executors import Done, WorkerLostError
 
 _CONNECTS_WITHIN_S = 10.0
+_MOST_LOSSES = 5  # of one task's result
+
+
+@dataclass
+class _InFlight:
+    key: str
+    function: Callable[[Any], Any]
+    argument: Any
+    losses: int = 0
+    future: Future | None = None
 
 
 class DaskExecutor:
@@ -31,7 +42,7 @@ class DaskExecutor:
                 f"--scheduler {address}: no Dask scheduler answers ({str(error).splitlines()[0]}): start one with "
                 "`dask scheduler`, workers with `dask worker ADDRESS`"
             ) from None
-        self._running: dict[str, tuple[str, Future]] = {}
+        self._running: dict[str, _InFlight] = {}
         self._added: list[Future] = []
 
     @property
@@ -41,9 +52,7 @@ class DaskExecutor:
 
     def submit(self, key: str, function: Callable[[Any], Any], argument: Any) -> None:
         """Send a task; a name of its own keeps Dask from taking it for one that it has done before."""
-        future = self._client.submit(function, argument, key=f"rw-ekf-{uuid.uuid4().hex}", pure=False)
-        self._running[future.key] = key, future
-        self._added.append(future)
+        self._start(_InFlight(key, function, argument))
 
     def as_completed(self) -> Iterator[Done]:
         """Each task as it ends. Raises RwEkfError where the scheduler is lost."""
@@ -52,12 +61,12 @@ class DaskExecutor:
                 waiting = as_completed(self._added)
             self._added = []
             for future in waiting:
-                if future.status in ("lost", "pending"):  # its result went with a worker: the scheduler has it redone
-                    waiting.add(future)
-                    continue
-                key, _ = self._running.pop(future.key)
-                yield self._done(key, future)
-                future.release()
+                task = self._running.pop(future.key)
+                if future.status not in ("finished", "error"):
+                    self._again(task)
+                else:
+                    yield _done(task.key, future)
+                    future.release()
                 waiting.update(self._added)
                 self._added = []
 
@@ -67,17 +76,29 @@ class DaskExecutor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._client.cancel([future for _, future in self._running.values()])
+        self._client.cancel([task.future for task in self._running.values()])
         self._client.close()
 
-    def _done(self, key: str, future: Future) -> Done:
-        if future.status == "finished":
-            return Done(key, future.result())
-        if future.status == "cancelled":
+    def _start(self, task: _InFlight) -> None:
+        name = f"rw-ekf-{uuid.uuid4().hex}"
+        task.future = self._client.submit(task.function, task.argument, key=name, pure=False)
+        self._running[name] = task
+        self._added.append(task.future)
+
+    def _again(self, task: _InFlight) -> None:
+        """Send a task anew whose result went with the worker that had it. Raises RwEkfError where that is no help."""
+        task.losses += 1
+        if self._client.status != "running" or task.losses > _MOST_LOSSES:
             raise RwEkfError(
                 f"{self._address}: the Dask scheduler is lost: start it again and run again; what is written stays"
             )
-        error = future.exception()
-        if isinstance(error, KilledWorker):
-            error = WorkerLostError(str(error).splitlines()[0])
-        return Done(key, None, error)
+        self._start(task)
+
+
+def _done(key: str, future: Future) -> Done:
+    if future.status == "finished":
+        return Done(key, future.result())
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        error = WorkerLostError(str(error).splitlines()[0])
+    return Done(key, None, error)

@@ -74,8 +74,8 @@ class FleetRun(Shown):
         """What `fleet run` prints."""
         rate = f", {self.samples / self.seconds:.3g} samples/s" if self.samples and self.seconds else ""
         lines = [
-            f"{self.folder}: {self.wheels} wheels, {len(self.entries)} logs, of which {self.computed} were computed now "
-            f"({self.samples} samples, {self.seconds:.1f} s on {self.cores} cores{rate})"
+            f"{self.folder}: {self.wheels} wheels, {len(self.entries)} logs, of which {self.computed} were computed "
+            f"now ({self.samples} samples, {self.seconds:.1f} s on {self.cores} cores{rate})"
         ]
         for entries, what in ((self.failed, "failed"), (self.not_done, "not done; run again")):
             if entries:

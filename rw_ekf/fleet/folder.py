@@ -1,9 +1,9 @@
-"""Where the files of a fleet are. One folder holds all that is written, beside the logs or elsewhere:
+"""Where the files of a fleet are: `FleetFolder`.
 
-fleet/index.json                                    the logs, by wheel and time (`rw_ekf.fleet.index`)
-fleet/manifest.jsonl                                what was done (`rw_ekf.fleet.manifest`)
-fleet/results/wheel=W/day=2026-01-31/part-HASH.parquet   a row for each day of a log (`rw_ekf.fleet.result_rows`)
-fleet/trends.json, fleet/fleet.html                 what `trends` and `view` make of them
+index.json                                         the logs, by wheel and time (`rw_ekf.fleet.index`)
+manifest.jsonl                                     what was done (`rw_ekf.fleet.manifest`)
+results/wheel=W/day=2026-01-31/part-HASH.parquet   a row for each day of a log (`rw_ekf.fleet.result_rows`)
+trends.json, fleet.html                            what `trends` and `view` make of them
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The logs of a directory by wheel and time: whose each is, when it began, and a checksum of what it holds.
 
 The wheel is what a folder `wheel=W` says, else the metadata of the run, else the name of the folder the log is in. The
-beginning is the metadata's first sample, else the date, and time, in the file's name, else `day=2026-01-31` of a folder.
+beginning is the metadata's first sample, else the date, and time, in the file's name, else the date of a folder.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def course_of(
 
 
 def known_days(days: WheelDays, parameter: str, reference_degC: float | None) -> KnownDays | None:
-    """The days that know a parameter and are not far off; None where there are fewer than five, or all are one moment."""
+    """The days that know a parameter and are not far off; None where they are fewer than five, or of one moment."""
     value, std = days.values[parameter], days.stds[parameter]
     known = days.ok & np.isfinite(value) & np.isfinite(std) & (std > 0.0)
     rows = np.flatnonzero(known)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from rw_ekf.fleet.daily import read_days
 from rw_ekf.fleet.executors import executor_of
 from rw_ekf.fleet.fleet_run import FleetRun, run_fleet
-from rw_ekf.fleet.folder import fleet_folder
+from rw_ekf.fleet.folder import FleetFolder, fleet_folder
 from rw_ekf.fleet.index import FleetIndex, built_index, read_index, write_index
+from rw_ekf.fleet.page import page_of
 from rw_ekf.fleet.plan import FleetSettings, models_of
 from rw_ekf.fleet.remaining import limits_of
 from rw_ekf.fleet.simulation import FleetShape, simulate_fleet
@@ -22,7 +23,7 @@ from rw_ekf.one_thread import one_thread
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
-__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends"]
+__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends", "view"]
 
 
 def simulate(
@@ -90,11 +91,25 @@ def trends(directory: str | Path, out: str | Path | None = None, *, limits: Sequ
     limits: as `coulomb=0.9` or `coulomb=+50%`. Raises Error.
     """
     folder = fleet_folder(directory, out)
-    known = limits_of(limits)
-    with one_thread():
-        found = Trends(str(folder.path), trends_of(read_days(folder), known), known)
+    found = _trends(folder, limits)
     write_text(folder.trends, found.to_json())
     return found
+
+
+def view(directory: str | Path, out: str | Path | None = None, *, limits: Sequence[str] = ()) -> Path:
+    """The fleet on one page, `fleet.html`, that needs no other file; gives its path. limits: as of `trends`.
+
+    Raises Error.
+    """
+    folder = fleet_folder(directory, out)
+    write_text(folder.page, page_of(_trends(folder, limits)))
+    return folder.page
+
+
+def _trends(folder: FleetFolder, limits: Sequence[str]) -> Trends:
+    known = limits_of(limits)
+    with one_thread():
+        return Trends(str(folder.path), trends_of(read_days(folder), known), known)
 
 
 def settings_of(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from datetime import date, timedelta
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,7 +95,7 @@ def simulate_fleet(
         waiting = iter(jobs)
 
         def submit(count: int) -> None:
-            for (number, span), _ in zip(waiting, range(count), strict=False):
+            for number, span in islice(waiting, count):
                 executor.submit(f"{number}-{span[0]}", write_days, (str(root.absolute()), shape, number, span))
 
         submit(4 * executor.cores)

@@ -1,4 +1,4 @@
-"""The document of `fleet trends`, and its text: numbers with their bands, findings as sentences, the worst wheel first."""
+"""The document of `fleet trends`, and its text: numbers with bands, findings as sentences, the worst wheel first."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _sentence(wheel: WheelTrend, kind: str, name: str, about: Any) -> str:
         what = "is unlike its siblings'" if level else "changes unlike its siblings'"
         return f"{name} {what} (probability {max(about.level_unlike, about.rate_unlike):.3g})"
     if kind == "limit":
-        until = "has reached" if about.years_50 == 0.0 else f"may reach in {about.years_05:.2g} years"
+        until = "has reached" if about.years_50 == 0.0 else f"reaches in {about.years_05:.2g} to {about.years_95:.2g} years"
         return f"{name} {until} its limit of {about.limit:.4g} {STATE_UNITS[name]}"
     return f"{about} of its {len(wheel.days)} logs failed"
 

@@ -20,8 +20,11 @@ from rw_ekf.model.state import PARAMETER_NAMES
 MATERIAL_PER_YEAR = 0.01
 SURE = 0.99  # that a rate is beyond it
 UNLIKE = 0.95  # that a wheel is none of its siblings
-_FLOORS = {"level": 0.005, "rate": 0.002}  # of the population's level: spreads below which no difference matters; chosen
-SOON_YEARS = 1.0  # a limit within it, at the fifth part of what is possible, is worth a word
+_FLOORS = {
+    "level": 0.005,
+    "rate": 0.002,
+}  # of the population's level: spreads below which no difference matters; chosen
+SOON_YEARS = 1.0  # a limit that is as likely as not reached within it is worth a word
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def concern_of(wheel: WheelTrend) -> float:
     for trend in wheel.parameters.values():
         chances += [trend.ages, trend.level_unlike or 0.0, trend.rate_unlike or 0.0]
         chances += [step.probability for step in trend.fit.steps]
-        if trend.remaining is not None and trend.remaining.years_05 < SOON_YEARS:
+        if trend.remaining is not None and trend.remaining.years_50 < SOON_YEARS:
             chances.append(1.0)
     return float(max(chances))
 
@@ -150,7 +153,7 @@ def finding_kinds(wheel: WheelTrend) -> list[tuple[str, str, Any]]:
         found += [("changed", name, step) for step in trend.fit.steps]
         if max(trend.level_unlike or 0.0, trend.rate_unlike or 0.0) > UNLIKE:
             found.append(("unlike", name, trend))
-        if trend.remaining is not None and trend.remaining.years_05 < SOON_YEARS:
+        if trend.remaining is not None and trend.remaining.years_50 < SOON_YEARS:
             found.append(("limit", name, trend.remaining))
     if wheel.failed:
         found.append(("failed", "", wheel.failed))

@@ -1,4 +1,4 @@
-"""A run of a fleet: by either executor the same bytes, nothing twice, and a change undoes what depends on it, no more."""
+"""A run of a fleet: by either executor the same bytes, nothing twice, and a change undoes only what depends on it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.fleet.executors import Done, Executor
 from rw_ekf.fleet.folder import fleet_folder
 from rw_ekf.fleet.manifest import read_manifest
 from rw_ekf.fleet.plan import EVERY_WHEEL, FleetSettings
 from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, truth_of
-from rw_ekf.filter.belief import DEFAULT_PRIOR
 from rw_ekf.wheel.model_file import WheelModel
 from tests.fleet.fleets import make_fleet, run_with, stamps_of, sums_of
 
