@@ -48,7 +48,7 @@ class DaskExecutor:
     @property
     def cores(self) -> int:
         """Threads of all workers that are there now; one at least, for workers may come yet."""
-        return max(sum(self._client.nthreads().values()), 1)
+        return max(sum(int(threads) for threads in self._client.nthreads().values()), 1)
 
     def submit(self, key: str, function: Callable[[Any], Any], argument: Any) -> None:
         """Send a task; a name of its own keeps Dask from taking it for one that it has done before."""

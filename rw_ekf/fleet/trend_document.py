@@ -68,9 +68,10 @@ class Trends(Shown):
             lines.append(f"  and {len(worth) - _SHOWN_WHEELS} wheels more: --json has them all")
         for name, both in self.found.population.items():
             level, rate = both["level"], both["rate"]
+            share = 100.0 / abs(level.mean)
             lines.append(
-                f"  all: {name} {plus_minus(level.mean, max(level.spread, 1e-300))} {STATE_UNITS[name]} (spread), "
-                f"{100.0 * rate.mean / abs(level.mean):+.2g} +- {100.0 * rate.spread / abs(level.mean):.2g} % a year"
+                f"  all: {name} {plus_minus(level.mean, level.spread)} {STATE_UNITS[name]} (spread), "
+                f"{share * rate.mean:+.2g} +- {share * rate.spread:.2g} % a year"
             )
         return "\n".join(lines)
 
@@ -99,7 +100,9 @@ def _sentence(wheel: WheelTrend, kind: str, name: str, about: Any) -> str:
         what = "is unlike its siblings'" if level else "changes unlike its siblings'"
         return f"{name} {what} (probability {max(about.level_unlike, about.rate_unlike):.3g})"
     if kind == "limit":
-        until = "has reached" if about.years_50 == 0.0 else f"reaches in {about.years_05:.2g} to {about.years_95:.2g} years"
+        until = (
+            "has reached" if about.years_50 == 0.0 else f"reaches in {about.years_05:.2g} to {about.years_95:.2g} years"
+        )
         return f"{name} {until} its limit of {about.limit:.4g} {STATE_UNITS[name]}"
     return f"{about} of its {len(wheel.days)} logs failed"
 

@@ -100,12 +100,12 @@ def test_a_task_that_kills_every_worker_ends_by_itself(executor: Executor) -> No
 
 def test_processes_end_with_the_executor() -> None:
     """Where something is raised, work under way is not waited for, and no process stays."""
-    with pytest.raises(KeyboardInterrupt), ProcessExecutor(2) as executor:
-        executor.submit("nap", naps, 60.0)
-        pool = executor._pool
-        assert pool is not None
-        processes = list((pool._processes or {}).values())
-        raise KeyboardInterrupt
+    executor = ProcessExecutor(2)
+    executor.submit("nap", naps, 60.0)
+    pool = executor._pool
+    assert pool is not None
+    processes = list((pool._processes or {}).values())
+    executor.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
     assert processes
     assert not any(process.is_alive() for process in processes)
 

@@ -26,7 +26,7 @@ from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.public import simulate
 from tests.fleet.fleets import stamps_of, sums_of
 
-_WHEELS, _DAYS = 6, 8
+_WHEELS, _DAYS = 4, 6
 _STARTS_S = 60.0  # of a cluster, at most
 
 
