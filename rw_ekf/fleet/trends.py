@@ -137,7 +137,7 @@ def concern_of(wheel: WheelTrend) -> float:
     """How much a wheel is worth a look: the largest probability of anything that its findings can be of, 0 to 1."""
     chances = [wheel.failed / max(len(wheel.days), 1)]
     for trend in wheel.parameters.values():
-        chances += [trend.ages, trend.level_unlike or 0.0, trend.rate_unlike or 0.0]
+        chances += [max(2.0 * trend.ages - 1.0, 0.0), trend.level_unlike or 0.0, trend.rate_unlike or 0.0]
         chances += [step.probability for step in trend.fit.steps]
         if trend.remaining is not None and trend.remaining.years_50 < SOON_YEARS:
             chances.append(1.0)
