@@ -126,7 +126,7 @@ class _Grid:
         self._residual = self._y - np.einsum("gni,gi->gn", self._X, self._beta)
         self._log = -np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1) - 0.5 * np.linalg.slogdet(normal)[1]
         self._log -= 0.5 * np.einsum("gn,gn->g", self._residual, self._residual)
-        self._log += np.log(np.tile(walks_before, len(_SCATTERS)))
+        self._log += np.log(np.tile(np.maximum(walks_before, 1e-300), len(_SCATTERS)))
 
     @property
     def _weights(self) -> Float64Array:

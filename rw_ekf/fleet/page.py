@@ -13,7 +13,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.report.rendering import rendered
 from rw_ekf.fleet.siblings import Siblings
 from rw_ekf.fleet.trend_document import Trends, sentences
-from rw_ekf.fleet.trends import UNLIKE, ParameterTrend, WheelTrend
+from rw_ekf.fleet.wheel_trends import UNLIKE, ParameterTrend, WheelTrend
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.numbers import plus_minus
 

@@ -16,7 +16,7 @@ from rw_ekf.fleet.plan import FleetSettings, models_of
 from rw_ekf.fleet.remaining import limits_of
 from rw_ekf.fleet.simulation import FleetShape, simulate_fleet
 from rw_ekf.fleet.trend_document import Trends
-from rw_ekf.fleet.trends import trends_of
+from rw_ekf.fleet.wheel_trends import trends_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.one_thread import one_thread
 
@@ -49,9 +49,7 @@ def build(directory: str | Path, out: str | Path | None = None) -> FleetIndex:
     out: the fleet's folder, else `fleet` in the directory. Raises Error.
     """
     folder = fleet_folder(directory, out)
-    known = read_index(folder)
-    at = Path(known.directory) if known is not None and folder.path == Path(directory) else Path(directory)
-    index = built_index(at, known)
+    index = _indexed(folder, directory, keep_gone=False)
     with folder.locked():
         write_index(folder, index)
     return index
@@ -75,14 +73,21 @@ def run(
     done. Raises Error.
     """
     folder = fleet_folder(directory, out)
-    known = read_index(folder)
-    at = Path(known.directory) if known is not None and folder.path == Path(directory) else Path(directory)
     settings = settings_of(model, configuration, columns)
+    index = _indexed(folder, directory, keep_gone=True)
     with folder.locked():
-        index = built_index(at, known, keep_gone=True)
         write_index(folder, index)
         with executor_of(workers, scheduler) as executor:
             return run_fleet(folder, index, settings, executor, tick)
+
+
+def _indexed(folder: FleetFolder, directory: str | Path, *, keep_gone: bool) -> FleetIndex:
+    """The logs as they are now; directory: of the logs, or the fleet's folder, whose index says where they are."""
+    known = read_index(folder)
+    of_fleet = known is not None and folder.path == Path(directory)
+    return built_index(
+        Path(known.directory) if known is not None and of_fleet else Path(directory), known, keep_gone=keep_gone
+    )
 
 
 def trends(directory: str | Path, out: str | Path | None = None, *, limits: Sequence[str] = ()) -> Trends:

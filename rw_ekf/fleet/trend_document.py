@@ -10,7 +10,7 @@ import numpy as np
 
 from rw_ekf.console import printable
 from rw_ekf.fleet.remaining import Limit
-from rw_ekf.fleet.trends import FleetTrends, ParameterTrend, WheelTrend, concern_of, finding_kinds
+from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend, concern_of, finding_kinds
 from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.shown import Shown

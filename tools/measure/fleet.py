@@ -31,13 +31,13 @@ import numpy as np
 from rw_ekf.fleet.carry import Carry, first_start, next_start
 from rw_ekf.fleet.daily import WheelDays
 from rw_ekf.fleet.executors import ProcessExecutor
-from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.fleet_run import run_fleet
+from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex, built_index
 from rw_ekf.fleet.plan import FleetSettings, plan_of
 from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, name_of, truth_by_day, truth_of, write_days
 from rw_ekf.fleet.task import Task, work
-from rw_ekf.fleet.trends import finding_kinds, trends_of
+from rw_ekf.fleet.wheel_trends import finding_kinds, trends_of
 from rw_ekf.log_replay import replay_log
 from rw_ekf.logs.metadata import moment_of
 from rw_ekf.logs.reader import read_log
@@ -90,7 +90,7 @@ def _dask(place: Path) -> None:
     try:
         with DaskExecutor(cluster.scheduler_address) as executor:
             _done(index, place / "warm", executor)
-            workers = [pid for child in _descendants(os.getpid()) for pid in [child]]
+            workers = _descendants(os.getpid())
             before = time.process_time() + sum(map(_cpu_s, workers))
             _done(index, place / "dask", executor)
             spent_s = time.process_time() + sum(map(_cpu_s, workers)) - before

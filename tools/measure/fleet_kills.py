@@ -2,8 +2,8 @@
 
     python -m tools.measure.fleet_kills --times 20 [--seed 1] [--dask]
 
-Each time a fleet is run anew by the command, a worker or the client gets SIGKILL at a random moment, and the command
-runs again. Then every result must be, byte for byte, that of a run that nobody disturbed; what stood at the kill must
+Each time a fleet is run anew by the command, a worker or the client gets SIGKILL at a random moment, after a random
+number of results, and the command runs again. Then every result must be, byte for byte, that of a run that nobody disturbed; what stood at the kill must
 not have been written again; and no temporary file may be taken for a result.
 """
 
@@ -26,8 +26,8 @@ from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.public import simulate
 from tests.fleet.fleets import stamps_of, sums_of
 
-_WHEELS, _DAYS = 4, 6
-_STARTS_S = 60.0  # of a cluster, at most
+_WHEELS, _DAYS = 4, 15
+_AFTER_S = 0.3  # a result takes some 0.2 s: so the kill may be anywhere in the making of one
 
 
 def main() -> None:
@@ -54,7 +54,8 @@ def main() -> None:
             shutil.rmtree(folder.path)
             whom = "worker" if number % 2 else "client"
             process = _run(logs, more)
-            time.sleep(rng.uniform(0.1, 1.0) * lasts_s)
+            _wait(process, folder, rng.randrange(len(reference) - 1))
+            time.sleep(rng.uniform(0.0, _AFTER_S))
             killed += _kill(process, whom, None if cluster is None else cluster[1], rng)
             if whom == "client":
                 process.wait()
@@ -72,6 +73,12 @@ def main() -> None:
         )
         if same < args.times:
             raise SystemExit(1)
+
+
+def _wait(process: subprocess.Popen[bytes], folder: FleetFolder, results: int) -> None:
+    """Until so many results are there, or the process has ended."""
+    while process.poll() is None and sum(1 for _ in folder.results.rglob("part-*")) < results:
+        time.sleep(0.02)
 
 
 def _run(logs: Path, more: list[str]) -> subprocess.Popen[bytes]:
