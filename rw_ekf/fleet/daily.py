@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from urllib.parse import unquote
 
 import numpy as np
 
@@ -71,7 +70,7 @@ def days_of_table(table: pa.Table) -> list[WheelDays]:
     wheels = np.array(table.column("wheel").to_pylist(), dtype=object)
     starts = np.flatnonzero(np.r_[True, wheels[1:] != wheels[:-1]])
     ends = np.append(starts[1:], len(wheels))
-    return [_days_of_wheel(unquote(str(wheels[a])), table.slice(a, b - a)) for a, b in zip(starts, ends, strict=True)]
+    return [_days_of_wheel(str(wheels[a]), table.slice(a, b - a)) for a, b in zip(starts, ends, strict=True)]
 
 
 def _days_of_wheel(wheel: str, rows: pa.Table) -> WheelDays:

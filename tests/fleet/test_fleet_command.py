@@ -117,13 +117,13 @@ def test_pyarrow_and_duckdb_read_the_results(fleet: Path) -> None:
 
 def test_a_wheel_s_name_may_be_anything(fleet: Path, tmp_path: Path) -> None:
     """Blanks, slashes by their code, and markup: folders, documents and the page keep it."""
-    name = "RW <b>1</b> %2F"
+    name = "RW <i>1 100%25 %2F"
     here = tmp_path / "logs" / f"wheel={name}"
     shutil.copytree(fleet / "wheel=W00000", here)
     assert rw_ekf.fleet.run(tmp_path / "logs", workers=1).whole
     (wheel,) = rw_ekf.fleet.trends(tmp_path / "logs").document()["wheels"]
-    assert wheel["wheel"] == "RW <b>1</b> /"
-    assert "<b>1" not in rw_ekf.fleet.view(tmp_path / "logs").read_text()
+    assert wheel["wheel"] == "RW <i>1 100% /"
+    assert "<i>1" not in rw_ekf.fleet.view(tmp_path / "logs").read_text()
 
 
 def test_logs_of_the_daemon_s_kind_are_found_by_metadata(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

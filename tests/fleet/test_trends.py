@@ -37,10 +37,12 @@ def points(value: Float64Array, std: float, years: float = 1.0, warmth_K: Float6
 def wheel_days(value: Float64Array, std: float, temperature_degC: float | Float64Array = 20.0) -> WheelDays:
     n = value.size
     numbers = dict.fromkeys(("motor_gain", "viscous", "coulomb", "static"), value)
+    days = tuple(str(np.datetime64("2026-01-01") + i) for i in range(n))
+    warmth = np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), n).copy()
+    stds = {name: np.full(n, std) for name in numbers}
     return WheelDays(
-        "W", 20454.0 + np.arange(n), tuple(str(np.datetime64("2026-01-01") + i) for i in range(n)), np.ones(n, bool),
-        ("ok",) * n, numbers, {name: np.full(n, std) for name in numbers},
-        np.broadcast_to(np.asarray(temperature_degC, dtype=float), n).copy(), np.ones(n), np.zeros(n, bool), {},
+        "W", 20454.0 + np.arange(n, dtype=np.float64), days, np.ones(n, bool), ("ok",) * n, numbers, stds, warmth,
+        np.ones(n), np.zeros(n, bool), {},
     )  # fmt: skip
 
 
@@ -58,7 +60,7 @@ def test_a_line_in_white_noise_is_least_squares() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("walk", [0.0, 0.006])
 def test_the_band_of_a_rate_holds_what_it_says(walk: float) -> None:
-    """Of 200 wheels that wander, or do not, some nineteen in twenty rates lie in their 95 % bands, none of them wide."""
+    """Of 200 wheels that wander, or do not, some nineteen in twenty rates lie in their 95 % bands, which are narrow."""
     rng = np.random.default_rng(2)
     n = 60
     values = [
@@ -135,7 +137,7 @@ def test_what_a_log_says_alone_is_the_filter_s_gain() -> None:
 
 
 def test_a_wheel_unlike_its_siblings_is_told() -> None:
-    """One of thirty lies ten spreads off: told, and hardly drawn to the rest; the rest's mean and spread stay theirs."""
+    """One of thirty lies ten spreads off: told, hardly drawn to the rest, whose mean and spread stay theirs."""
     rng = np.random.default_rng(8)
     value = 1.0 + 0.05 * rng.standard_normal(30)
     value[7] = 1.6
@@ -183,10 +185,9 @@ def test_remaining_time_of_a_walk_is_that_of_simulated_walks() -> None:
     steps = 0.05 * 0.002 + 0.05 * np.sqrt(0.002) * rng.standard_normal((1000, 10_000))
     over = np.cumsum(steps, axis=1) > 0.1
     first = np.where(over.any(axis=1), 0.002 * over.argmax(axis=1), np.inf)
-    for ours, theirs in zip(
-        (found.years_05, found.years_50, found.years_95), np.quantile(first, (0.05, 0.5, 0.95)), strict=True
-    ):
-        assert ours == pytest.approx(theirs, rel=0.15)
+    ours = found.years_05, found.years_50, found.years_95
+    for one, other in zip(ours, np.quantile(first, (0.05, 0.5, 0.95)), strict=True):
+        assert one == pytest.approx(other, rel=0.15)
 
 
 def test_limits_are_typed_as_values_or_shares() -> None:

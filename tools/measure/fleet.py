@@ -22,14 +22,16 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import date
 from pathlib import Path
 from typing import Any
 
+import distributed
 import numpy as np
 
 from rw_ekf.fleet.carry import Carry, first_start, next_start
 from rw_ekf.fleet.daily import WheelDays
+from rw_ekf.fleet.dask_executor import DaskExecutor
 from rw_ekf.fleet.executors import ProcessExecutor
 from rw_ekf.fleet.fleet_run import run_fleet
 from rw_ekf.fleet.folder import FleetFolder
@@ -39,11 +41,13 @@ from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, name_of, truth_by_day
 from rw_ekf.fleet.task import Task, work
 from rw_ekf.fleet.wheel_trends import finding_kinds, trends_of
 from rw_ekf.log_replay import replay_log
+from rw_ekf.log_simulation import simulate
 from rw_ekf.logs.metadata import moment_of
 from rw_ekf.logs.reader import read_log
 from rw_ekf.one_thread import ask_for_one_thread, one_thread
 
 _WHEELS, _DAYS = 10, 10  # of the runs that are timed: the plain loop takes some 15 s
+_FLEETS = 10  # of 200 wheels, each with one that ages
 _STDS = {"motor_gain": 0.004, "viscous": 1.2e-5, "coulomb": 0.0013, "static": 0.0036}  # of a day: results of `run`
 
 
@@ -77,10 +81,6 @@ def _overhead(place: Path) -> None:
 
 
 def _dask(place: Path) -> None:
-    import distributed
-
-    from rw_ekf.fleet.dask_executor import DaskExecutor
-
     index = _index(_logs(place, FleetShape(_WHEELS, _DAYS, seed=2)))
     _plain(index)
     _, plain_s = _timed(lambda: _plain(index))
@@ -119,12 +119,12 @@ def memory_of(logs: Path, results: Path) -> None:
 
 
 def _trends(place: Path) -> None:
-    """One wheel of 200 ages, twenty fleets; and what the rates miss by, in their own sigmas, with and without a walk."""
+    """One wheel of 200 ages, in ten fleets; and what rates miss by, in their own sigmas, with and without a walk."""
     del place
     found = accused = healthy = 0
     misses: list[float] = []
     with one_thread():
-        for seed in range(20):
+        for seed in range(_FLEETS):
             shape = FleetShape(200, 365, seed=seed, ageing_share=0.0, failing_share=0.0)
             wheels = [daily_estimates(shape, number, 0.5 if number == 0 else 0.0) for number in range(200)]
             kinds = [bool(finding_kinds(wheel)) for wheel in trends_of(wheels, {}).wheels]
@@ -140,13 +140,14 @@ def _trends(place: Path) -> None:
             ]
             misses.append(float(np.sqrt(np.mean(np.square(off)))))
     print(
-        f"trends: ageing found {found} of 20, healthy accused {accused} of {healthy} ({100.0 * accused / healthy:.2f} %); "
-        f"rates miss by {', '.join(f'{miss:.2f}' for miss in misses)} sigma rms where frictions walk by 0, 1 and 3 % a year"
+        f"trends: ageing found {found} of {_FLEETS}, healthy accused {accused} of {healthy} "
+        f"({100.0 * accused / healthy:.2f} %); where frictions walk by 0, 1 and 3 % a year rates miss by "
+        f"{', '.join(f'{miss:.2f}' for miss in misses)} sigma rms"
     )
 
 
 def daily_estimates(shape: FleetShape, number: int, percent_per_month: float, walk: float = 0.0) -> WheelDays:
-    """What a run of the fleet would find of a simulated wheel, drawn about its truth; walk: relative, per sqrt(year)."""
+    """What a run would find of a simulated wheel, drawn about its truth; walk: relative, per sqrt(year)."""
     truth = replace(truth_of(shape, number), ageing_percent_per_month=percent_per_month)
     course = truth_by_day(shape, truth, number)
     rng = np.random.default_rng([shape.seed, number, 9])
@@ -156,9 +157,7 @@ def daily_estimates(shape: FleetShape, number: int, percent_per_month: float, wa
     for name, std in _STDS.items():
         walked = 1.0 + walk * np.cumsum(rng.standard_normal(shape.days)) / np.sqrt(365.25)
         values[name] = course[name] * thins.get(name, 1.0) * walked + std * rng.standard_normal(shape.days)
-    first = (
-        datetime(FIRST_DAY.year, FIRST_DAY.month, FIRST_DAY.day, tzinfo=UTC) - datetime(1970, 1, 1, tzinfo=UTC)
-    ).days
+    first = (FIRST_DAY - date(1970, 1, 1)).days
     return WheelDays(
         wheel=truth.wheel,
         time_d=first + np.arange(shape.days, dtype=np.float64),
@@ -177,8 +176,6 @@ def daily_estimates(shape: FleetShape, number: int, percent_per_month: float, wa
 def _rate(place: Path) -> None:
     """Days of 864,000 samples, of which each is a log of ten minutes over and over."""
     logs = place / "logs"
-    from rw_ekf.log_simulation import simulate
-
     day = simulate("P1", seed=1, duration_s=86_400.0)
     for wheel in range(2):
         folder = logs / f"wheel={name_of(wheel)}"

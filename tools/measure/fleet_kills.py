@@ -2,9 +2,9 @@
 
     python -m tools.measure.fleet_kills --times 20 [--seed 1] [--dask]
 
-Each time a fleet is run anew by the command, a worker or the client gets SIGKILL at a random moment, after a random
-number of results, and the command runs again. Then every result must be, byte for byte, that of a run that nobody disturbed; what stood at the kill must
-not have been written again; and no temporary file may be taken for a result.
+Each time a fleet is run anew by the command, a worker or the client gets SIGKILL after a random number of results, and
+the command runs again. Then every result must be, byte for byte, that of a run that nobody disturbed; what stood at the
+kill must not have been written again; and no temporary file may be taken for a result.
 """
 
 from __future__ import annotations
