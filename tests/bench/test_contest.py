@@ -125,7 +125,7 @@ def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPat
     """Nothing is started for nothing: one run, one process, many cores or not."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(64)))
     with workers(1) as pool:
-        assert pool._max_workers == 1
+        assert pool._max_workers == 1  # type: ignore[attr-defined]
 
 
 def test_an_interrupt_ends_a_contest_at_once_and_leaves_no_process(tmp_path: Path) -> None:
