@@ -22,7 +22,7 @@ from rw_ekf.errors import BadInputError, ConfigError
 from rw_ekf.fleet.folder import NAME, FleetFolder, make_folder
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.metadata import RunMetadata, moment_of, read_metadata, utc_text
-from rw_ekf.logs.parts import FORMS, PartName
+from rw_ekf.logs.parts import FORMS, PartName, beside
 from rw_ekf.shown import Shown
 
 SCHEMA = "rw_ekf.fleet_index/1"
@@ -40,7 +40,7 @@ class FleetLog:
     log: str  # below the directory of the logs; a name that `read_log` takes
     files: tuple[str, ...]  # its parts, in their order
     begins_utc: str
-    content: str  # sha256 of the parts' bytes
+    content: str  # sha256 of the parts' bytes, and of the run's events
     bytes: int
     samples: int  # roughly: what tasks are measured out by
     gone: bool = False  # no longer there: what came of it stays
@@ -188,6 +188,9 @@ def _fleet_log(
     if begins is None:
         raise LookupError(f"{log}: nothing says when it began: put the date into its name, as in 2026-01-31.csv")
     sums = [_sum_of(root, file, before, stats) for file in files]
+    events = beside(log, "events.jsonl")  # what the watch reported, which stands in the results too
+    if metadata is not None and events.is_file():
+        sums.append(_sum_of(root, events, before, stats))
     content = sums[0] if len(sums) == 1 else hashlib.sha256("".join(sums).encode()).hexdigest()
     names = tuple(str(file.relative_to(root)) for file in files)
     size = sum(stats[name][0] for name in names)

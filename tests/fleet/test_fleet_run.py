@@ -21,6 +21,7 @@ from rw_ekf.fleet.plan import EVERY_WHEEL, FleetSettings
 from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, truth_of
 from rw_ekf.wheel.model_file import WheelModel
 from tests.fleet.fleets import make_fleet, run_with, stamps_of, sums_of
+from tests.spikes.runs import write_run
 
 pytestmark = pytest.mark.xdist_group("fleet")
 
@@ -235,6 +236,22 @@ def test_a_log_over_midnight_is_two_days(tmp_path: Path) -> None:
     assert [rows[day]["samples"] for day in sorted(rows)] == [3000, pytest.approx(3000, abs=200)]
     assert rows["day=2026-01-02"]["begins_utc"].isoformat() == "2026-01-02T00:00:00+00:00"
     assert run_with(InThisProcess(), here).computed == 0
+
+
+def test_spikes_that_the_watch_reported_stand_in_the_results(tmp_path: Path) -> None:
+    """Of the run's events, on their day; a run whose events changed is done again, one without a watch has no number."""
+    write_run(tmp_path / "logs", 0.0, 1.0, [0.1, 0.2])
+    write_run(tmp_path / "logs", 1.0, 1.0, [], watched=False)
+    assert run_with(InThisProcess(), tmp_path / "logs").whole
+
+    def spikes() -> list[int | None]:
+        files = sorted(fleet_folder(tmp_path / "logs").results.rglob("part-*"), key=lambda path: path.parent.name)
+        return [pq.ParquetFile(path).read().to_pylist()[0]["spikes"] for path in files]
+
+    assert spikes() == [2, None]
+    write_run(tmp_path / "logs", 0.0, 1.0, [0.1, 0.2, 0.3])
+    assert run_with(InThisProcess(), tmp_path / "logs").computed == 2
+    assert spikes() == [3, None]
 
 
 def test_no_more_than_a_window_is_in_flight(tmp_path: Path) -> None:
