@@ -2,8 +2,9 @@
 
 A wheel's number theta has the estimate v with the standard deviation s. Of like wheels theta is N(mean, spread^2); with
 a small probability a wheel is none of them, and lies anywhere within ten times what is usual. Mean, spread and that
-probability come from all wheels (empirical Bayes, by expectation and maximisation); a wheel that is far off hardly
-widens them, for it is weighed as what it is.
+probability are not known: all is averaged over a grid of the three by the likelihood of all wheels, so that few wheels,
+whose spread is little more than a guess, accuse nobody. A wheel that is far off hardly widens the spread, for it is
+weighed as what it is.
 """
 
 from __future__ import annotations
@@ -16,9 +17,13 @@ from rw_ekf.arrays import Float64Array
 
 LEAST_WHEELS = 5  # fewer have no spread that could be told from one of them being unlike
 _TIMES = 10.0  # as far as an unlike wheel may lie, in usual spreads: chosen; a factor of three moves a threshold by 5 %
-_UNLIKE, _WHEELS_BEFORE = 0.02, 50.0  # before anything is seen: one in fifty, as much worth as so many wheels
-_ROUNDS = 200
-_SAME = 1e-9
+_SHARES = (0.01, 0.03, 0.1)  # of wheels that are unlike; before anything is seen ...
+_SHARES_BEFORE = (0.70, 0.25, 0.05)  # ... so probable each: chosen, one wheel in fifty on average
+_MEANS, _SPREADS = (
+    33,
+    40,
+)  # places of the grid: steps of a quarter of the mean's own error, and of some 15 % of a spread
+_REACH = 5.0  # of the grid of means: standard errors of a median on either side
 
 
 @dataclass(frozen=True)
@@ -36,27 +41,24 @@ def siblings_of(value: Float64Array, std: Float64Array, floor: float) -> Sibling
     """Compare n wheels; floor: a spread below which no difference matters. None where there are fewer than five."""
     if value.size < LEAST_WHEELS:
         return None
-    mean = float(np.median(value))
-    wide = 1.4826 * float(np.median(np.abs(value - mean)))
-    spread = max(np.sqrt(max(wide**2 - float(np.median(std**2)), 0.0)), floor)
-    share = _UNLIKE
-    unlike = np.zeros_like(value)
-    for _ in range(_ROUNDS):
-        own = spread**2 + std**2
-        far = _TIMES**2 * (spread**2 + float(np.median(std**2))) + std**2
-        odds = np.log(share / (1.0 - share)) + 0.5 * (value - mean) ** 2 * (1.0 / own - 1.0 / far)
-        odds -= 0.5 * np.log(far / own)
-        unlike = 1.0 / (1.0 + np.exp(-np.clip(odds, -700.0, 700.0)))
-        like = 1.0 - unlike
-        new_mean = float(np.sum(like / own * value) / np.sum(like / own))
-        drawn = new_mean + spread**2 / own * (value - new_mean)
-        left = spread**2 * std**2 / own
-        new_spread = max(float(np.sqrt(np.sum(like * ((drawn - new_mean) ** 2 + left)) / np.sum(like))), floor)
-        share = float((unlike.sum() + _UNLIKE * _WHEELS_BEFORE) / (value.size + _WHEELS_BEFORE))
-        moved = abs(new_mean - mean) + abs(new_spread - spread)
-        mean, spread = new_mean, new_spread
-        if moved < _SAME * (abs(mean) + spread):
-            break
-    prior = np.where(unlike > 0.5, _TIMES**2, 1.0) * spread**2
+    middle, usual = float(np.median(value)), float(np.median(std**2))
+    wide = max(1.4826 * float(np.median(np.abs(value - middle))), np.sqrt(usual), floor)
+    mean = middle + _REACH * 1.2533 * wide / np.sqrt(value.size) * np.linspace(-1.0, 1.0, _MEANS)
+    spread = np.geomspace(floor, max(float(np.ptp(value)), 2.0 * floor), _SPREADS)
+    off = (value[:, None, None] - mean[:, None]) ** 2  # (n, means, 1)
+    own = spread**2 + std[:, None, None] ** 2  # (n, 1, spreads)
+    far = _TIMES**2 * (spread**2 + usual) + std[:, None, None] ** 2
+    like, unlike = (-0.5 * (off / width + np.log(width)) for width in (own, far))
+    evidence, parts = [], []
+    for share, before in zip(_SHARES, _SHARES_BEFORE, strict=True):
+        both = np.logaddexp(np.log1p(-share) + like, np.log(share) + unlike)
+        evidence.append(both.sum(axis=0) + np.log(before))
+        parts.append(np.exp(np.log(share) + unlike - both))
+    weights = np.exp(np.array(evidence) - np.max(evidence))
+    weights /= weights.sum()
+    probability = np.einsum("sab,snab->n", weights, np.array(parts))
+    centre = float(np.einsum("sab,a->", weights, mean))
+    width = float(np.einsum("sab,b->", weights, spread))
+    prior = np.where(probability > 0.5, _TIMES**2, 1.0) * width**2
     pulled = prior / (prior + std**2)
-    return Siblings(mean, float(spread), mean + pulled * (value - mean), np.sqrt(pulled) * std, unlike)
+    return Siblings(centre, width, centre + pulled * (value - centre), np.sqrt(pulled) * std, probability)

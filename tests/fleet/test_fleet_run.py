@@ -239,7 +239,7 @@ def test_a_log_over_midnight_is_two_days(tmp_path: Path) -> None:
 
 
 def test_spikes_that_the_watch_reported_stand_in_the_results(tmp_path: Path) -> None:
-    """Of the run's events, on their day; a run whose events changed is done again, one without a watch has no number."""
+    """Of the run's events, on their day; changed events are taken up; nobody watched: no number."""
     write_run(tmp_path / "logs", 0.0, 1.0, [0.1, 0.2])
     write_run(tmp_path / "logs", 1.0, 1.0, [], watched=False)
     assert run_with(InThisProcess(), tmp_path / "logs").whole
