@@ -119,7 +119,7 @@ def memory_of(logs: Path, results: Path) -> None:
 
 
 def _trends(place: Path) -> None:
-    """Some wheels of 200 age, in several fleets; and what rates miss by, in their own sigmas, with a walk and without."""
+    """Some of 200 wheels age, in several fleets; and what rates miss by, in own sigmas, with and without a walk."""
     del place
     found = accused = healthy = 0
     misses: list[float] = []
