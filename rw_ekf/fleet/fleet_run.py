@@ -14,8 +14,9 @@ from rw_ekf.console import printable
 from rw_ekf.fleet.executors import Done, Executor
 from rw_ekf.fleet.folder import FleetFolder, make_folder
 from rw_ekf.fleet.index import FleetIndex
-from rw_ekf.fleet.manifest import FAILED, OK, ManifestLine, append, read_manifest, write_manifest
+from rw_ekf.fleet.manifest import ManifestLine, append, read_manifest, write_manifest
 from rw_ekf.fleet.plan import FleetSettings, PlannedLog, groups_of, plan_of
+from rw_ekf.fleet.result_rows import FAILED
 from rw_ekf.fleet.task import Record, Task, work
 from rw_ekf.shown import Shown
 
@@ -237,4 +238,4 @@ def _from_result(item: PlannedLog, path: Path) -> ManifestLine:
     from rw_ekf.fleet.result_rows import read_status
 
     rows, status = read_status(path)
-    return ManifestLine.of(item, None, status or OK, rows)
+    return ManifestLine.of(item, None, status, rows)

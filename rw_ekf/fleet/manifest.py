@@ -7,7 +7,7 @@ and a result that no line speaks of is taken up from its own file.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,8 +16,6 @@ from rw_ekf.fleet.plan import PlannedLog
 from rw_ekf.fleet.task import Record
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.plain_file import append_line, json_of
-
-OK, FAILED = "ok", "failed: "
 
 
 @dataclass(frozen=True)
@@ -71,10 +69,3 @@ def append(path: Path, entry: ManifestLine) -> None:
 def write_manifest(path: Path, entries: Iterable[ManifestLine]) -> None:
     """Write it anew, all or nothing, in the order given. Raises BadInputError."""
     write_text(path, b"".join(entry.to_line() for entry in entries).decode(), follow=False)
-
-
-def counts(entries: Mapping[str, ManifestLine]) -> dict[str, int]:
-    """How many logs are done, failed and not done."""
-    done = sum(entry.status == OK for entry in entries.values())
-    failed = sum(entry.status.startswith(FAILED) for entry in entries.values())
-    return {"done": done, "failed": failed, "not_done": len(entries) - done - failed}
