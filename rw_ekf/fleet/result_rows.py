@@ -6,6 +6,7 @@ next log goes on from stands in the metadata of the file, under `rw_ekf.carry`.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,6 +116,7 @@ def read_status(path: Path) -> tuple[int, str]:
     return rows, next((status for status in said if status != OK), OK)
 
 
+@functools.cache
 def schema() -> pa.Schema:
     """The columns of a result; `wheel` and `day` stand in the path."""
     import pyarrow as pa

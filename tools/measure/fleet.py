@@ -186,11 +186,15 @@ def _rate(place: Path) -> None:
     index = _index(logs)
     with ProcessExecutor(2) as executor:
         _done(index, place / "warm", executor)
+        workers = _descendants(os.getpid())
+        before = sum(map(_cpu_s, workers))
         seconds, _ = _timed(lambda: _done(index, place / "rate", executor))
+        spent_s = sum(map(_cpu_s, workers)) - before
     samples = len(index.logs) * len(day)
     size = sum(path.stat().st_size for path in (place / "rate").rglob("part-*")) / len(index.logs)
     print(
-        f"rate: {samples:.3g} samples in {seconds:.1f} s, {1e8 * seconds / samples:.0f} s for 1e8; "
+        f"rate: {samples:.3g} samples in {seconds:.1f} s ({1e8 * seconds / samples:.0f} s for 1e8), processor time of the "
+        f"workers {spent_s:.1f} s ({1e6 * spent_s / samples:.2f} us a sample); "
         f"{index.logs[0].bytes / len(day):.1f} bytes a sample, {size:.0f} bytes a result"
     )
 
