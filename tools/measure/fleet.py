@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import shutil
 import subprocess
 import sys
@@ -68,15 +67,13 @@ def _overhead(place: Path) -> None:
     plain_s, plain_cpu_s = _timed(lambda: _plain(index))
     with ProcessExecutor(2) as executor:
         _done(index, place / "warm", executor)
-        fleet_s, _ = _timed(lambda: _done(index, place / "fleet", executor))
-    before = _children_s()
-    with ProcessExecutor(2) as executor:
-        _done(index, place / "cold", executor)
-    cpu_s = _children_s() - before
+        workers = _descendants(os.getpid())
+        before = sum(map(_cpu_s, workers))
+        fleet_s, client_s = _timed(lambda: _done(index, place / "fleet", executor))
+        spent_s = sum(map(_cpu_s, workers)) - before + client_s
     print(
         f"overhead: {len(index.logs)} logs, plain loop {plain_s:.1f} s, two workers {fleet_s:.1f} s: "
-        f"{fleet_s / (0.5 * plain_s):.2f} of half of it; processor time with the start of the workers "
-        f"{cpu_s / plain_cpu_s:.2f} of the loop's"
+        f"{fleet_s / (0.5 * plain_s):.2f} of half of it; processor time {spent_s / plain_cpu_s:.2f} of the loop's"
     )
 
 
@@ -193,8 +190,8 @@ def _rate(place: Path) -> None:
     samples = len(index.logs) * len(day)
     size = sum(path.stat().st_size for path in (place / "rate").rglob("part-*")) / len(index.logs)
     print(
-        f"rate: {samples:.3g} samples in {seconds:.1f} s ({1e8 * seconds / samples:.0f} s for 1e8), processor time of the "
-        f"workers {spent_s:.1f} s ({1e6 * spent_s / samples:.2f} us a sample); "
+        f"rate: {samples:.3g} samples in {seconds:.1f} s ({1e8 * seconds / samples:.0f} s for 1e8), processor time "
+        f"of the workers {spent_s:.1f} s ({1e6 * spent_s / samples:.2f} us a sample); "
         f"{index.logs[0].bytes / len(day):.1f} bytes a sample, {size:.0f} bytes a result"
     )
 
@@ -235,11 +232,6 @@ def _timed(what: Callable[[], None]) -> tuple[float, float]:
     began, cpu = time.perf_counter(), time.process_time()
     what()
     return time.perf_counter() - began, time.process_time() - cpu
-
-
-def _children_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def _descendants(pid: int) -> list[int]:
