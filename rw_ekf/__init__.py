@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rw_ekf import fleet
     from rw_ekf.errors import RwEkfError as Error
     from rw_ekf.public import (
         Bench,
@@ -50,6 +51,7 @@ __all__ = [
     "compare",
     "diagnose",
     "fit",
+    "fleet",
     "guess_columns",
     "read",
     "replay",
@@ -62,6 +64,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'rw_ekf' has no attribute {name!r}")
     import importlib
 
+    if name == "fleet":
+        return importlib.import_module("rw_ekf.fleet")
     return getattr(importlib.import_module("rw_ekf.public"), name)
 
 

@@ -36,6 +36,7 @@ VERBS = {
     "bench": "bench",
     "flyby": "flyby",
     "spikes": "spikes",
+    "fleet": "fleet",
 }
 
 

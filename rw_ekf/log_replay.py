@@ -83,6 +83,7 @@ class Run(Shown):
     as_it_went: Belief | None = None  # at the end of the rows, where `belief` is in hindsight and may be another
     noise_from: str | None = None  # who told the readings' noise, where nobody did: the record, the model
     filter_s: float = 0.0  # that the filter took [s]
+    resets: int = 0  # of the filter, with a divergence or a lock-out among them
 
     @property
     def hindsight(self) -> Belief | None:
@@ -206,7 +207,7 @@ def replay_log(
     as_it_went = Belief(run.mean, run.covariance) if with_hindsight else None
     return Run(
         log, setup, belief, statistics, consistency, tuple(warnings), columns, as_it_went, noise_from,
-        time.perf_counter() - began_s,
+        time.perf_counter() - began_s, len(troubles_of(run.mended)),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from tests.live.bench import ROOT
 PUBLIC = [
     "Bench", "Comparison", "Diagnosis", "Error", "Estimate", "Estimator", "Fit",
     "GuessedColumns", "Log", "Model", "Run", "__version__",
-    "bench", "compare", "diagnose", "fit",
+    "bench", "compare", "diagnose", "fit", "fleet",
     "guess_columns", "read", "replay", "simulate",
 ]  # fmt: skip
 

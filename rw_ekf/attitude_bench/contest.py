@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import sys
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import partial
-from types import ModuleType
 from typing import TypeVar
 
 from rw_ekf.attitude_bench.bench_run import BenchRun
@@ -21,8 +14,8 @@ from rw_ekf.attitude_bench.metrics import Metrics, metrics_of
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.scheme_run import run_scheme
 from rw_ekf.control.compensation.schemes import SCHEMES
-from rw_ekf.parent import die_with_parent
 from rw_ekf.wheel.model_file import WheelModel
+from rw_ekf.worker_pool import workers
 
 Key = TypeVar("Key")
 Result = TypeVar("Result")
@@ -126,59 +119,6 @@ def finished(jobs: Mapping[Key, Callable[[], Result]]) -> Iterator[tuple[Key, Re
         waiting = {pool.submit(job): key for key, job in jobs.items()}
         for done in as_completed(waiting):
             yield waiting[done], done.result()
-
-
-@contextmanager
-def workers(most: int) -> Iterator[Executor]:
-    """Processes, one for each core but no more than `most`; killed at once where something is raised."""
-    count = max(min(len(os.sched_getaffinity(0)), most), 1)
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=die_with_parent)
-    try:
-        with _interrupts_held(), _no_main_module():
-            for _ in range(count):  # each starts a process, for none is idle yet
-                pool.submit(die_with_parent)
-        yield pool
-    except BaseException:
-        for process in list((pool._processes or {}).values()):  # an interrupt shall not wait for runs under way
-            process.kill()
-        pool.shutdown(wait=True, cancel_futures=True)
-        raise
-    # A pool that is left without waiting for it can keep the program from ever exiting (CPython 3.11).
-    pool.shutdown(wait=True)
-
-
-@contextmanager
-def _no_main_module() -> Iterator[None]:
-    """What is started meanwhile does not import the program's main module, which may be a script without a guard."""
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """What is started meanwhile never takes one: that of a terminal is the parent's affair, and comes after.
-
-    A process inherits which signals its starter's thread blocks. Another thread of the parent may still take the
-    signal, and Python then interrupts the main thread wherever it is: so the handler only notes it meanwhile.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)  # one that waited is noted now
-        signal.signal(signal.SIGINT, handler)
-        if came:
-            signal.raise_signal(signal.SIGINT)
 
 
 def _figures(entry: Entry, scenario: Scenario, models: Models) -> Metrics:

@@ -56,7 +56,7 @@ def log_options(args: argparse.Namespace) -> list[str]:
 
     given = []
     for option, name, path_of in (
-        ("--columns", args.columns, _map_path),
+        ("--columns", args.columns, map_path),
         ("--config", args.config, configuration_path),
     ):
         if name is not None:
@@ -158,11 +158,11 @@ def read_logs(paths: list[str], columns: str | None) -> list[WheelLog]:
     from rw_ekf.logs.column_map import load_column_map
     from rw_ekf.logs.reader import read_log
 
-    column_map = None if columns is None else load_column_map(_map_path(columns))
+    column_map = None if columns is None else load_column_map(map_path(columns))
     return [read_log(path, column_map) for path in paths]
 
 
-def _map_path(name: str) -> Path:
+def map_path(name: str) -> Path:
     """Find the column map that is meant: a file, or the name of a shipped one. Raises ConfigError."""
     from rw_ekf.settings.resources import available_resources, own_or_shipped
 

@@ -12,13 +12,14 @@ if TYPE_CHECKING:
     from rw_ekf.drivers.sim.plant_parameters import PlantNoise
     from rw_ekf.settings.schema import Configuration
 
-HELP = "serve a simulated wheel on a pseudo-terminal"
+HELP = "serve a simulated wheel on a pseudo-terminal; `simulate fleet`: write the logs of many"
 EXAMPLE = """example:
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect offset_torque:torque_rad_s2=0.03 --seed 7
   rw-ekf simulate --link /tmp/rw-ekf-wheel --fault drop:0.1,freeze@30s:5s
   rw-ekf simulate --link /tmp/rw-ekf-wheel --effect-file my-effects.yaml --effect eddy:a=0.004,w0=40
   rw-ekf simulate --link /tmp/bus --config bus --fault echo,rw-y=dead@30s:20s
-  rw-ekf simulate --effects"""
+  rw-ekf simulate --effects
+  rw-ekf simulate fleet --out logs --wheels 20 --days 60 --seed 1"""
 MAX_SPEED_RPM = 1.0e5
 
 
@@ -44,7 +45,10 @@ class _ListFaults(argparse.Action):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--link", metavar="PATH", required=True, help="where the wheel's tty is reachable")
+    parser.add_argument(
+        "what", nargs="?", choices=["wheel", "fleet"], default="wheel", help="a wheel (the default), or a fleet's logs"
+    )
+    parser.add_argument("--link", metavar="PATH", help="where the wheel's tty is reachable")
     add_config_option(parser, "its `simulation` and `wheel` describe the truth")
     parser.add_argument(
         "--effect",
@@ -71,10 +75,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the noise and the faults (default 0)")
     parser.add_argument("--speed-factor", metavar="X", type=float, default=1.0, help="wheel time runs X times as fast")
     parser.add_argument("--initial-speed-rpm", metavar="RPM", type=float, default=0.0, help="speed at the start")
+    parser.add_argument("-o", "--out", metavar="DIR", help="fleet: where its logs are written")
+    parser.add_argument("--wheels", metavar="N", type=int, default=20, help="fleet: how many wheels (default 20)")
+    parser.add_argument("--days", metavar="N", type=int, default=30, help="fleet: a log a day, so many (default 30)")
+    parser.add_argument("--workers", metavar="N", type=int, help="fleet: processes (default: the cores)")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Run the verb until a signal; raises RwEkfError."""
+    """Run the verb, a wheel until a signal; raises RwEkfError."""
+    from rw_ekf.errors import UsageError
+
+    if args.what == "fleet":
+        return _fleet(args)
+    if args.out is not None:
+        raise UsageError("--out is where `simulate fleet` writes: leave it out, or say fleet")
+    if args.link is None:
+        raise UsageError("--link PATH is missing: where the wheel's tty shall be reachable")
+    return _wheel(args)
+
+
+def _fleet(args: argparse.Namespace) -> int:
+    from rw_ekf.errors import UsageError
+    from rw_ekf.fleet.public import simulate
+    from rw_ekf.json_output import print_json
+
+    if args.out is None:
+        raise UsageError("--out DIR is missing: where the fleet's logs shall be written")
+    if args.link is not None:
+        raise UsageError("--link is of one wheel: a fleet is written into --out DIR")
+    document = simulate(args.out, wheels=args.wheels, days=args.days, seed=args.seed, workers=args.workers)
+    if args.json:
+        print_json(document)
+    else:
+        sys.stdout.write(
+            f"{args.out}: {document['logs']} logs of {document['wheels']} wheels, their truth in truth.json\n"
+        )
+    return 0
+
+
+def _wheel(args: argparse.Namespace) -> int:
     from rw_ekf.attach import load_protocol, plant_of, spoken_by, with_own_formulas
     from rw_ekf.commands.inputs import read_own_formulas
     from rw_ekf.drivers.sim.fault_text import parse_faults

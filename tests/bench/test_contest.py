@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rw_ekf.attitude_bench import contest as contests
 from rw_ekf.attitude_bench.bench_page import headline_of, write_page
 from rw_ekf.attitude_bench.contest import Contest, Entry, hold_contest, run_entry
 from rw_ekf.attitude_bench.contest_result import document_of, rows_of, tables_of
@@ -28,6 +27,7 @@ from rw_ekf.attitude_bench.spike_table import answers_of, documents_of
 from rw_ekf.attitude_bench.spike_table import table_of as spikes_table
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.json_output import json_text
+from rw_ekf.worker_pool import workers
 
 SHORT = Scenario.model_validate(
     {
@@ -124,7 +124,7 @@ def test_the_spikes_of_a_contest_are_those_of_single_runs_in_the_order_asked_for
 def test_processes_are_no_more_than_there_are_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is started for nothing: one run, one process, many cores or not."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(64)))
-    with contests.workers(1) as pool:
+    with workers(1) as pool:
         assert pool._max_workers == 1  # type: ignore[attr-defined]
 
 

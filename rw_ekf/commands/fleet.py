@@ -1,0 +1,117 @@
+"""`rw-ekf fleet`: many wheels over years, from their logs to trends and a page."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rw_ekf.commands.inputs import add_config_option
+
+if TYPE_CHECKING:
+    from rw_ekf.shown import Shown
+
+HELP = "filter the logs of many wheels over years, and say which wheels age or are unlike the others"
+EXAMPLE = """example:
+  rw-ekf simulate fleet --out logs --wheels 20 --days 60 --seed 1
+  rw-ekf fleet run logs
+  rw-ekf fleet run logs --scheduler tcp://10.0.0.5:8786
+  rw-ekf fleet trends logs --limit coulomb=+50%
+  rw-ekf fleet view logs
+
+Whose a log is and when it began is told by its folder, name or metadata: docs/fleet.md"""
+ACTIONS = {
+    "build": "index the logs by wheel and day",
+    "run": "filter what is not done yet",
+    "trends": "ageing, changes, siblings, remaining time",
+    "view": "one page of the fleet",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    said = "; ".join(f"{name}: {what}" for name, what in ACTIONS.items())
+    parser.add_argument("action", choices=list(ACTIONS), help=said)
+    parser.add_argument("directory", metavar="DIR", help="directory of logs, or the fleet's folder in it")
+    parser.add_argument("-o", "--out", metavar="DIR", help="the fleet's folder (default: `fleet` in the directory)")
+    parser.add_argument("--columns", metavar="MAP", help="column map (YAML) of foreign logs; see docs/logs.md")
+    add_config_option(parser, "noise, prior, Stribeck speed; without it each wheel's model or first log tells")
+    parser.add_argument(
+        "--model", metavar="F", help="model to start from, or a folder of WHEEL.yaml for a wheel and default.yaml"
+    )
+    parser.add_argument("--workers", metavar="N", type=int, help="processes of this machine (default: its cores)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, in their place")
+    parser.add_argument(
+        "--limit",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="of a parameter: coulomb=0.9, or coulomb=+50%% of where it began; `trends` says how long it takes",
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb; raises RwEkfError. Status 1 where a log failed or is not done."""
+    from rw_ekf.errors import BadInputError
+
+    if args.workers is not None and args.workers < 1:
+        raise BadInputError(f"--workers {args.workers}: give 1 or more")
+    if args.limit and args.action not in ("trends", "view"):
+        raise BadInputError("--limit is asked of `fleet trends` and `fleet view`: leave it out")
+    return {"build": _build, "run": _run, "trends": _trends, "view": _view}[args.action](args)
+
+
+def _build(args: argparse.Namespace) -> int:
+    from rw_ekf.fleet.public import build
+
+    _show(build(args.directory, args.out), args)
+    return 0
+
+
+def _run(args: argparse.Namespace) -> int:
+    from rw_ekf.commands.first_use import make_ready
+    from rw_ekf.commands.inputs import map_path
+    from rw_ekf.compile_ahead import EFFECTS, FIT
+    from rw_ekf.console import progress
+    from rw_ekf.fleet.public import run
+
+    if args.scheduler is None:
+        make_ready((*FIT, *EFFECTS) if args.model is not None or args.config is not None else FIT)
+    with progress("fleet", None, " logs") as bar:
+        done = run(
+            args.directory,
+            args.out,
+            model=args.model,
+            configuration=args.config,
+            columns=None if args.columns is None else map_path(args.columns),
+            workers=args.workers,
+            scheduler=args.scheduler,
+            tick=bar.update,
+        )
+    _show(done, args)
+    return 0 if done.whole else 1
+
+
+def _trends(args: argparse.Namespace) -> int:
+    from rw_ekf.fleet.public import trends
+
+    _show(trends(args.directory, args.out, limits=args.limit), args)
+    return 0
+
+
+def _view(args: argparse.Namespace) -> int:
+    from rw_ekf.console import shown_path
+    from rw_ekf.fleet.public import view
+    from rw_ekf.json_output import print_json
+
+    page = view(args.directory, args.out, limits=args.limit)
+    if args.json:
+        print_json({"schema": "rw_ekf.fleet_view/1", "page": str(page)})
+    else:
+        sys.stdout.write(f"{shown_path(Path(page))}\n")
+    return 0
+
+
+def _show(found: Shown, args: argparse.Namespace) -> None:
+    sys.stdout.write(found.to_json() if args.json else f"{found.text()}\n")

@@ -1,0 +1,25 @@
+"""Many wheels over years: `build`, `run`, `trends` and `view` of a directory of logs (docs/fleet.md).
+
+Loaded when first asked for, as all of `rw_ekf`: `rw_ekf.fleet.run("logs").text()`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rw_ekf.fleet.public import FleetIndex, FleetRun, Trends, build, run, simulate, trends, view
+
+__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends", "view"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'rw_ekf.fleet' has no attribute {name!r}")
+    import importlib
+
+    return getattr(importlib.import_module("rw_ekf.fleet.public"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

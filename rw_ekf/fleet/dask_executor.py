@@ -1,0 +1,104 @@
+"""Tasks on a Dask cluster: `Client.submit` and `as_completed`, and nothing else of it.
+
+Every worker needs rw_ekf of the same version, and sees logs and results under the same paths.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+from distributed import Client, Future, KilledWorker, as_completed
+
+from rw_ekf.errors import BadInputError, RwEkfError
+from rw_ekf.fleet.executors import Done, WorkerLostError
+
+_CONNECTS_WITHIN_S = 10.0
+_MOST_LOSSES = 5  # of one task's result
+
+
+@dataclass
+class _InFlight:
+    key: str
+    function: Callable[[Any], Any]
+    argument: Any
+    losses: int = 0
+    future: Future | None = None
+
+
+class DaskExecutor:
+    """The workers of a scheduler. One that dies is the scheduler's affair: what it had goes to another."""
+
+    def __init__(self, address: str) -> None:
+        """Connect. Raises BadInputError where nobody answers there."""
+        self._address = address
+        try:
+            self._client = Client(address, set_as_default=False, timeout=_CONNECTS_WITHIN_S)
+        except (OSError, ValueError) as error:
+            raise BadInputError(
+                f"--scheduler {address}: no Dask scheduler answers ({str(error).splitlines()[0]}): start one with "
+                "`dask scheduler`, workers with `dask worker ADDRESS`"
+            ) from None
+        self._running: dict[str, _InFlight] = {}
+        self._added: list[Future] = []
+
+    @property
+    def cores(self) -> int:
+        """Threads of all workers that are there now; one at least, for workers may come yet."""
+        return max(sum(int(threads) for threads in self._client.nthreads().values()), 1)
+
+    def submit(self, key: str, function: Callable[[Any], Any], argument: Any) -> None:
+        """Send a task; a name of its own keeps Dask from taking it for one that it has done before."""
+        self._start(_InFlight(key, function, argument))
+
+    def as_completed(self) -> Iterator[Done]:
+        """Each task as it ends. Raises RwEkfError where the scheduler is lost."""
+        while self._added:
+            with self._client.as_current():
+                waiting = as_completed(self._added)
+            self._added = []
+            for future in waiting:
+                task = self._running.pop(future.key)
+                if future.status not in ("finished", "error"):
+                    self._again(task)
+                else:
+                    yield _done(task.key, future)
+                    future.release()
+                waiting.update(self._added)
+                self._added = []
+
+    def __enter__(self) -> DaskExecutor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._client.cancel([task.future for task in self._running.values()])
+        self._client.close()
+
+    def _start(self, task: _InFlight) -> None:
+        name = f"rw-ekf-{uuid.uuid4().hex}"
+        task.future = self._client.submit(task.function, task.argument, key=name, pure=False)
+        self._running[name] = task
+        self._added.append(task.future)
+
+    def _again(self, task: _InFlight) -> None:
+        """Send a task anew whose result went with the worker that had it. Raises RwEkfError where that is no help."""
+        task.losses += 1
+        if self._client.status != "running" or task.losses > _MOST_LOSSES:
+            raise RwEkfError(
+                f"{self._address}: the Dask scheduler is lost: start it again and run again; what is written stays"
+            )
+        self._start(task)
+
+
+def _done(key: str, future: Future) -> Done:
+    if future.status == "finished":
+        return Done(key, future.result())
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        error = WorkerLostError(str(error).splitlines()[0])
+    return Done(key, None, error)

@@ -1,0 +1,95 @@
+"""Where the files of a fleet are: `FleetFolder`.
+
+index.json                                         the logs, by wheel and time (`rw_ekf.fleet.index`)
+manifest.jsonl                                     what was done (`rw_ekf.fleet.manifest`)
+results/wheel=W/day=2026-01-31/part-HASH.parquet   a row for each day of a log (`rw_ekf.fleet.result_rows`)
+trends.json, fleet.html                            what `trends` and `view` make of them
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from rw_ekf.errors import BadInputError
+
+NAME = "fleet"
+_HASH_DIGITS = 20  # of a sha256 in a file's name: 80 bits, which no 1e9 files of one fleet share by chance
+
+
+@dataclass(frozen=True)
+class FleetFolder:
+    """The folder of a fleet."""
+
+    path: Path
+
+    @property
+    def index(self) -> Path:
+        """The logs."""
+        return self.path / "index.json"
+
+    @property
+    def manifest(self) -> Path:
+        """What was done."""
+        return self.path / "manifest.jsonl"
+
+    @property
+    def results(self) -> Path:
+        """The root of the partitions."""
+        return self.path / "results"
+
+    @property
+    def trends(self) -> Path:
+        """The document of `trends`."""
+        return self.path / "trends.json"
+
+    @property
+    def page(self) -> Path:
+        """The page of `view`."""
+        return self.path / "fleet.html"
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """While this lasts, nobody else runs this fleet. Raises BadInputError where somebody does."""
+        make_folder(self.path)
+        descriptor = os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise BadInputError(f"{self.path}: another `fleet run` is at work here: wait for its end") from None
+            except OSError:  # a network file system without locks: two runs write the same files with the same bytes
+                pass
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+
+
+def fleet_folder(directory: str | Path, out: str | Path | None = None) -> FleetFolder:
+    """The fleet's folder of a directory of logs, or that directory itself where it is one already."""
+    here = Path(directory)
+    if out is not None:
+        return FleetFolder(Path(out))
+    return FleetFolder(here) if (here / "index.json").is_file() else FleetFolder(here / NAME)
+
+
+def part_path(results: str | Path, wheel: str, day: str, input_hash: str) -> Path:
+    """Where a log's rows of one day stand."""
+    return Path(results) / f"wheel={quote(wheel, safe='')}" / f"day={day}" / f"part-{input_hash[:_HASH_DIGITS]}.parquet"
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it. Raises BadInputError where that cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInputError(
+            f"{path}: cannot be made a folder ({error.strerror or error}): give another place"
+        ) from None

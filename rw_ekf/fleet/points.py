@@ -1,0 +1,148 @@
+"""From the days of a wheel to the points of a course: what says nothing, or is far off, is left out.
+
+A course of many days is fitted to means over equal spans; none of them reaches over a day at which a step was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
+from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course
+from rw_ekf.fleet.daily import WheelDays
+
+DAYS_PER_YEAR = 365.25
+LEAST_POINTS = 5  # fewer tell no line from what scatters about it
+_KNOWS = 0.2  # of its own size: a day that does not know a parameter so well says nothing of per cents a year
+_MOST = 64  # points of a fit, which takes the cube of them; a year of days in weeks loses nothing of a line
+_BESIDE = 5  # days on either side that say whether one is far off
+_FAR = 6.0  # robust sigmas
+_LEAST_WARMTH_K = 2.0  # between the coldest and the warmest day: else temperature explains nothing
+_ROUNDS = 3  # in which steps are found and their days sought
+_NORMAL_SQUARE = 0.4549  # median of the square of a standard normal number
+
+
+@dataclass(frozen=True)
+class KnownDays:
+    """The n days of a wheel that say something of a parameter."""
+
+    rows: Int64Array  # (n,) of the wheel's days
+    far_off: Int64Array  # rows that were left out
+    time_y: Float64Array  # (n,) since the first [years]
+    value: Float64Array
+    variance: Float64Array
+    warmth_K: Float64Array | None  # over the fleet's own temperature
+
+
+@dataclass(frozen=True)
+class Course:
+    """A fitted course: its points, and for each of them the first of the wheel's rows in it."""
+
+    known: KnownDays
+    points: Points
+    starts: Int64Array
+    fit: CourseFit
+
+
+def course_of(
+    days: WheelDays, parameter: str, reference_degC: float | None, walks: Float64Array = ANY_WALK
+) -> Course | None:
+    """The course of a parameter; None where fewer than five days know it.
+
+    reference_degC: temperature that levels are told at; None: not logged. walks: see `fit_course`.
+    """
+    known = known_days(days, parameter, reference_degC)
+    if known is None:
+        return None
+    breaks: list[int] = []
+    for _ in range(_ROUNDS):
+        points, starts = _points(known, breaks)
+        if points.time_y.size < LEAST_POINTS:
+            return None
+        fit = fit_course(points, walks)
+        sought = sorted({_day_of_step(known, points, starts, fit, step.before) for step in fit.steps})
+        if sought == breaks or points.time_y.size == known.rows.size:
+            break
+        breaks = sought
+    return Course(known, points, known.rows[starts], fit)
+
+
+def known_days(days: WheelDays, parameter: str, reference_degC: float | None) -> KnownDays | None:
+    """The days that know a parameter and are not far off; None where they are fewer than five, or of one moment."""
+    value, std = days.values[parameter], days.stds[parameter]
+    known = days.ok & np.isfinite(value) & np.isfinite(std) & (std > 0.0)
+    rows = np.flatnonzero(known)
+    rows = rows[std[rows] < _KNOWS * np.abs(value[rows])]
+    if rows.size < LEAST_POINTS:
+        return None
+    far = far_off(value[rows], std[rows])
+    left_out, rows = rows[far], rows[~far]
+    warmth = _warmth(days.temperature_degC[rows], reference_degC)
+    if warmth is not None:
+        told = np.isfinite(warmth)
+        rows, warmth = rows[told], warmth[told]
+    if rows.size < LEAST_POINTS or days.time_d[rows[-1]] <= days.time_d[rows[0]]:
+        return None
+    time_y = (days.time_d[rows] - days.time_d[rows[0]]) / DAYS_PER_YEAR
+    return KnownDays(rows, left_out, time_y, value[rows], std[rows] ** 2, warmth)
+
+
+def far_off(value: Float64Array, std: Float64Array) -> BoolArray:
+    """Days that lie far from the median of those around them, as one with a spike does: (n,)."""
+    n = value.size
+    if n <= 2 * _BESIDE:
+        return np.zeros(n, dtype=bool)
+    around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, _BESIDE, mode="edge"), 11), axis=1)
+    off = np.abs(value - around)
+    return np.asarray(off > _FAR * np.maximum(1.4826 * np.median(off), std))
+
+
+def _warmth(temperature_degC: Float64Array, reference_degC: float | None) -> Float64Array | None:
+    """Over the reference [K]; None where hardly any day has it, or it hardly changes."""
+    known = np.isfinite(temperature_degC)
+    if reference_degC is None or known.mean() < 0.8 or np.ptp(temperature_degC[known]) < _LEAST_WARMTH_K:
+        return None
+    return temperature_degC - reference_degC
+
+
+def _points(known: KnownDays, breaks: Sequence[int]) -> tuple[Points, Int64Array]:
+    """Means over equal spans where there are more days than a fit takes; a span ends before each of `breaks`."""
+    n = known.rows.size
+    share = known.time_y / known.time_y[-1]
+    span = np.arange(n) if n <= _MOST else np.minimum((_MOST * share).astype(np.int64), _MOST - 1)
+    starts = np.flatnonzero(np.r_[True, np.diff(span) > 0])
+    starts = np.unique(np.r_[starts, np.array(breaks, dtype=np.int64)])
+    scatter = 0.5 * float(np.median(np.diff(known.value) ** 2)) / _NORMAL_SQUARE
+    weight = 1.0 / (known.variance + scatter)
+    total = np.add.reduceat(weight, starts)
+
+    def mean(values: Float64Array) -> Float64Array:
+        return np.asarray(np.add.reduceat(weight * values, starts) / total)
+
+    points = Points(
+        time_y=mean(known.time_y),
+        value=mean(known.value),
+        variance=np.add.reduceat(weight**2 * known.variance, starts) / total**2,
+        share=np.add.reduceat(weight**2, starts) / total**2,
+        warmth_K=None if known.warmth_K is None else mean(known.warmth_K),
+    )
+    return points, starts
+
+
+def _day_of_step(known: KnownDays, points: Points, starts: Int64Array, fit: CourseFit, before: int) -> int:
+    """The first day after a step that lies between two points: where two levels fit the days around it best."""
+    ends = np.append(starts[1:], known.rows.size)
+    low, high = int(starts[max(before - 1, 0)]), int(ends[min(before + 2, len(ends) - 1)])
+    value = known.value[low:high] - fit.rate * known.time_y[low:high]
+    if known.warmth_K is not None and fit.per_K is not None:
+        value = value - fit.per_K * known.warmth_K[low:high]
+    n = value.size
+    if n < 2:
+        return int(starts[before + 1])
+    left = np.arange(1, n)
+    sums = np.cumsum(value)[:-1]
+    gained = sums**2 / left + (value.sum() - sums) ** 2 / (n - left)
+    return low + int(left[np.argmax(gained)])

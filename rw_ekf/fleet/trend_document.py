@@ -1,0 +1,159 @@
+"""The document of `fleet trends`, and its text: numbers with bands, findings as sentences, the worst wheel first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rw_ekf.console import printable
+from rw_ekf.fleet.remaining import Limit
+from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend, concern_of, finding_kinds
+from rw_ekf.model.state import STATE_UNITS
+from rw_ekf.numbers import plus_minus
+from rw_ekf.shown import Shown
+
+SCHEMA = "rw_ekf.fleet_trends/1"
+_BAND = 1.959963984540054  # sigmas of 95 %
+_SHOWN_WHEELS = 20
+
+
+@dataclass(eq=False, frozen=True)
+class Trends(Shown):
+    """The trends of a fleet."""
+
+    folder: str
+    found: FleetTrends
+    limits: Mapping[str, Limit]
+
+    def document(self) -> dict[str, Any]:
+        """The document of `fleet trends --json`."""
+        return {
+            "schema": SCHEMA,
+            "folder": self.folder,
+            "reference_degC": self.found.reference_degC,
+            "limits": [
+                {"parameter": name, "value": limit.value, "share": limit.share} for name, limit in self.limits.items()
+            ],
+            "population": [
+                {
+                    "parameter": name,
+                    "unit": STATE_UNITS[name],
+                    "wheels": int(both["level"].shrunk.size),
+                    "level": both["level"].mean,
+                    "level_spread": both["level"].spread,
+                    "rate_per_year": both["rate"].mean,
+                    "rate_spread_per_year": both["rate"].spread,
+                }
+                for name, both in self.found.population.items()
+            ],
+            "wheels": [_wheel(wheel) for wheel in self.worst_first],
+        }
+
+    @property
+    def worst_first(self) -> list[WheelTrend]:
+        """Wheels with findings before those without, the surest first; of equals the faster change."""
+        return sorted(self.found.wheels, key=_order)
+
+    def text(self) -> str:
+        """What `fleet trends` prints."""
+        wheels = self.worst_first
+        worth = [wheel for wheel in wheels if finding_kinds(wheel)]
+        lines = [f"{self.folder}: {len(wheels)} wheels, {len(worth)} with something to look at"]
+        for wheel in worth[:_SHOWN_WHEELS]:
+            lines += [f"  {printable(wheel.days.wheel)}: {text}" for text in sentences(wheel)]
+        if len(worth) > _SHOWN_WHEELS:
+            lines.append(f"  and {len(worth) - _SHOWN_WHEELS} wheels more: --json has them all")
+        for name, both in self.found.population.items():
+            level, rate = both["level"], both["rate"]
+            share = 100.0 / abs(level.mean)
+            lines.append(
+                f"  all: {name} {plus_minus(level.mean, level.spread)} {STATE_UNITS[name]} (spread), "
+                f"{share * rate.mean:+.2g} +- {share * rate.spread:.2g} % a year"
+            )
+        return "\n".join(lines)
+
+
+def sentences(wheel: WheelTrend) -> list[str]:
+    """The findings of a wheel."""
+    return [_sentence(wheel, *found) for found in finding_kinds(wheel)]
+
+
+def _order(wheel: WheelTrend) -> tuple[bool, float, float, str]:
+    rates = [abs(trend.relative_rate[0]) for trend in wheel.parameters.values()]
+    return not finding_kinds(wheel), -round(concern_of(wheel), 3), -max(rates, default=0.0), wheel.days.wheel
+
+
+def _sentence(wheel: WheelTrend, kind: str, name: str, about: Any) -> str:
+    if kind == "ages":
+        rate, std = about.relative_rate
+        word = "rises" if rate > 0.0 else "falls"
+        return f"{name} {word} by {plus_minus(abs(100.0 * rate), 100.0 * std)} % a year"
+    if kind == "changed":
+        share = 100.0 / abs(wheel.parameters[name].fit.began)
+        where = " and ".join(_between(wheel, wheel.parameters[name], about.before))
+        return f"{name} stepped by {plus_minus(share * about.size, share * about.std)} % between {where}"
+    if kind == "unlike":
+        level = about.level_unlike >= about.rate_unlike
+        what = "is unlike its siblings'" if level else "changes unlike its siblings'"
+        return f"{name} {what} (probability {max(about.level_unlike, about.rate_unlike):.3g})"
+    if kind == "limit":
+        until = (
+            "has reached" if about.years_50 == 0.0 else f"reaches in {about.years_05:.2g} to {about.years_95:.2g} years"
+        )
+        return f"{name} {until} its limit of {about.limit:.4g} {STATE_UNITS[name]}"
+    return f"{about} of its {len(wheel.days)} logs failed"
+
+
+def _between(wheel: WheelTrend, trend: ParameterTrend, before: int) -> tuple[str, str]:
+    day, after = wheel.days.day, int(trend.course.starts[before + 1])
+    rows = trend.course.known.rows
+    return day[int(rows[np.searchsorted(rows, after) - 1])], day[after]
+
+
+def _wheel(wheel: WheelTrend) -> dict[str, Any]:
+    days = wheel.days
+    known = days.temperature_degC[np.isfinite(days.temperature_degC)]
+    return {
+        "wheel": days.wheel,
+        "concern": concern_of(wheel),
+        "findings": sentences(wheel),
+        "logs": len(days),
+        "failed": wheel.failed,
+        "first_day": days.day[0],
+        "last_day": days.day[-1],
+        "temperature_degC": [float(known.min()), float(known.max())] if known.size else None,
+        "counts": dict(days.counts),
+        "nis_mean": float(np.nanmean(days.nis_mean)) if np.isfinite(days.nis_mean).any() else None,
+        "not_noise": int(np.count_nonzero(days.not_noise)),
+        "parameters": {name: _parameter(wheel, trend) for name, trend in wheel.parameters.items()},
+    }
+
+
+def _parameter(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
+    fit, left = trend.fit, trend.remaining
+    return {
+        "unit": STATE_UNITS[trend.parameter],
+        "days": int(trend.course.known.rows.size),
+        "left_out": [wheel.days.day[row] for row in trend.course.known.far_off],
+        "level": fit.level, "level_std": fit.level_std, "began": fit.began,
+        "rate_per_year": fit.rate, "rate_std_per_year": fit.rate_std,
+        "rate_95": [fit.rate - _BAND * fit.rate_std, fit.rate + _BAND * fit.rate_std],
+        "ages": trend.ages,
+        "per_K": fit.per_K, "per_K_std": fit.per_K_std,
+        "scatter": fit.scatter, "walk_per_sqrt_year": fit.walk,
+        "changes": [
+            {"between": list(_between(wheel, trend, step.before)), "size": step.size, "std": step.std,
+             "probability": step.probability}
+            for step in fit.steps
+        ],
+        "siblings": None if trend.shrunk is None else {
+            "level": trend.shrunk[0], "level_std": trend.shrunk[1],
+            "level_unlike": trend.level_unlike, "rate_unlike": trend.rate_unlike,
+        },
+        "remaining": None if left is None else {
+            "limit": left.limit, "years_05": left.years_05, "years_50": left.years_50, "years_95": left.years_95,
+        },
+    }  # fmt: skip

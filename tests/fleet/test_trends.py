@@ -1,0 +1,214 @@
+"""Courses, siblings and remaining time against simulated truth; bands hold what they say they hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rw_ekf.arrays import Float64Array
+from rw_ekf.errors import BadInputError
+from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course, walks_of_fleet
+from rw_ekf.fleet.daily import WheelDays
+from rw_ekf.fleet.own_share import own_share
+from rw_ekf.fleet.points import course_of, far_off
+from rw_ekf.fleet.remaining import Limit, limits_of, remaining
+from rw_ekf.fleet.siblings import siblings_of
+from rw_ekf.fleet.simulation import FleetShape
+from rw_ekf.fleet.wheel_trends import finding_kinds, trends_of
+from rw_ekf.one_thread import one_thread
+from tools.measure.fleet import daily_estimates
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Any:
+    """As `trends` has it."""
+    with one_thread():
+        yield
+
+
+def points(value: Float64Array, std: float, years: float = 1.0, warmth_K: Float64Array | None = None) -> Points:
+    n = value.size
+    return Points(np.linspace(0.0, years, n), value, np.full(n, std**2), np.ones(n), warmth_K)
+
+
+def wheel_days(value: Float64Array, std: float, temperature_degC: float | Float64Array = 20.0) -> WheelDays:
+    n = value.size
+    numbers = dict.fromkeys(("motor_gain", "viscous", "coulomb", "static"), value)
+    days = tuple(str(np.datetime64("2026-01-01") + i) for i in range(n))
+    warmth = np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), n).copy()
+    stds = {name: np.full(n, std) for name in numbers}
+    return WheelDays(
+        "W", 20454.0 + np.arange(n, dtype=np.float64), days, np.ones(n, bool), ("ok",) * n, numbers, stds, warmth,
+        np.ones(n), np.zeros(n, bool), {},
+    )  # fmt: skip
+
+
+def test_a_line_in_white_noise_is_least_squares() -> None:
+    """Rate and level of a quiet course are those of numpy's polyfit, and the band is hardly wider than its own."""
+    rng = np.random.default_rng(1)
+    value = 0.6 + 0.05 * np.linspace(0.0, 1.0, 60) + 0.002 * rng.standard_normal(60)
+    fit = fit_course(points(value, 0.002), np.eye(10)[0])  # no walk at all
+    (slope, _), covariance = np.polyfit(np.linspace(0.0, 1.0, 60), value, 1, cov="unscaled")
+    assert fit.rate == pytest.approx(slope, abs=1e-6)
+    assert 0.002 * np.sqrt(covariance[0, 0]) <= fit.rate_std < 1.6 * 0.002 * np.sqrt(covariance[0, 0])
+    assert fit.steps == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("walk", [0.0, 0.006])
+def test_the_band_of_a_rate_holds_what_it_says(walk: float) -> None:
+    """Of 200 wheels that wander, or do not, some nineteen in twenty rates lie in their 95 % bands, which are narrow."""
+    rng = np.random.default_rng(2)
+    n = 60
+    values = [
+        0.6 + walk * np.cumsum(rng.standard_normal(n)) / np.sqrt(n) + 0.002 * rng.standard_normal(n) for _ in range(200)
+    ]
+    walks = walks_of_fleet(np.array([fit_course(points(value, 0.001)).walks for value in values]))
+    fits = [fit_course(points(value, 0.001), walks) for value in values]
+    inside = sum(abs(fit.rate) < 1.96 * fit.rate_std for fit in fits)
+    assert inside >= 0.905 * 200  # a binomial of .95 is below that once in 500
+    assert np.median([fit.rate_std for fit in fits]) < 2.0 * np.std([fit.rate for fit in fits])
+
+
+def test_a_season_is_taken_out() -> None:
+    """A friction that follows the temperature over half a year, which a line alone would take for ageing."""
+    rng = np.random.default_rng(3)
+    warmth = 10.0 * np.linspace(-1.0, 1.0, 60) + 2.0 * rng.standard_normal(60)
+    value = 0.6 * (1.0 - 0.01 * warmth) + 0.001 * rng.standard_normal(60)
+    fit = fit_course(points(value, 0.001, 0.5, warmth))
+    assert fit.per_K == pytest.approx(-0.006, abs=4.0 * (fit.per_K_std or 0.0))
+    assert abs(fit.rate) < 4.0 * fit.rate_std < 0.05
+    assert abs(fit_course(points(value, 0.001, 0.5)).rate) > 0.2
+
+
+def test_a_step_is_found_on_its_day() -> None:
+    """Of a year of days, in spans of several: the very day, its size, and the rate beside it."""
+    rng = np.random.default_rng(4)
+    value = 0.6 + 0.002 * rng.standard_normal(365)
+    value[200:] += 0.05
+    course = course_of(wheel_days(value, 0.002), "coulomb", None)
+    assert course is not None
+    (step,) = course.fit.steps
+    assert course.starts[step.before + 1] == 200
+    assert step.size == pytest.approx(0.05, abs=4.0 * step.std)
+    assert step.std < 0.002
+    assert abs(course.fit.rate) < 4.0 * course.fit.rate_std
+
+
+def test_noise_has_no_steps() -> None:
+    """Of fifty quiet courses and fifty that wander none, and none, has a step."""
+    rng = np.random.default_rng(5)
+    quiet = [fit_course(points(0.6 + 0.002 * rng.standard_normal(40), 0.001)) for _ in range(50)]
+    walking = [fit_course(points(0.6 + 0.002 * np.cumsum(rng.standard_normal(40)), 0.001), ANY_WALK) for _ in range(50)]
+    assert sum(len(fit.steps) for fit in quiet) <= 1
+    assert sum(len(fit.steps) for fit in walking) <= 1
+
+
+def test_a_day_that_is_far_off_is_left_out_and_a_step_is_not() -> None:
+    """One day with a spike goes; the days after a step stay."""
+    rng = np.random.default_rng(6)
+    value = 0.6 + 0.001 * rng.standard_normal(60)
+    value[30:] += 0.05
+    value[10] += 0.1
+    assert np.flatnonzero(far_off(value, np.full(60, 0.001))).tolist() == [10]
+
+
+def test_what_a_log_says_alone_is_the_filter_s_gain() -> None:
+    """Two Gaussians multiplied and taken apart again; from the start of all, what the log would have given alone."""
+    rng = np.random.default_rng(7)
+
+    def covariance() -> Float64Array:
+        root = rng.standard_normal((4, 4))
+        return np.asarray(root @ root.T + 0.1 * np.eye(4))
+
+    before, log = (rng.standard_normal(4), covariance()), (rng.standard_normal(4), 0.01 * covariance())
+    origin = (rng.standard_normal(4), 100.0 * covariance())
+
+    def product(one: Any, other: Any) -> tuple[Float64Array, Float64Array]:
+        joint = np.linalg.inv(np.linalg.inv(one[1]) + np.linalg.inv(other[1]))
+        return joint @ (np.linalg.solve(one[1], one[0]) + np.linalg.solve(other[1], other[0])), joint
+
+    found, expected = own_share(before, product(before, log), origin), product(origin, log)
+    assert found[0] == pytest.approx(expected[0], rel=1e-6, abs=1e-9)
+    assert found[1] == pytest.approx(expected[1], rel=1e-6, abs=1e-9)
+
+
+def test_a_wheel_unlike_its_siblings_is_told() -> None:
+    """One of thirty lies ten spreads off: told, hardly drawn to the rest, whose mean and spread stay theirs."""
+    rng = np.random.default_rng(8)
+    value = 1.0 + 0.05 * rng.standard_normal(30)
+    value[7] = 1.6
+    found = siblings_of(value, np.full(30, 0.01), 0.001)
+    assert found is not None
+    assert np.flatnonzero(found.unlike > 0.5).tolist() == [7]
+    assert found.mean == pytest.approx(1.0, abs=0.04)
+    assert found.spread == pytest.approx(0.05, rel=0.5)
+    assert found.shrunk[7] > 1.55
+    assert siblings_of(value[:4], np.full(4, 0.01), 0.001) is None
+
+
+def test_a_wheel_that_is_hardly_known_is_drawn_to_its_siblings() -> None:
+    """By the share that its own error and their spread say: a textbook normal with a normal prior."""
+    rng = np.random.default_rng(9)
+    std = np.full(40, 0.01)
+    std[0] = 0.1
+    value = 1.0 + 0.05 * rng.standard_normal(40)
+    found = siblings_of(value, std, 0.001)
+    assert found is not None
+    pull = found.spread**2 / (found.spread**2 + 0.1**2)
+    assert found.shrunk[0] == pytest.approx(found.mean + pull * (value[0] - found.mean))
+    assert found.shrunk_std[0] < 0.06
+
+
+def course(rate: float, rate_std: float, walk: float = 0.0) -> CourseFit:
+    return CourseFit(0.6, 0.001, 0.6, rate, rate_std, None, None, 0.001, walk, (), np.zeros(1), np.zeros(10))
+
+
+def test_remaining_time_is_the_distance_over_the_rate() -> None:
+    """Without a walk; infinity where it goes the other way; nothing where it is there already."""
+    found = remaining(course(0.03, 0.003), 0.9)
+    assert found.years_50 == pytest.approx(10.0, rel=0.02)
+    assert found.years_05 == pytest.approx(0.3 / (0.03 + 1.645 * 0.003), rel=0.03)
+    assert found.years_95 == pytest.approx(0.3 / (0.03 - 1.645 * 0.003), rel=0.03)
+    assert remaining(course(-0.03, 0.001), 0.9).years_05 == np.inf
+    assert remaining(course(-0.03, 0.001), 0.3).years_50 == pytest.approx(10.0, rel=0.02)
+    assert remaining(replace(course(0.03, 0.001), level=0.95), 0.9).years_50 == 0.0
+
+
+def test_remaining_time_of_a_walk_is_that_of_simulated_walks() -> None:
+    """Quantiles of the first passage against a thousand walks taken step by step."""
+    found = remaining(replace(course(0.05, 0.0, 0.05), level_std=0.0), 0.7)
+    rng = np.random.default_rng(10)
+    steps = 0.05 * 0.002 + 0.05 * np.sqrt(0.002) * rng.standard_normal((1000, 10_000))
+    over = np.cumsum(steps, axis=1) > 0.1
+    first = np.where(over.any(axis=1), 0.002 * over.argmax(axis=1), np.inf)
+    ours = found.years_05, found.years_50, found.years_95
+    for one, other in zip(ours, np.quantile(first, (0.05, 0.5, 0.95)), strict=True):
+        assert one == pytest.approx(other, rel=0.15)
+
+
+def test_limits_are_typed_as_values_or_shares() -> None:
+    """Anything else is named."""
+    assert limits_of(["coulomb=0.9", "viscous=+50%"]) == {
+        "coulomb": Limit("coulomb", 0.9), "viscous": Limit("viscous", None, 0.5)
+    }  # fmt: skip
+    assert Limit("coulomb", None, -0.1).of(0.6) == pytest.approx(0.54)
+    for text in ("coulomb", "friction=1", "coulomb=a"):
+        with pytest.raises(BadInputError, match="NAME=VALUE"):
+            limits_of([text])
+
+
+@pytest.mark.slow
+def test_one_ageing_wheel_in_a_fleet_is_found_and_no_other() -> None:
+    """Coulomb friction +0.5 % a month over a year, one wheel of forty, with seasons; the rest is let alone."""
+    shape = FleetShape(40, 365, seed=11, ageing_share=0.0, failing_share=0.0)
+    wheels = [daily_estimates(shape, number, 0.5 if number == 5 else 0.0) for number in range(40)]
+    found = trends_of(wheels, {})
+    kinds = [{(kind, name) for kind, name, _ in finding_kinds(wheel)} for wheel in found.wheels]
+    assert {("ages", "coulomb"), ("unlike", "coulomb")} <= kinds[5]
+    assert not any(kinds[number] for number in range(40) if number != 5)
+    rate, std = found.wheels[5].parameters["coulomb"].relative_rate
+    assert rate == pytest.approx(0.06, abs=4.0 * std)

@@ -1,0 +1,256 @@
+"""What a fleet costs and what it finds, as ratios from one run.
+
+    python -m tools.measure.fleet [--what overhead dask memory trends rate]
+
+overhead: wall time of `run_fleet` with two worker processes over that of a plain loop of the same replays, halved.
+dask: processor time of a Dask cluster of two workers, client and scheduler included, over that of the plain loop.
+memory: resident memory of a worker after 50 and after 500 parts.
+trends: ageing wheels (Coulomb friction +0.5 % a month over a year) among 200 that are found, healthy ones that are
+accused, at the level of daily estimates; and how wide the bands of the rates are against what they miss by.
+rate: samples a second from Parquet, 2 workers, logs of a day at 10 Hz.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import distributed
+import numpy as np
+
+from rw_ekf.fleet.carry import Carry, first_start, next_start
+from rw_ekf.fleet.daily import WheelDays
+from rw_ekf.fleet.dask_executor import DaskExecutor
+from rw_ekf.fleet.executors import ProcessExecutor
+from rw_ekf.fleet.fleet_run import run_fleet
+from rw_ekf.fleet.folder import FleetFolder
+from rw_ekf.fleet.index import FleetIndex, built_index
+from rw_ekf.fleet.plan import FleetSettings, plan_of
+from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, name_of, truth_by_day, truth_of, write_days
+from rw_ekf.fleet.task import Task, work
+from rw_ekf.fleet.wheel_trends import finding_kinds, trends_of
+from rw_ekf.log_replay import replay_log
+from rw_ekf.log_simulation import simulate
+from rw_ekf.logs.metadata import moment_of
+from rw_ekf.logs.reader import read_log
+from rw_ekf.one_thread import ask_for_one_thread, one_thread
+
+_WHEELS, _DAYS = 10, 10  # of the runs that are timed: the plain loop takes some 15 s
+_FLEETS, _AGEING = 4, 10  # of 200 wheels, and how many of them age
+_STDS = {"motor_gain": 0.004, "viscous": 1.2e-5, "coulomb": 0.0013, "static": 0.0036}  # of a day: results of `run`
+
+
+def main() -> None:
+    """Measure what was asked for."""
+    ask_for_one_thread()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    what = {"overhead": _overhead, "dask": _dask, "memory": _memory, "trends": _trends, "rate": _rate}
+    parser.add_argument("--what", nargs="+", choices=list(what), default=list(what))
+    for name in parser.parse_args().what:
+        with tempfile.TemporaryDirectory() as place:
+            what[name](Path(place))
+
+
+def _overhead(place: Path) -> None:
+    index = _index(_logs(place, FleetShape(_WHEELS, _DAYS, seed=2)))
+    _plain(index)  # warm: file cache, compiled routines
+    plain_s, plain_cpu_s = _timed(lambda: _plain(index))
+    with ProcessExecutor(2) as executor:
+        _done(index, place / "warm", executor)
+        workers = _descendants(os.getpid())
+        before = sum(map(_cpu_s, workers))
+        fleet_s, client_s = _timed(lambda: _done(index, place / "fleet", executor))
+        spent_s = sum(map(_cpu_s, workers)) - before + client_s
+    print(
+        f"overhead: {len(index.logs)} logs, plain loop {plain_s:.1f} s, two workers {fleet_s:.1f} s: "
+        f"{fleet_s / (0.5 * plain_s):.2f} of half of it; processor time {spent_s / plain_cpu_s:.2f} of the loop's"
+    )
+
+
+def _dask(place: Path) -> None:
+    index = _index(_logs(place, FleetShape(_WHEELS, _DAYS, seed=2)))
+    _plain(index)
+    _, plain_s = _timed(lambda: _plain(index))
+    cluster: Any = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    )
+    try:
+        with DaskExecutor(cluster.scheduler_address) as executor:
+            _done(index, place / "warm", executor)
+            workers = _descendants(os.getpid())
+            before = time.process_time() + sum(map(_cpu_s, workers))
+            _done(index, place / "dask", executor)
+            spent_s = time.process_time() + sum(map(_cpu_s, workers)) - before
+    finally:
+        cluster.close()
+    print(f"dask: {spent_s:.1f} s of processor for {plain_s:.1f} s of the plain loop: {spent_s / plain_s:.2f}")
+
+
+def _memory(place: Path) -> None:
+    """A process of its own, so that nothing but its tasks is in it."""
+    logs = _logs(place, FleetShape(1, 500, seed=3))
+    probe = (
+        "import sys; from pathlib import Path; from tools.measure.fleet import memory_of; "
+        "memory_of(Path(sys.argv[1]), Path(sys.argv[2]))"
+    )
+    subprocess.run([sys.executable, "-c", probe, str(logs), str(place / "results")], check=True)
+
+
+def memory_of(logs: Path, results: Path) -> None:
+    """Print the resident memory of this process after 50 and after all parts of a wheel."""
+    planned = plan_of(_index(logs), FleetSettings())[name_of(0)]
+    work(Task(str(logs), str(results), tuple(planned[:50])))
+    early = _resident_mb()
+    work(Task(str(logs), str(results), tuple(planned[50:]), str(planned[49].path(results))))
+    print(f"memory: {early:.0f} MB after 50 parts, {_resident_mb():.0f} MB after {len(planned)}")
+
+
+def _trends(place: Path) -> None:
+    """Some of 200 wheels age, in several fleets; and what rates miss by, in own sigmas, with and without a walk."""
+    del place
+    found = accused = healthy = 0
+    misses: list[float] = []
+    with one_thread():
+        for seed in range(_FLEETS):
+            shape = FleetShape(200, 365, seed=seed, ageing_share=0.0, failing_share=0.0)
+            wheels = [daily_estimates(shape, number, 0.5 if number < _AGEING else 0.0) for number in range(200)]
+            kinds = [bool(finding_kinds(wheel)) for wheel in trends_of(wheels, {}).wheels]
+            found += sum(kinds[:_AGEING])
+            accused += sum(kinds[_AGEING:])
+            healthy += 200 - _AGEING
+        for walk in (0.0, 0.01, 0.03):
+            shape = FleetShape(200, 365, seed=99, ageing_share=0.0, failing_share=0.0)
+            wheels = [daily_estimates(shape, number, 0.0, walk) for number in range(200)]
+            off = [
+                w.parameters["coulomb"].fit.rate / w.parameters["coulomb"].fit.rate_std
+                for w in trends_of(wheels, {}).wheels
+            ]
+            misses.append(float(np.sqrt(np.mean(np.square(off)))))
+    print(
+        f"trends: ageing found {found} of {_FLEETS * _AGEING}, healthy accused {accused} of {healthy} "
+        f"({100.0 * accused / healthy:.2f} %); where frictions walk by 0, 1 and 3 % a year rates miss by "
+        f"{', '.join(f'{miss:.2f}' for miss in misses)} sigma rms"
+    )
+
+
+def daily_estimates(shape: FleetShape, number: int, percent_per_month: float, walk: float = 0.0) -> WheelDays:
+    """What a run would find of a simulated wheel, drawn about its truth; walk: relative, per sqrt(year)."""
+    truth = replace(truth_of(shape, number), ageing_percent_per_month=percent_per_month)
+    course = truth_by_day(shape, truth, number)
+    rng = np.random.default_rng([shape.seed, number, 9])
+    warmth = course["ambient_degC"] - 20.0
+    thins = {"viscous": np.exp(-0.02 * warmth), "coulomb": 1.0 - 0.003 * warmth, "static": 1.0 - 0.003 * warmth}
+    values = {}
+    for name, std in _STDS.items():
+        walked = 1.0 + walk * np.cumsum(rng.standard_normal(shape.days)) / np.sqrt(365.25)
+        values[name] = course[name] * thins.get(name, 1.0) * walked + std * rng.standard_normal(shape.days)
+    first = (FIRST_DAY - date(1970, 1, 1)).days
+    return WheelDays(
+        wheel=truth.wheel,
+        time_d=first + np.arange(shape.days, dtype=np.float64),
+        day=tuple(str(day) for day in np.datetime64(FIRST_DAY) + np.arange(shape.days)),
+        ok=np.ones(shape.days, dtype=bool),
+        status=("ok",) * shape.days,
+        values=values,
+        stds={name: np.full(shape.days, std) for name, std in _STDS.items()},
+        temperature_degC=course["ambient_degC"],
+        nis_mean=np.ones(shape.days),
+        not_noise=np.zeros(shape.days, dtype=bool),
+        counts={},
+    )
+
+
+def _rate(place: Path) -> None:
+    """Days of 864,000 samples, of which each is a log of ten minutes over and over."""
+    logs = place / "logs"
+    day = simulate("P1", seed=1, duration_s=86_400.0)
+    for wheel in range(2):
+        folder = logs / f"wheel={name_of(wheel)}"
+        folder.mkdir(parents=True)
+        day.save(folder / "2026-01-01.parquet")
+        for number in range(2, 9):
+            shutil.copy(folder / "2026-01-01.parquet", folder / f"2026-01-{number:02d}.parquet")
+    index = _index(logs)
+    with ProcessExecutor(2) as executor:
+        _done(index, place / "warm", executor)
+        workers = _descendants(os.getpid())
+        before = sum(map(_cpu_s, workers))
+        seconds, _ = _timed(lambda: _done(index, place / "rate", executor))
+        spent_s = sum(map(_cpu_s, workers)) - before
+    samples = len(index.logs) * len(day)
+    size = sum(path.stat().st_size for path in (place / "rate").rglob("part-*")) / len(index.logs)
+    print(
+        f"rate: {samples:.3g} samples in {seconds:.1f} s ({1e8 * seconds / samples:.0f} s for 1e8), processor time "
+        f"of the workers {spent_s:.1f} s ({1e6 * spent_s / samples:.2f} us a sample); "
+        f"{index.logs[0].bytes / len(day):.1f} bytes a sample, {size:.0f} bytes a result"
+    )
+
+
+def _logs(place: Path, shape: FleetShape) -> Path:
+    logs = place / "logs"
+    logs.mkdir()
+    for number in range(shape.wheels):
+        write_days((str(logs), shape, number, (0, shape.days)))
+    return logs
+
+
+def _index(logs: Path) -> FleetIndex:
+    return built_index(logs)
+
+
+def _plain(index: FleetIndex) -> None:
+    """The same logs, read and replayed one after the other, with the same beginnings; nothing is written."""
+    for logs in index.wheels.values():
+        carry = None
+        for log in logs:
+            begins = moment_of(log.begins_utc)
+            assert begins is not None
+            read = read_log(Path(index.directory) / log.log)
+            start = first_start(read, None, None) if carry is None else next_start(read, None, carry, begins)
+            with one_thread():
+                run = replay_log(read, setup=start.setup)
+            carry = Carry(run.model, start.origin, begins)
+
+
+def _done(index: FleetIndex, place: Path, executor: Any) -> None:
+    done = run_fleet(FleetFolder(place), index, FleetSettings(), executor)
+    assert done.whole, done.text()
+
+
+def _timed(what: Callable[[], None]) -> tuple[float, float]:
+    """Wall and processor time of this process [s]."""
+    began, cpu = time.perf_counter(), time.process_time()
+    what()
+    return time.perf_counter() - began, time.process_time() - cpu
+
+
+def _descendants(pid: int) -> list[int]:
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in map(int, task.read_text().split()):
+            found += [child, *_descendants(child)]
+    return found
+
+
+def _cpu_s(pid: int) -> float:
+    """User and system time of a process [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _resident_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+if __name__ == "__main__":
+    main()
