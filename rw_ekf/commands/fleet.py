@@ -36,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", metavar="DIR", help="directory of logs, or the fleet's folder in it")
     parser.add_argument("-o", "--out", metavar="DIR", help="the fleet's folder (default: `fleet` in the directory)")
     parser.add_argument("--columns", metavar="MAP", help="column map (YAML) of foreign logs; see docs/logs.md")
-    add_config_option(parser, "noise, prior, Stribeck speed; without it each wheel's model or first log tells")
+    add_config_option(
+        parser, "noise, prior, Stribeck speed; without it each wheel's model or first log tells", one_wheel=False
+    )
     parser.add_argument(
         "--model", metavar="F", help="model to start from, or a folder of WHEEL.yaml for a wheel and default.yaml"
     )
