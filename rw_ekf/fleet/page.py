@@ -15,7 +15,7 @@ from rw_ekf.fleet.siblings import Siblings
 from rw_ekf.fleet.trend_document import Trends, sentences
 from rw_ekf.fleet.wheel_trends import UNLIKE, ParameterTrend, WheelTrend
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
-from rw_ekf.numbers import plus_minus
+from rw_ekf.numbers import number_text, plus_minus
 
 TEMPLATES = Path(__file__).parent / "templates"
 _COURSES = 50  # wheels that are drawn large: some 6 kB each
@@ -68,8 +68,8 @@ def _spark(trend: ParameterTrend | None) -> dict[str, str] | None:
         return None
     seen, line = _seen(trend), trend.fit.line
     draw = _Drawing(trend.course.points.time_y, np.concatenate((seen, line)), _SPARK)
-    rate, std = trend.relative_rate
-    return {"seen": draw.path(seen), "line": draw.path(line), "rate": f"{100.0 * rate:+.2g} ± {100.0 * std:.1g} %"}
+    rate = plus_minus(*(100.0 * v for v in trend.relative_rate)).replace("+-", "±")
+    return {"seen": draw.path(seen), "line": draw.path(line), "rate": f"{rate} %"}
 
 
 def _course(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def _course(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
     error = np.sqrt(points.variance + fit.scatter**2 * points.share)
     draw = _Drawing(points.time_y, np.concatenate((seen - error, seen + error, fit.line)), _COURSE)
     days = wheel.days.day
-    warm = "" if fit.per_K is None else f", {100.0 * fit.per_K / abs(fit.began):+.2g} % per K taken out"
+    warm = "" if fit.per_K is None else f", {number_text(100.0 * fit.per_K / abs(fit.began))} % per K taken out"
     left = trend.remaining
     soon = "" if left is None else f"; limit {left.limit:.4g} in {_years(left.years_05)} to {_years(left.years_95)}"
     return {

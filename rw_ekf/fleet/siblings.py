@@ -19,10 +19,7 @@ LEAST_WHEELS = 5  # fewer have no spread that could be told from one of them bei
 _TIMES = 10.0  # as far as an unlike wheel may lie, in usual spreads: chosen; a factor of three moves a threshold by 5 %
 _SHARES = (0.01, 0.03, 0.1)  # of wheels that are unlike; before anything is seen ...
 _SHARES_BEFORE = (0.70, 0.25, 0.05)  # ... so probable each: chosen, one wheel in fifty on average
-_MEANS, _SPREADS = (
-    33,
-    40,
-)  # places of the grid: steps of a quarter of the mean's own error, and of some 15 % of a spread
+_MEANS, _SPREADS = 33, 40  # places of the grid: steps of .3 of the mean's own error, and of some 15 % of a spread
 _REACH = 5.0  # of the grid of means: standard errors of a median on either side
 
 

@@ -71,7 +71,7 @@ class Trends(Shown):
             share = 100.0 / abs(level.mean)
             lines.append(
                 f"  all: {name} {plus_minus(level.mean, level.spread)} {STATE_UNITS[name]} (spread), "
-                f"{share * rate.mean:+.2g} +- {share * rate.spread:.2g} % a year"
+                f"{plus_minus(share * rate.mean, share * rate.spread)} % a year"
             )
         return "\n".join(lines)
 
