@@ -16,9 +16,8 @@ from rw_ekf.attitude_bench.metrics import RECOVERED_DEG
 from rw_ekf.control.compensation.schemes import SCHEMES
 from rw_ekf.diagnosis.report.drawn import write_pictures
 from rw_ekf.diagnosis.report.rendering import rendered
-from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
-from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.atomic import make_folder, write_text
 
 DOCUMENT, PAGE = "bench.json", "bench.html"
 _PEAKS = "peaks.png"
@@ -33,10 +32,7 @@ def write_page(
     Raises BadInputError if it cannot be made, PictureError, after all else is, for pictures that cannot be drawn.
     further: tables that stand below those of the reversal.
     """
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInputError(f"{directory}: cannot be made: {error.strerror or error}") from None
+    make_folder(directory)
     rows = rows_of(contest)
     noises = contest.scenario.cycle.speed_noise_rpm
     write_text(directory / DOCUMENT, json_text(document))

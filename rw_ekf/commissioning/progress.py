@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.errors import BadInputError, ConfigError
+from rw_ekf.errors import ConfigError
 from rw_ekf.json_output import json_text
-from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.plain_file import read_plain
 
 SCHEMA = "rw_ekf.commission/1"
@@ -29,12 +29,7 @@ class Progress:
     @classmethod
     def of(cls, directory: Path) -> Progress:
         """Go on from what stands there, or begin. Raises BadInputError, ConfigError for a file that is none of ours."""
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise BadInputError(
-                f"{directory}: cannot be made ({error.strerror or error}): name another place"
-            ) from None
+        make_folder(directory)
         path = directory / DOCUMENT
         if not path.exists():
             return cls(directory)

@@ -12,12 +12,13 @@ from typing import Any
 
 from rw_ekf.console import printable
 from rw_ekf.fleet.executors import Done, Executor
-from rw_ekf.fleet.folder import FleetFolder, make_folder
+from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex
 from rw_ekf.fleet.manifest import ManifestLine, append, read_manifest, write_manifest
 from rw_ekf.fleet.plan import FleetSettings, PlannedLog, groups_of, plan_of
 from rw_ekf.fleet.result_rows import FAILED
 from rw_ekf.fleet.task import Record, Task, work
+from rw_ekf.logs.atomic import make_folder
 from rw_ekf.shown import Shown
 
 SCHEMA = "rw_ekf.fleet_run/1"

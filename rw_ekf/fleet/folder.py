@@ -18,6 +18,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from rw_ekf.errors import BadInputError
+from rw_ekf.logs.atomic import make_folder
 
 NAME = "fleet"
 _HASH_DIGITS = 20  # of a sha256 in a file's name: 80 bits, which no 1e9 files of one fleet share by chance
@@ -83,13 +84,3 @@ def fleet_folder(directory: str | Path, out: str | Path | None = None) -> FleetF
 def part_path(results: str | Path, wheel: str, day: str, input_hash: str) -> Path:
     """Where a log's rows of one day stand."""
     return Path(results) / f"wheel={quote(wheel, safe='')}" / f"day={day}" / f"part-{input_hash[:_HASH_DIGITS]}.parquet"
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder and those above it. Raises BadInputError where that cannot be."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInputError(
-            f"{path}: cannot be made a folder ({error.strerror or error}): give another place"
-        ) from None

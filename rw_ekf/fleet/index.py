@@ -19,8 +19,8 @@ from urllib.parse import unquote
 
 from rw_ekf.console import printable
 from rw_ekf.errors import BadInputError, ConfigError
-from rw_ekf.fleet.folder import NAME, FleetFolder, make_folder
-from rw_ekf.logs.atomic import write_text
+from rw_ekf.fleet.folder import NAME, FleetFolder
+from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.logs.metadata import RunMetadata, moment_of, read_metadata, utc_text
 from rw_ekf.logs.parts import FORMS, PartName, beside
 from rw_ekf.shown import Shown

@@ -17,9 +17,8 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.executors import executor_of
-from rw_ekf.fleet.folder import make_folder
 from rw_ekf.json_output import json_text
-from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.model.state import CK13_STATISTICAL
 from rw_ekf.units import rad_s_from_rpm
 

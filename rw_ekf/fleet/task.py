@@ -167,8 +167,9 @@ def _spikes(path: Path) -> list[str] | None:
 
 def _write(results: str, planned: PlannedLog, result: LogResult) -> None:
     """The first day last: its file says that all of the log is done."""
-    from rw_ekf.fleet.folder import make_folder, part_path
+    from rw_ekf.fleet.folder import part_path
     from rw_ekf.fleet.result_rows import write_rows
+    from rw_ekf.logs.atomic import make_folder
 
     by_day: dict[str, list[dict[str, Any]]] = {planned.log.day: []}
     for row in result.rows:

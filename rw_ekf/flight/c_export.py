@@ -13,7 +13,7 @@ from rw_ekf.flight.c_types import NotPrintableError
 from rw_ekf.flight.exportable import estimator_of, reads
 from rw_ekf.flight.recorded import SAMPLES, recorded
 from rw_ekf.flight.self_test import self_test
-from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.starting_point import FilterSetup
 
 EXPORT_SCHEMA = "rw_ekf.export_model/1"
@@ -32,10 +32,7 @@ def export_c(setup: FilterSetup, name: str, folder: Path, period_s: float, *, si
         raise BadInputError(f"{name}: cannot be exported as C: {error}") from None
     origin = f"Printed by rw_ekf {__version__} from the model {name}"
     run = recorded(setup, period_s)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInputError(f"{folder}: {error.strerror}: give another folder with --c") from None
+    make_folder(folder, "give another folder with --c")
     texts = (
         header(program, estimator, origin),
         source(program, estimator, origin),

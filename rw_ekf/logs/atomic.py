@@ -61,6 +61,14 @@ def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
+def make_folder(path: Path, advice: str = "give another place") -> None:
+    """Make a folder and those above it, where they are not there. Raises BadInputError where that cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be made a folder ({error.strerror or error}): {advice}") from None
+
+
 def is_special(path: Path) -> bool:
     """Whether a device or a pipe stands there, which has no suffix that says anything."""
     return path.exists() and not path.is_file() and not path.is_dir()

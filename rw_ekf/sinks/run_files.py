@@ -11,7 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rw_ekf.errors import BadInputError, RwEkfError
+from rw_ekf.errors import RwEkfError
+from rw_ekf.logs.atomic import make_folder
 from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.parts import FORMS, beside
 from rw_ekf.logs.run_directory import model_path, start_path
@@ -43,12 +44,7 @@ class RunFiles:
     def of_run(cls, configuration: Configuration, began: datetime) -> RunFiles:
         """Name the files of a run; the directory is made if it is not there. Raises BadInputError if it cannot be."""
         directory, wheel = Path(configuration.output.directory), configuration.wheel.name
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise BadInputError(
-                f"output.directory {directory} cannot be made ({error.strerror}): give another one"
-            ) from None
+        make_folder(directory, "give another output.directory")
         # A link in the path is followed once: turned to another place meanwhile, it would tear the run's files apart.
         if os.path.realpath(directory) != os.path.abspath(directory):
             directory = directory.resolve()

@@ -15,9 +15,8 @@ from rw_ekf.diagnosis.report.page import page
 from rw_ekf.diagnosis.report.residual_panels import residual_picture, residual_view
 from rw_ekf.diagnosis.report.speed import speed_course, speed_picture
 from rw_ekf.diagnosis.report.words import Units
-from rw_ekf.errors import BadInputError
 from rw_ekf.json_output import json_text
-from rw_ekf.logs.atomic import write_text
+from rw_ekf.logs.atomic import make_folder, write_text
 from rw_ekf.logs.run_directory import DIAGNOSED_MODEL
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def write_report(
     drawn.
     """
     units, document = Units(wheel_units, inertia_kg_m2), diagnosis.document()
-    _make(directory)
+    make_folder(directory)
     written = [directory / DOCUMENT]
     write_text(written[0], json_text(document))
     model = directory / DIAGNOSED_MODEL
@@ -70,12 +69,3 @@ def write_report(
     if failed is not None:
         raise failed
     return [*written, *(directory / name for name in pictures), directory / PAGE]
-
-
-def _make(directory: Path) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInputError(
-            f"{directory}: cannot be made a directory ({error.strerror or error}): give another place"
-        ) from None
