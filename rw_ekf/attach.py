@@ -146,6 +146,13 @@ def beyond_line(
         if configuration.wheel.baud is None and protocol.wire_map.link.baud != first.wire_map.link.baud:
             text = f"wheel.baud: {the_map} has another baud rate ({protocol.wire_map.link.baud}) than the wheels before"
             found.append((index, ("wheel", "protocol"), f"{text}: give wheel.baud, the one of the line."))
+        own, others = (
+            f"{link.data_bits} data bits, parity {link.parity}, {link.stop_bits} stop bits"
+            for link in (protocol.wire_map.link, first.wire_map.link)
+        )
+        if own != others:
+            text = f"wheel.protocol: {the_map} has {own}, the wheels before {others}: they cannot be on one line"
+            found.append((index, ("wheel", "protocol"), text))
     return found
 
 

@@ -77,6 +77,10 @@ class Slot:
         """Somebody was waited for in vain."""
         self._again_s = self.next_s()
 
+    def take_up(self) -> None:
+        """Let it be asked at once: what it is waited for is worth the others' time."""
+        self._again_s = -math.inf
+
     def wake_s(self, time_s: float) -> float:
         """When whoever waits until a time [s] to ask again had better do so: not before it begins again."""
         return max(time_s, self._again_s)

@@ -58,6 +58,11 @@ def _plain(path: str | Path, flags: int) -> int:
     raise OSError(errno.EINVAL, f"it is a {'pipe' if stat.S_ISFIFO(mode) else 'device'}, no plain file", str(path))
 
 
+def file_part(name: str) -> str:
+    """As much of a name as may stand in that of a file."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)[:60]
+
+
 def json_of(text: bytes | str) -> Any:
     """What a JSON text of outside holds; None where it is none, or nested deeper than anything that is meant."""
     try:

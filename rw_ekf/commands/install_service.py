@@ -53,7 +53,7 @@ def execute(args: argparse.Namespace) -> int:
     if len(configurations) > 1:  # a unit for all of them
         wheel = configuration.wheel.model_copy(update={"name": path.stem})
         configuration = configuration.model_copy(update={"wheel": wheel})
-    service = service_of(configuration, path, _user(args.user))
+    service = service_of(configuration, path, _user(args.user), len(configurations))
     name = f"rw-ekf-{_safe(configuration.wheel.name)}"
     files = {Path(args.root) / _UNITS / f"{name}.service": unit_text(service)}
     port = own_name(configuration.wheel.port)
@@ -76,7 +76,7 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
-def service_of(configuration: Configuration, config: Path, user: str) -> Service:
+def service_of(configuration: Configuration, config: Path, user: str, wheels: int = 1) -> Service:
     """What the unit has to say on this machine, run from the present directory as it would be by hand."""
     from rw_ekf.live.claim import DIRECTORIES
     from rw_ekf.live.supervisor import Patience
@@ -94,7 +94,7 @@ def service_of(configuration: Configuration, config: Path, user: str) -> Service
         user=user,
         group=_group() if "://" not in port else None,
         devices=_devices(port),
-        hung_after_s=Patience.of(configuration).turn_s,
+        hung_after_s=Patience.of(configuration, wheels).turn_s,
         network=configuration.output.over_network,
         writes=configuration.command.writes,
     )

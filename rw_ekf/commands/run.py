@@ -82,6 +82,10 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.commands.run_bus import execute_bus
 
         return execute_bus(configurations, args)
+    if args.resume and len(configurations) > 1:
+        from rw_ekf.errors import UsageError
+
+        raise UsageError("--resume is for all wheels of a line, which one daemon drives: leave out --wheel")
     configuration = one_of_wheels(configurations, args.config, args.wheel)
     if args.resume:
         from rw_ekf.live.resume import resume_daemon

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from rw_ekf.live.bus import BusWheel
     from rw_ekf.live.oversight import Heartbeat
+    from rw_ekf.live.resume import Resumed
     from rw_ekf.settings.schema import Configuration
 
 SCHEMA = "rw_ekf.bus/1"
@@ -25,8 +26,8 @@ def execute_bus(configurations: tuple[Configuration, ...], args: argparse.Namesp
 
     if args.model is not None:
         raise BadInputError("--model: it would be every wheel's: give filter.model in each entry of wheels instead")
-    if args.resume and _resumed(configurations, args):
-        return 0
+    if args.resume and (resumed := _resumed(configurations, args)):
+        return 0 if all(one.left_safe for one in resumed) else 1
     if args.view is not None:
         from rw_ekf.commands.view import host_and_port
 
@@ -35,8 +36,8 @@ def execute_bus(configurations: tuple[Configuration, ...], args: argparse.Namesp
         return _supervised(configurations, args) if args.supervise else _run(configurations, args)
 
 
-def _resumed(configurations: tuple[Configuration, ...], args: argparse.Namespace) -> bool:
-    """Tell the daemon of the line to let every wheel leave SAFE; False where none is running."""
+def _resumed(configurations: tuple[Configuration, ...], args: argparse.Namespace) -> list[Resumed]:
+    """Tell the daemon of the line to let every wheel leave SAFE; what became of each, nothing where none is running."""
     from rw_ekf.json_output import print_json
     from rw_ekf.live.resume import resume_daemon
 
@@ -47,7 +48,7 @@ def _resumed(configurations: tuple[Configuration, ...], args: argparse.Namespace
         print_json({"schema": "rw_ekf.bus_resume/1", "wheels": wheels})
     elif found:
         sys.stdout.write("".join(f"{name}: {resumed.text}\n" for name, resumed in found))
-    return bool(found)
+    return [resumed for _, resumed in found]
 
 
 def _supervised(configurations: tuple[Configuration, ...], args: argparse.Namespace) -> int:
@@ -101,21 +102,23 @@ def _run(
         from rw_ekf.console import abandon_output, logger
         from rw_ekf.live.bus import Bus, BusWheel
         from rw_ekf.live.oversight import Oversight
-        from rw_ekf.live.published_state import crashed_in_safe
+        from rw_ekf.live.published_state import safe_before
         from rw_ekf.live.systemd import systemd_of
         from rw_ekf.sinks.run_files import state_path
 
         log = logger(args.log_format)
         line = SharedLine(configurations, [checked_protocol(one) for one in configurations], clock)
+        paths = [state_path(configuration) for configuration in configurations]
+        before = safe_before(paths) if keep_safe else [None] * len(paths)
         wheels = [
             BusWheel(
                 configuration,
                 protocol,
                 given_model(configuration, args),
                 log.bind(wheel=configuration.wheel.name),
-                crashed_in_safe(state_path(configuration)) if keep_safe else None,
+                safe,
             )
-            for configuration, protocol in zip(configurations, line.protocols, strict=True)
+            for configuration, protocol, safe in zip(configurations, line.protocols, before, strict=True)
         ]
         if heartbeat is not None:
             heartbeat.on_orphaned(stop, log)

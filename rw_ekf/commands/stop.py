@@ -52,6 +52,12 @@ def execute(args: argparse.Namespace) -> int:
             f"{port}: {_done(report)}zero was sent but {_who(line, confirmed)} confirmed it within {_TRY_S:g} s{doubts}"
             "; check the port, try again, or cut its power" + _still(report)
         )
+    unsure = [*line.doubts, *_not_told_apart(line)]
+    if unsure and (len(line.wheels) > 1 or line.names_wheels):  # of one wheel the confirmation is its own
+        raise DriverError(
+            f"{port}: {_done(report)}zero was confirmed by whoever answered, but not every wheel may have had it: "
+            f"{'; '.join(text.rstrip('.') for text in unsure)}. Mend that and stop again, or cut the power" + _still(report)
+        )
     if report.remaining:
         raise DriverError(f"{port}: {_done(report)}zero was sent and confirmed, but does not last" + _still(report))
     if args.json:
@@ -68,6 +74,15 @@ def execute(args: argparse.Namespace) -> int:
         of = "" if len(line.wheels) == 1 else f" by all {len(line.wheels)} wheels"
         sys.stdout.write(f"{port}: {_done(report)}zero current confirmed{of}\n")
     return 0
+
+
+def _not_told_apart(line: LineConfiguration) -> list[str]:
+    """Wheels of the line that one zero may have been for two of."""
+    from rw_ekf.attach import beyond_line, spoken_by
+
+    if len(line.wheels) < 2:
+        return []
+    return [text for _, _, text in beyond_line(line.wheels, [spoken_by(wheel) for wheel in line.wheels])]
 
 
 def _who(line: LineConfiguration, confirmed: list[bool]) -> str:

@@ -18,6 +18,7 @@ from rw_ekf.driver import WheelDriver, WheelProtocol
 from rw_ekf.errors import DriverError, RwEkfError
 from rw_ekf.learning.run_start import GivenModel
 from rw_ekf.live.daemon import Place, Task, turns_of_run
+from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.oversight import ALONE, Oversight
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
 _FIRST_ANSWER_S = 2.0  # as long as a wheel of its own may be silent when its port is opened
+_FIRST_ZEROES = 6  # of a wheel that falls silent: asked ahead of those that were never heard, three by a zero
+_LAST_ZERO_S = 1.0  # at the end: as long as a single wheel's line is tried once more
 _WORST_LAST = (RunState.TRACKING, RunState.DEGRADED, RunState.CONNECTING, RunState.LOST, RunState.SAFE)
 
 
@@ -65,7 +68,14 @@ class _Member:
     turned: bool = False  # since who watches was told last
     state: StateNow | None = None
     tries: int = 0  # while it is silent
+    ending: bool = False  # its loop is over, and it stands down
+    owes_zero: bool = False  # its run is over, and nobody knows whether it carries a current
     is_unheard: bool = False  # and that was said
+
+    @property
+    def may_carry(self) -> bool:
+        """Whether the last that was written to it was not confirmed."""
+        return self.owes_zero or (not self.done and self.live is not None and self.live.doubtful)
 
     @property
     def is_quiet(self) -> bool:
@@ -112,19 +122,19 @@ class Bus:
             for member in self._going():
                 while not member.done and member.run is not None:
                     self._turn(member)
+            self._zero_the_owing()
         finally:
             self._zero_all()
-            for member in self._going():
-                if member.run is not None:
-                    member.run.close()
+            self._close_all()
             self._line.close()
         for member in self._going():
-            member.wheel.failure = "it never answered, and nothing was commanded"
-        self._oversight.over()
+            member.wheel.failure = member.wheel.failure or "it never answered, and nothing was commanded"
+        if not any(member.owes_zero for member in self._members):  # else who watches tries on
+            self._oversight.over()
 
     def _begin(self) -> None:
         """Ask every wheel in its slot until one answers."""
-        while not any(member.run is not None or member.done for member in self._members):
+        while self._going() and not self._is_going():
             if self._wait():
                 return
             error = self._turn(self._next())
@@ -132,10 +142,50 @@ class Bus:
                 raise error
 
     def _zero_all(self) -> None:
-        """Zero to every wheel, before any of them is watched to stand down."""
+        """Zero to every wheel, before any is watched to stand down; one that was given up for now is asked too."""
         for member in self._going():
             if member.live is not None and not member.busy:
-                member.live.zero_now()
+                member.slot.take_up()
+                self._zero(member)
+
+    def _zero_again(self) -> None:
+        """Whoever waits in the midst of its turn for a zero to be confirmed: it is repeated in its own slot.
+
+        Else it would wait for the turns of all others that are taken meanwhile, and theirs for the next.
+        """
+        for member in self._going():
+            if member.busy and member.may_carry and member.slot.may_ask:
+                self._zero(member)
+
+    def _zero(self, member: _Member) -> None:
+        """Zero to a wheel; an error in one must not keep it from the others."""
+        if member.live is None:
+            return
+        try:
+            member.live.zero_now()
+        except Exception as error:  # noqa: BLE001
+            member.wheel.logger.error("zero_failed", reason=f"{type(error).__name__}: {error}")
+
+    def _close_all(self) -> None:
+        """End the runs that are left, where something went wrong: nobody is driven on while the others stand down."""
+        left = [member for member in self._going() if member.run is not None]
+        for member in left:
+            member.busy = True
+        for member in left:
+            assert member.run is not None
+            try:
+                member.run.close()
+            except Exception as error:  # noqa: BLE001 - the others' runs must be closed as well
+                member.wheel.failure = f"{type(error).__name__}: {error}"
+            member.done = True
+
+    def _zero_the_owing(self) -> None:
+        """The last tries of wheels whose runs are over without a zero that was confirmed."""
+        until_s = self._clock.monotonic() + _LAST_ZERO_S
+        while any(member.owes_zero for member in self._members) and self._clock.monotonic() < until_s:
+            member = min((one for one in self._members if one.owes_zero), key=lambda one: one.due_s)
+            self._clock.sleep(member.due_s - self._clock.monotonic())
+            self._turn(member)
 
     def _going(self) -> list[_Member]:
         return [member for member in self._members if not member.done]
@@ -145,7 +195,7 @@ class Bus:
         return any(member.run is not None for member in self._going())
 
     def _next(self) -> _Member:
-        free = [member for member in self._going() if not member.busy]
+        free = [member for member in self._members if (not member.done or member.owes_zero) and not member.busy]
         return min(free, key=lambda member: member.due_s)
 
     def _wait(self) -> bool:
@@ -155,22 +205,29 @@ class Bus:
     def _turns_until(self, time_s: float) -> None:
         """While one wheel waits: the turns of the others that are due before a time [s]."""
         while any(not member.busy and member.due_s <= time_s for member in self._going()):
+            self._zero_again()
             member = self._next()
             self._clock.sleep(member.due_s - self._clock.monotonic())
             self._turn(member)
+        self._zero_again()
 
     def _turn(self, member: _Member) -> DriverError | None:
         """One turn of a wheel, or one question to one that was not heard yet; why it was not, where that is so."""
         member.busy = True
         try:
+            if member.owes_zero:
+                return self._zero_behind(member)
             if member.run is None:
                 return self._knock(member)
             member.live = next(member.run)
             member.live.turn_is_over()
             assert member.live.due_s is not None
             member.due_s = member.live.due_s
+            if not member.live.silent:
+                member.tries = 0
         except StopIteration as end:
             member.done, member.wheel.outcome = True, end.value
+            self._owes(member, confirmed=member.wheel.outcome is not None and member.wheel.outcome.zero_confirmed)
         except RwEkfError as error:
             self._failed(member, str(error))
         except Exception as error:  # noqa: BLE001 - an error in one wheel's run must not end the others'
@@ -183,7 +240,31 @@ class Bus:
     def _failed(self, member: _Member, why: str) -> None:
         """A wheel's run has ended in an error, by way of its zero: the others' go on."""
         member.done, member.wheel.failure = True, why
+        self._owes(member, confirmed=member.live is None or not member.live.doubtful)
         member.wheel.logger.error("wheel_failed", reason=why, others="go on" if self._going() else "have ended")
+
+    def _owes(self, member: _Member, *, confirmed: bool) -> None:
+        """A run is over. Where its zero was not confirmed the wheel gets it in its slot, while the line is ours."""
+        member.owes_zero = member.wheel.configuration.command.writes and not confirmed
+        member.due_s = member.slot.next_s()
+
+    def _zero_behind(self, member: _Member) -> DriverError | None:
+        """Zero once more to a wheel whose run is over."""
+        member.due_s = member.slot.next_s()
+        if not self._asks(member):
+            return None
+        try:
+            driver = self._line.opener(member.index, probe=False)(None)
+        except DriverError as error:
+            return error
+        try:
+            limits = SafetyLimits.of(member.wheel.configuration.limits)
+            member.owes_zero = not CurrentGuard(driver, limits, self._clock).zero(within_s=0.0)
+        finally:
+            driver.close()
+        if not member.owes_zero:
+            member.wheel.logger.warning("zero_confirmed", after="its run had ended without")
+        return None
 
     def _knock(self, member: _Member) -> DriverError | None:
         """Ask a wheel that was not heard yet; where it answers its run begins."""
@@ -233,20 +314,25 @@ class Bus:
 
     def _asks(self, member: _Member) -> bool:
         """Whether a silent wheel is asked in this period: of several one after the other."""
-        quiet = [other for other in self._members if other.is_quiet] or [member]
+        if member.may_carry and 0 < member.tries < _FIRST_ZEROES:
+            return True
+        quiet = [other for other in self._members if other.is_quiet or other.owes_zero] or [member]
         return quiet[member.slot.number() % len(quiet)] is member
 
     def _in_silence(self, member: _Member) -> tuple[bool, bool]:
         """Whether a silent wheel is asked for a reading, and whether zero is written to it: one of them, in turn."""
-        if not self._asks(member):
+        if member.tries == 0:
+            member.tries = 1  # what it did before it fell silent is in doubt: it is not put behind those never heard
+        elif not self._asks(member):
             return False, False
-        member.tries += 1
+        else:
+            member.tries += 1
         reads = member.tries % 2 == 0 or not member.wheel.configuration.command.writes
         return reads, not reads
 
     def _turned(self) -> None:
         """A wheel has completed a turn: when all have, who watches is told, and the worst state with it."""
-        running = [member for member in self._going() if member.run is not None]
+        running = [member for member in self._going() if member.run is not None and not member.ending]
         if all(member.turned for member in running):
             states = [member.state for member in running if member.state is not None]
             for member in running:
@@ -267,7 +353,8 @@ class _Watched:
         self._turned()
 
     def over(self) -> None:
-        """Its loop has ended in order."""
+        """Its loop has ended in order: nobody waits for a turn of it."""
+        self._member.ending = True
         self._turned()
 
 

@@ -30,9 +30,7 @@ Say = Callable[[str, str], None]  # an event and its sentence
 
 _ZERO_RETRY_S = 0.05
 _CONFIRMED_WITHIN_S = 0.5
-STAND_DOWN_S = (
-    2.0  # a wheel takes as long to stand down that does not answer: twice tried, the second time for a second
-)
+STAND_DOWN_S = 2.0  # as long a wheel takes that does not answer: tried twice, the second time for a second
 _INSTEAD = {ZERO_BY_MODE: "its mode was set to idle instead", ZERO_BY_RESET: "it was reset instead"}
 _WAYS = ("", ZERO_BY_MODE, ZERO_BY_RESET)  # to zero, the gentlest first
 _WATCHED_S = 0.6  # a zero before it is called confirmed: a wheel under 0.1 A changes its speed by some 8 rpm in it

@@ -192,6 +192,11 @@ class LiveWheel:
         self.halted = self.halted or why
         self.zero_now()
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the last that was written was not confirmed, and may be in force or not."""
+        return self._connection.guard.doubtful
+
     def zero_now(self) -> None:
         """Command zero at once, without waiting for the next turn; said nowhere if the line is down."""
         if not self._connection.lost:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -87,3 +88,20 @@ def crashed_in_safe(path: Path) -> str | None:
     if found is None or found.alive or found.run_state != RunState.SAFE or found.document.get("ended_utc") is not None:
         return None
     return str(found.document.get("reason"))
+
+
+def safe_before(paths: Sequence[Path]) -> list[str | None]:
+    """Why each wheel of a line is to begin in SAFE, where the daemon that left these state files died; None: it is not.
+
+    In SAFE then, or its run had ended while the daemon went on for the others: halted, say, because another wheel
+    answered. Such a run does not begin again by itself.
+    """
+    found = [read_published(path) for path in paths]
+    died = {one.pid for one in found if one is not None and not one.alive and one.document.get("ended_utc") is None}
+    reasons = []
+    for path, one in zip(paths, found, strict=True):
+        reason = crashed_in_safe(path)
+        if reason is None and one is not None and one.pid in died and one.document.get("ended_utc") is not None:
+            reason = f"its run had ended before the daemon died: {one.document.get('reason') or 'no reason is known'}"
+        reasons.append(reason)
+    return reasons

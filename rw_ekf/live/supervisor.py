@@ -55,8 +55,8 @@ class Patience:
         wheels: on the line, each of which may have to be waited for to stand down.
         """
         line_s = 20.0 if "://" in configuration.wheel.port else 5.0
-        stop_s = line_s + STAND_DOWN_S * (wheels - 1)
-        return cls(turn_s=max(line_s, 10.0 / configuration.loop.rate_hz), stop_s=stop_s)
+        others_s = STAND_DOWN_S * (wheels - 1)
+        return cls(turn_s=max(line_s, 10.0 / configuration.loop.rate_hz) + others_s, stop_s=line_s + others_s)
 
 
 class Birth(NamedTuple):

@@ -6,7 +6,6 @@ with mistakes is read as far as it goes: the line from it, everything else that 
 
 from __future__ import annotations
 
-import contextlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +34,7 @@ class LineConfiguration:
     wheels: tuple[Configuration, ...]
     findings: tuple[str, ...]  # all that is wrong in the file
     doubts: tuple[str, ...]  # what of it concerns the line itself: zero may not arrive with the default taken instead
+    names_wheels: bool = False  # whether the file speaks of several wheels
 
 
 def read_line(path: str | Path) -> LineConfiguration:
@@ -51,7 +51,7 @@ def read_line(path: str | Path) -> LineConfiguration:
             [*findings, f"{document.where(('wheel', 'port'))}: wheel.port: stop needs one port, and found none or two"]
         )
     kept: dict[str, dict[str, Any]] = {"wheel": {"port": port}, "limits": {"current_A": _ANY_LIMIT_A}}
-    doubts = []
+    doubts: list[str] = []
     for section, key in _KEYS:
         value = _value(document, (section, key))
         if value is None:
@@ -66,26 +66,40 @@ def read_line(path: str | Path) -> LineConfiguration:
             kept = trial
         else:
             doubts.append(f"{document.where((section, key))}: {section}.{key} cannot be used; the default was taken")
-    wheels = tuple(_with_own(kept, entry, document) for entry in _entries(document)) or (kept,)
+    wheels = tuple(_with_own(kept, at, entry, document, doubts) for at, entry in _entries(document, doubts)) or (kept,)
     made = tuple(Configuration.model_validate(wheel) for wheel in wheels)
-    return LineConfiguration(made, tuple(findings), tuple(doubts))
+    several = isinstance(document.data, dict) and WHEELS in document.data
+    return LineConfiguration(made, tuple(findings), tuple(doubts), several)
 
 
-def _entries(document: YamlDocument) -> list[dict[Any, Any]]:
-    """Of `wheels`, what can be read."""
+def _entries(document: YamlDocument, doubts: list[str]) -> list[tuple[int, dict[Any, Any]]]:
+    """Of `wheels`, what can be read, each with its place in the list; what cannot is a doubt."""
     listed = document.data.get(WHEELS) if isinstance(document.data, dict) else None
-    return [entry for entry in listed if isinstance(entry, dict)] if isinstance(listed, list) else []
+    if listed is None:
+        return []
+    if not isinstance(listed, list):
+        doubts.append(f"{document.where((WHEELS,))}: {WHEELS} is no list: zero went to the wheel of `wheel` alone")
+        return []
+    for at, entry in enumerate(listed):
+        if not isinstance(entry, dict):
+            doubts.append(f"{document.where((WHEELS, at))}: {WHEELS}.{at} is no table: no zero went to that wheel")
+    return [(at, entry) for at, entry in enumerate(listed) if isinstance(entry, dict)]
 
 
-def _with_own(kept: dict[str, dict[str, Any]], entry: dict[Any, Any], document: YamlDocument) -> dict[str, Any]:
-    """The line's keys with those that a wheel's entry has in their place, as far as they hold."""
+def _with_own(
+    kept: dict[str, dict[str, Any]], at: int, entry: dict[Any, Any], document: YamlDocument, doubts: list[str]
+) -> dict[str, Any]:
+    """The line's keys with those of a wheel's entry in their place, as far as they hold; what does not is a doubt."""
     for key in ("name", "protocol", "address"):
         if key in entry:
             value = entry[key]
             trial = kept | {"wheel": kept["wheel"] | {key: _resolved(document, key, value)}}
-            with contextlib.suppress(ValidationError):
+            try:
                 Configuration.model_validate(trial)
                 kept = trial
+            except ValidationError:
+                place = document.where((WHEELS, at, key))
+                doubts.append(f"{place}: {WHEELS}.{at}.{key} cannot be used: zero may not have reached that wheel")
     return kept
 
 

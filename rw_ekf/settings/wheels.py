@@ -11,6 +11,7 @@ from typing import Any
 
 from rw_ekf.checking.wording import shown, suggestion
 from rw_ekf.checking.yaml_loader import PathTuple, YamlDocument
+from rw_ekf.plain_file import file_part
 from rw_ekf.settings.schema import SECTIONS, Configuration, WheelSection
 
 WHEELS = "wheels"
@@ -87,7 +88,7 @@ def entries_of(document: YamlDocument) -> tuple[list[WheelDocument], list[str]]:
             findings.append(
                 f"{document.where_key((WHEELS, index))}: {at}.name is required: what reports and logs call this wheel"
             )
-        elif name in names:
+        elif isinstance(name, str) and name in names:
             place = document.where((WHEELS, index, "name"))
             findings.append(f"{place}: {at}.name {name!r} is the name of a wheel above: give each its own")
         if isinstance(name, str):
@@ -123,6 +124,15 @@ def shared_findings(documents: list[WheelDocument], configurations: list[Configu
                 )
             elif value is not None:
                 taken[value] = name
+    stems: dict[str, str] = {}
+    for document, configuration in zip(documents, configurations, strict=True):
+        name = configuration.wheel.name
+        other = stems.setdefault(file_part(name).lower(), name)
+        if other != name:
+            findings.append(
+                f"{document.where(('wheel', 'name'))}: wheel.name {name!r} gives the same file names as {other!r}: "
+                "what they learn and publish would be each other's; give another name"
+            )
     loop = configurations[0].loop
     if len(configurations) > 1 and 2e-3 * loop.reply_timeout_ms * loop.rate_hz >= 1.0:
         place = documents[0].where(("loop", "reply_timeout_ms"))

@@ -17,6 +17,7 @@ from rw_ekf.logs.metadata import metadata_path
 from rw_ekf.logs.parts import FORMS, beside
 from rw_ekf.logs.run_directory import model_path, start_path
 from rw_ekf.logs.sums import sums_path
+from rw_ekf.plain_file import file_part
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
@@ -48,7 +49,7 @@ class RunFiles:
         # A link in the path is followed once: turned to another place meanwhile, it would tear the run's files apart.
         if os.path.realpath(directory) != os.path.abspath(directory):
             directory = directory.resolve()
-        stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{_safe(wheel)}"
+        stem = f"{began:%Y-%m-%dT%H-%M-%SZ}_{file_part(wheel)}"
         log = directory / f"{stem}{FORMS[0]}"
         number = 1
         while _is_taken(log):
@@ -96,13 +97,8 @@ def request_path(configuration: Configuration) -> Path:
 def lasting_stem(configuration: Configuration) -> str:
     """What files are called that outlive a run: the wheel's name, and the port it is on."""
     port = configuration.wheel.port
-    tag = f"{_safe(port.rstrip('/').rsplit('/', 1)[-1])}-{hashlib.sha256(port.encode()).hexdigest()[:6]}"
-    return f"{_safe(configuration.wheel.name)}.{tag}"
-
-
-def _safe(name: str) -> str:
-    """As much of a name as may stand in that of a file."""
-    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)[:60]
+    tag = f"{file_part(port.rstrip('/').rsplit('/', 1)[-1])}-{hashlib.sha256(port.encode()).hexdigest()[:6]}"
+    return f"{file_part(configuration.wheel.name)}.{tag}"
 
 
 @dataclass

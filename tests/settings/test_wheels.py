@@ -120,3 +120,37 @@ def test_stop_finds_every_wheel_of_a_file_with_mistakes(tmp_path: Path) -> None:
     assert {(one.wheel.port, one.wheel.protocol, one.wheel.echo) for one in line.wheels} == {
         ("/dev/line", "nsp-wheel", True)
     }
+
+
+def test_names_that_are_one_as_names_of_files_are_refused(tmp_path: Path) -> None:
+    """What two such wheels learn and publish would be each other's."""
+    found = findings(tmp_path, GOOD.replace("rw-y", "rw x"))
+    assert found == [
+        "bus.yaml:4:11: wheel.name 'rw x' gives the same file names as 'rw-x': what they learn and publish would be "
+        "each other's; give another name"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "doubt"),
+    [
+        ("address: 0x32", 'address: "0x4l"', "wheels.1.address cannot be used"),
+        ("name: rw-y", "name: [rw-y]", "wheels.1.name cannot be used"),
+        ("  - {name: rw-x, address: 0x31}", "  - rw-x", "wheels.0 is no table"),
+    ],
+)
+def test_an_entry_that_cannot_be_read_is_a_doubt_of_stop(tmp_path: Path, good: str, bad: str, doubt: str) -> None:
+    """Zero may not have reached that wheel: it must not be said that all confirmed it."""
+    path = tmp_path / "bus.yaml"
+    path.write_text(GOOD.replace(good, bad), encoding="utf-8")
+    line = read_line(path)
+    assert line.names_wheels
+    assert any(doubt in text for text in line.doubts)
+
+
+def test_resume_is_of_all_wheels_of_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One word reaches the one daemon that drives them: a name beside it would promise what is not so."""
+    path = tmp_path / "bus.yaml"
+    path.write_text(GOOD, encoding="utf-8")
+    assert main(["run", "--config", str(path), "--wheel", "rw-y", "--resume"]) == 2
+    assert "leave out --wheel" in capsys.readouterr().err
