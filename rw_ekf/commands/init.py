@@ -12,6 +12,9 @@ EXAMPLE = """example:
 
 _PLACEHOLDER = "/dev/serial/by-id/NAME-OF-YOUR-ADAPTER"
 _PORT_LINE = "  port: /dev/ttyUSB0  "  # as the shipped example begins it
+_LIMIT_LINE = "  current_A: 0.6\n"
+# What may move a wheel nobody but its owner can say: the file does not run before it is given.
+_NO_LIMIT_LINE = "  current_A:                  # to be set: the largest current ever commanded [A]\n"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +43,8 @@ def execute(args: argparse.Namespace) -> int:
     elif len(found) > 1:
         said = f"{len(found)} serial ports were found: {said}, and the others stand beside it"
     out = shown_path(args.out)
-    sys.stdout.write(f"{out} written; {said}\nlook at it, limits above all; then: rw-ekf check-config {out}\n")
+    then = f"set limits.current_A in it and look at the rest; then: rw-ekf check-config {out}"
+    sys.stdout.write(f"{out} written; {said}\n{then}\n")
     return 0
 
 
@@ -55,7 +59,7 @@ def _text(port: str, others: list[str]) -> str:
     comment, rest = after.lstrip().split("\n", 1)
     lines[0] += comment
     lines += [f"  # also found: {other}" for other in others]
-    return before + "\n".join(lines) + "\n" + rest
+    return before + "\n".join(lines) + "\n" + rest.replace(_LIMIT_LINE, _NO_LIMIT_LINE)
 
 
 def _write_new(path: str, text: str) -> None:

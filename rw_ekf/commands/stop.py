@@ -54,9 +54,10 @@ def execute(args: argparse.Namespace) -> int:
         )
     unsure = [*line.doubts, *_not_told_apart(line)]
     if unsure and (len(line.wheels) > 1 or line.names_wheels):  # of one wheel the confirmation is its own
+        why = "; ".join(text.rstrip(".") for text in unsure)
         raise DriverError(
             f"{port}: {_done(report)}zero was confirmed by whoever answered, but not every wheel may have had it: "
-            f"{'; '.join(text.rstrip('.') for text in unsure)}. Mend that and stop again, or cut the power" + _still(report)
+            f"{why}. Mend that and stop again, or cut the power" + _still(report)
         )
     if report.remaining:
         raise DriverError(f"{port}: {_done(report)}zero was sent and confirmed, but does not last" + _still(report))

@@ -9,8 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from rw_ekf.cli import main
+from rw_ekf.errors import ConfigError
 from rw_ekf.live import port_name
 from rw_ekf.settings.load import load_configuration
+from rw_ekf.settings.schema import Configuration
 from tests.contract import check_document
 
 
@@ -18,6 +20,14 @@ def find(monkeypatch: pytest.MonkeyPatch, *devices: str) -> None:
     """These are the serial ports of the machine; those on USB have a vendor."""
     ports = [SimpleNamespace(device=device, vid=0x0403 if "USB" in device else None) for device in devices]
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
+
+
+def with_limit(path: str, current_A: float) -> Configuration:
+    """The file with the one number that its owner has to give."""
+    text = Path(path).read_text(encoding="utf-8")
+    assert text.count("\n  current_A: ") == 1
+    Path(path).write_text(text.replace("\n  current_A: ", f"\n  current_A: {current_A} "), encoding="utf-8")
+    return load_configuration(path)
 
 
 @pytest.fixture(autouse=True)
@@ -40,11 +50,11 @@ def test_the_file_is_the_example_with_the_port_that_was_found(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """With no port, one, or several: a valid configuration, the example's but for the port; what was done is said."""
+    """With no port, one, or several: the example but for the port and the largest current; what was done is said."""
     find(monkeypatch, *devices)
     assert main(["init"]) == 0
     assert said in capsys.readouterr().out
-    made, example = load_configuration("my-wheel.yaml"), load_configuration("example")
+    made, example = with_limit("my-wheel.yaml", 0.6), load_configuration("example")
     assert made.wheel == example.wheel.model_copy(update={"port": port})
     assert made.model_copy(update={"wheel": example.wheel}) == example
     others = [line for line in Path("my-wheel.yaml").read_text().splitlines() if "also found" in line]
@@ -66,7 +76,7 @@ def test_a_port_goes_by_the_name_that_stays(
     check_document(document)
     stays = str(tmp_path / "by-id" / "usb-adapter")
     assert (document["port"], document["found"]) == (stays, [stays])
-    assert load_configuration("w.yaml").wheel.port == stays
+    assert with_limit("w.yaml", 0.2).wheel.port == stays
 
 
 def test_a_port_that_is_named_is_taken_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,8 +84,16 @@ def test_a_port_that_is_named_is_taken_as_it_is(monkeypatch: pytest.MonkeyPatch)
     find(monkeypatch, "/dev/ttyUSB7")
     port = 'socket://10.0.0.5:4001?a="#: ü'
     assert main(["init", "--port", port]) == 0
-    assert load_configuration("my-wheel.yaml").wheel.port == port
+    assert with_limit("my-wheel.yaml", 0.2).wheel.port == port
     assert "ttyUSB7" not in Path("my-wheel.yaml").read_text()
+
+
+def test_what_may_move_the_wheel_is_not_made_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file is refused until its owner has given the largest current."""
+    find(monkeypatch, "/dev/ttyUSB7")
+    assert main(["init"]) == 0
+    with pytest.raises(ConfigError, match=r"my-wheel\.yaml:\d+:\d+: limits\.current_A must be a number, found null"):
+        load_configuration("my-wheel.yaml")
 
 
 @pytest.mark.parametrize("out", ["mine.yaml", "link.yaml", "folder", "gone/my.yaml", "a\0b"])
