@@ -29,7 +29,7 @@ _MOST_STEPS = 4
 _LEAST_BESIDE = 2  # points on either side of a step
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Points:
     """n points of a course: a day each, or several days taken together."""
 
@@ -50,7 +50,7 @@ class Step:
     probability: float
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class CourseFit:
     """What a course says. Levels are at the fleet's own temperature, rates per year."""
 

@@ -20,7 +20,7 @@ _DAY_S = 86_400.0
 _COUNTS = ("samples", "missing", "rejected", "reseeded", "resets", "spikes")
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class WheelDays:
     """The n rows of one wheel, oldest first; NaN is what is not known."""
 

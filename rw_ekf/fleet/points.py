@@ -25,7 +25,7 @@ _ROUNDS = 3  # in which steps are found and their days sought
 _NORMAL_SQUARE = 0.4549  # median of the square of a standard normal number
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class KnownDays:
     """The n days of a wheel that say something of a parameter."""
 
@@ -37,7 +37,7 @@ class KnownDays:
     warmth_K: Float64Array | None  # over the fleet's own temperature
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Course:
     """A fitted course: its points, and for each of them the first of the wheel's rows in it."""
 

@@ -23,7 +23,7 @@ _MEANS, _SPREADS = 33, 40  # places of the grid: steps of .3 of the mean's own e
 _REACH = 5.0  # of the grid of means: standard errors of a median on either side
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class Siblings:
     """n wheels beside each other."""
 

@@ -25,7 +25,7 @@ class Column:
     start: float  # the middle of what the law was learned over
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, frozen=True)
 class PlantModel:
     """What is exported of a wheel."""
 

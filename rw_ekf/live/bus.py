@@ -240,7 +240,7 @@ class Bus:
     def _failed(self, member: _Member, why: str) -> None:
         """A wheel's run has ended in an error, by way of its zero: the others' go on."""
         member.done, member.wheel.failure = True, why
-        self._owes(member, confirmed=member.live is None or not member.live.doubtful)
+        self._owes(member, confirmed=member.live is None or member.live.ended_at_zero)
         member.wheel.logger.error("wheel_failed", reason=why, others="go on" if self._going() else "have ended")
 
     def _owes(self, member: _Member, *, confirmed: bool) -> None:

@@ -82,6 +82,7 @@ class LiveWheel:
         self.judged_by(self.check)
         self.halted: str | None = None  # why the run must not go on
         self.silent = False  # no telemetry for longer than limits.silence_s
+        self.ended_at_zero = False  # closed, and the wheel confirmed zero
         self.due_s: float | None = None  # when the next turn begins, by the clock; None: at once
         self._is_over = False  # the present turn, and the next is planned
         self._in_silence = in_silence
@@ -204,7 +205,8 @@ class LiveWheel:
 
     def close(self) -> bool:
         """Command zero (unless this run never writes) and release the line; True if the wheel confirmed zero."""
-        return self._connection.close()
+        self.ended_at_zero = self._connection.close()
+        return self.ended_at_zero
 
     def _read(self, tick_s: float) -> Reading:
         quiet_s = self._clock.monotonic() - self._heard_s

@@ -1,4 +1,4 @@
-"""Both executors, each started once for all tests of this folder."""
+"""Both executors, each started once for the tests of a file: the cluster's threads must not outlive them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rw_ekf.fleet.executors import Executor, ProcessExecutor
 from tests.fleet.fleets import make_fleet
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
     """The address of a Dask cluster of two processes on this machine."""
     distributed = pytest.importorskip("distributed")
@@ -28,7 +28,7 @@ def scheduler() -> Iterator[str]:
             cluster.close()
 
 
-@pytest.fixture(scope="session", params=["processes", "dask"])
+@pytest.fixture(scope="module", params=["processes", "dask"])
 def executor(request: pytest.FixtureRequest) -> Iterator[Executor]:
     """Each of the two executors."""
     if request.param == "processes":

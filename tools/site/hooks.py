@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from latex2mathml.converter import convert
@@ -87,5 +88,8 @@ def library_page() -> str:
     names = sorted(rw_ekf.__all__, key=lambda name: (name[0].isupper(), name))
     head = "# Library\n\nWhat `import rw_ekf` offers; [how to use it](library.md). Everything else may change.\n\n"
     made = [(name, getattr(rw_ekf, name)) for name in names]
+    modules = [(name, it) for name, it in made if isinstance(it, ModuleType)]
+    made = [(name, it) for name, it in made if not isinstance(it, ModuleType)]
+    made += [(f"{name}.{inner}", getattr(it, inner)) for name, it in modules for inner in it.__all__]
     entry = "::: {}.{}\n    options: {{heading: rw_ekf.{}, heading_level: 2}}\n"
     return head + "\n".join(entry.format(it.__module__, it.__qualname__, name) for name, it in made)
