@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import faulthandler
-import os
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rw_ekf.commands.inputs import add_config_option, duration_s
 
 if TYPE_CHECKING:
+    from rw_ekf.commands.run_process import Run
     from rw_ekf.control.commanders import Commander
     from rw_ekf.live.oversight import Heartbeat
     from rw_ekf.settings.schema import Configuration
@@ -75,67 +74,53 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
+    from rw_ekf.commands.run_process import supervised
+    from rw_ekf.errors import BadInputError, UsageError
+    from rw_ekf.page.beside_run import page_beside
     from rw_ekf.settings.load import load_configurations, one_of_wheels
 
     configurations = load_configurations(args.config)
-    if args.wheel is None and len(configurations) > 1:
-        from rw_ekf.commands.run_bus import execute_bus
-
-        return execute_bus(configurations, args)
-    if args.resume and len(configurations) > 1:
-        from rw_ekf.errors import UsageError
-
+    together = args.wheel is None and len(configurations) > 1
+    if together and args.model is not None:
+        raise BadInputError("--model: it would be every wheel's: give filter.model in each entry of wheels instead")
+    if args.resume and len(configurations) > 1 and not together:
         raise UsageError("--resume is for all wheels of a line, which one daemon drives: leave out --wheel")
-    configuration = one_of_wheels(configurations, args.config, args.wheel)
+    if not together:
+        configurations = (one_of_wheels(configurations, args.config, args.wheel),)
     if args.resume:
-        from rw_ekf.live.resume import resume_daemon
-
-        resumed = resume_daemon(configuration)
-        if resumed is not None:
-            if args.json:
-                from rw_ekf.json_output import print_json
-
-                print_json(resumed.document())
-            else:
-                sys.stdout.write(resumed.text + "\n")
-            return 0 if resumed.left_safe else 1
-    from rw_ekf.page.beside_run import page_beside
-
+        status = _resumed(configurations, json=args.json, together=together)
+        if status is not None:
+            return status
     if args.view is not None:
         from rw_ekf.commands.view import host_and_port
 
         host_and_port(args.view)  # a mistake in it is told before the run
-    with page_beside(configuration.output.directory, args.config, args.view):
-        if args.supervise:
-            return _supervised(configuration, args)
-        return run_and_report(configuration, args, keep_safe=args.keep_safe)
+    run: Run = partial(run_and_report, configurations[0], args)
+    if together:
+        from rw_ekf.commands.run_bus import run_bus
+
+        run = partial(run_bus, configurations, args)
+    with page_beside(configurations[0].output.directory, args.config, args.view):
+        return supervised(configurations, args, run) if args.supervise else run(keep_safe=args.keep_safe)
 
 
-def _supervised(configuration: Configuration, args: argparse.Namespace) -> int:
-    """The supervisor; and each run that it starts, which comes here too, in a process of its own."""
-    from rw_ekf.attach import checked_protocol
-    from rw_ekf.clock import SystemClock
-    from rw_ekf.console import logger
-    from rw_ekf.errors import BadInputError, RwEkfError
-    from rw_ekf.live.supervisor import Patience, Supervisor
+def _resumed(configurations: tuple[Configuration, ...], *, json: bool, together: bool) -> int | None:
+    """Tell the daemon to let its wheel, or every one of a line, leave SAFE; None where none is running."""
+    from rw_ekf.json_output import print_json
+    from rw_ekf.live.resume import resume_daemon
 
-    if "NOTIFY_SOCKET" in os.environ:
-        raise BadInputError("--supervise: systemd watches this process already (NOTIFY_SOCKET is set): leave it out")
-    log = logger(args.log_format).bind(wheel=configuration.wheel.name)
-    protocol = checked_protocol(configuration)
-    wheels = ((configuration, protocol),)
-    born = Supervisor(wheels, log, SystemClock(), Patience.of(configuration)).supervise()
-    if isinstance(born, int):
-        return born
-    if args.duration is not None:
-        args.duration = max(args.duration - born.elapsed_s, 1.0 / configuration.loop.rate_hz)
-    try:
-        return run_and_report(
-            configuration, args, heartbeat=born.heartbeat, keep_safe=args.keep_safe or born.before > 0
-        )
-    except RwEkfError:
-        born.heartbeat.told()
-        raise
+    told = [(configuration.wheel.name, resume_daemon(configuration)) for configuration in configurations]
+    found = [(name, resumed) for name, resumed in told if resumed is not None]
+    if not found:
+        return None
+    if json and together:
+        wheels = [{"wheel": name, **resumed.document()} for name, resumed in found]
+        print_json({"schema": "rw_ekf.bus_resume/1", "wheels": wheels})
+    elif json:
+        print_json(found[0][1].document())
+    else:
+        sys.stdout.write("".join(f"{name}: {one.text}\n" if together else f"{one.text}\n" for name, one in found))
+    return 0 if all(resumed.left_safe for _, resumed in found) else 1
 
 
 def run_and_report(
@@ -150,62 +135,44 @@ def run_and_report(
 
     Exit status 1 if the link was lost, or the wheel silent, to the end, if the wheel did not confirm the last zero, or
     if a part of what it was to leave could not be written; 5 if the run ended in SAFE, or because another wheel came.
-    A signal ends the run in order from here on, and a second one does not disturb the report. The port is claimed
-    before anything takes time, so that `stop` finds who is about to drive it.
     """
-    from rw_ekf.clock import SystemClock
-    from rw_ekf.live.claim import PortClaim
-    from rw_ekf.live.stop_signal import StopSignal
-    from rw_ekf.live.stop_word import TOLD_TO_STOP, told_to_stop
+    from rw_ekf.commands.run_process import claimed, reported, watched_by
 
-    clock = SystemClock()
-    with StopSignal() as stop, PortClaim(configuration.wheel.port, clock) as claim:
-        if told_to_stop(configuration.wheel.port):
-            if heartbeat is not None:
-                heartbeat.told()
-            sys.stderr.write(f"rw-ekf: {TOLD_TO_STOP}\n")
+    with claimed(configuration.wheel.port, heartbeat) as at:
+        if at is None:
             return 0
-        with contextlib.suppress(OSError, ValueError, RuntimeError, AttributeError):  # where there is no standard error
-            faulthandler.enable()  # a crash in compiled code says where
         from rw_ekf.attach import checked_protocol
         from rw_ekf.commands.inputs import given_model
         from rw_ekf.commands.run_report import exit_status, report_document, report_text, warnings_of
-        from rw_ekf.console import abandon_output, logger
+        from rw_ekf.console import logger
         from rw_ekf.json_output import print_json
         from rw_ekf.live.daemon import run_daemon
-        from rw_ekf.live.oversight import Oversight
         from rw_ekf.live.published_state import crashed_in_safe
-        from rw_ekf.live.systemd import systemd_of
         from rw_ekf.sinks.run_files import state_path
 
         protocol = checked_protocol(configuration)
         given = given_model(configuration, args)
         log = logger(args.log_format).bind(wheel=configuration.wheel.name)
-        if heartbeat is not None:
-            heartbeat.on_orphaned(stop, log)
-        oversight = Oversight(
-            tuple(watchdog for watchdog in (heartbeat, systemd_of(os.environ, clock)) if watchdog is not None),
-            crashed_in_safe(state_path(configuration)) if keep_safe else None,
-        )
+        begin_safe = crashed_in_safe(state_path(configuration)) if keep_safe else None
         outcome = run_daemon(
             configuration,
             protocol,
             given,
             args.duration,
             log,
-            stop,
-            clock,
-            oversight,
+            at.stop,
+            at.clock,
+            watched_by(heartbeat, at, log, begin_safe),
             None if planned is None else planned.commander,
-            claim,
+            at.claim,
         )
         warnings = warnings_of(outcome)
-        try:
+
+        def say() -> None:
             if args.json:
                 print_json(report_document(outcome, warnings, None if planned is None else planned.document))
             else:
                 sys.stdout.write(report_text(outcome, warnings, None if planned is None else planned.afterwards))
-        except OSError as error:  # the terminal, or who read us, has gone; the run is well, and its files are there
-            abandon_output()
-            log.warning("report_lost", reason=str(error))
+
+        reported(say, log)
         return exit_status(outcome)

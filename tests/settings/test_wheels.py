@@ -148,6 +148,23 @@ def test_an_entry_that_cannot_be_read_is_a_doubt_of_stop(tmp_path: Path, good: s
     assert any(doubt in text for text in line.doubts)
 
 
+@pytest.mark.parametrize("given", [[], ["--keep-safe"]])
+def test_a_line_keeps_safe_where_a_service_starts_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: list[str]
+) -> None:
+    """The option of the unit that `install-service` writes reaches the run of several wheels, as of one."""
+    path, asked = tmp_path / "bus.yaml", []
+
+    def run_bus(*_: object, keep_safe: bool = False) -> int:
+        asked.append(keep_safe)
+        return 0
+
+    path.write_text(GOOD, encoding="utf-8")
+    monkeypatch.setattr("rw_ekf.commands.run_bus.run_bus", run_bus)
+    assert main(["run", "--config", str(path), *given]) == 0
+    assert asked == [bool(given)]
+
+
 def test_resume_is_of_all_wheels_of_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One word reaches the one daemon that drives them: a name beside it would promise what is not so."""
     path = tmp_path / "bus.yaml"
