@@ -112,7 +112,7 @@ def compiler_of_system() -> list[str] | None:
 def compiled(files: dict[str, str], compiler: list[str], version: Version) -> bytes:
     """The library. Raises BadInputError with what the compiler says."""
     named = " ".join(compiler)
-    command = [*compiler, *_COMPILED, *_WHEEL, f"fmi{version}.c", "-o", "wheel.library", "-lm"]
+    command = [*compiler, *_COMPILED, *_WHEEL, f"fmi{version}.c", "-o", "wheel.shared", "-lm"]
     try:
         with tempfile.TemporaryDirectory() as place:
             for name, text in files.items():
@@ -121,7 +121,7 @@ def compiled(files: dict[str, str], compiler: list[str], version: Version) -> by
             done = subprocess.run(
                 command, cwd=place, capture_output=True, text=True, errors="replace", check=False, timeout=_LONGEST_S
             )
-            library = Path(place) / "wheel.library"
+            library = Path(place) / "wheel.shared"
             if done.returncode == 0 and library.exists():
                 return library.read_bytes()
     except (OSError, subprocess.TimeoutExpired) as error:

@@ -123,3 +123,19 @@ def in_c(
 def same_bits(one: Float64Array, other: Float64Array) -> bool:
     """Whether two arrays have the same bits, one NaN being as good as another."""
     return bool(np.array_equal(one, other, equal_nan=True))
+
+
+# For fuzzers in C: numbers from a seed, and now and then a wild one.
+WILD = """
+static uint64_t state = 88172645463325252u;
+static double next(void)
+{
+    state ^= state << 13; state ^= state >> 7; state ^= state << 17;
+    return (double)(state >> 11) / 9007199254740992.0;
+}
+static double odd(double usual)
+{
+    static const double wild[] = {NAN, INFINITY, -INFINITY, 1e308, -1e308, 1e30, -1e30, 1e-300, 0.0, -0.0, 1e9, -5.0};
+    return next() < 0.05 ? wild[(int)(next() * 12.0)] : usual;
+}
+"""

@@ -21,7 +21,7 @@ from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from rw_ekf.wheel.model_file import WheelModel
 from tests.contract import check_document
 from tests.filter.effect_replay import in_use
-from tests.flight.c_library import EXACT, LIBM, STRICT, gcc, needs_gcc
+from tests.flight.c_library import EXACT, LIBM, STRICT, WILD, gcc, needs_gcc
 from tools.measure.flight_on_m4 import missing, run_on_m4
 
 _FILES = ["Makefile", "README.md", "rw_ekf.c", "rw_ekf.h", "test_rw_ekf.c"]
@@ -168,25 +168,17 @@ def test_a_formula_of_ones_own_is_refused(tmp_path: Path, capsys: pytest.Capture
     assert "is a formula of your own" in capsys.readouterr().err
 
 
-_FUZZ = """
+_FUZZ = (
+    """
 #include "rw_ekf.h"
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
 static struct rw_onboard held;
 static struct rw_crossing crossing;
-static uint64_t state = 88172645463325252u;
-static double next(void)
-{
-    state ^= state << 13; state ^= state >> 7; state ^= state << 17;
-    return (double)(state >> 11) / 9007199254740992.0;
-}
-static double odd(double usual)
-{
-    static const double wild[] = {NAN, INFINITY, -INFINITY, 1e308, -1e308, 1e30, -1e30, 1e-300, 0.0, -0.0, 1e9, -5.0};
-    return next() < 0.05 ? wild[(int)(next() * 12.0)] : usual;
-}
-int main(void)
+"""
+    + WILD
+    + """int main(void)
 {
     double time = 0.0;
     int left = 0;
@@ -214,6 +206,7 @@ int main(void)
     return left > 15000 ? 0 : 4;
 }
 """
+)
 
 
 @needs_gcc

@@ -20,7 +20,7 @@ from rw_ekf.model.effect import Term
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
 from tests.contract import check_document
 from tests.filter.effect_replay import in_use
-from tests.flight.c_library import gcc, needs_gcc
+from tests.flight.c_library import WILD, gcc, needs_gcc
 from tests.flight.test_export_model import model_file
 from tests.flight.wheel_runs import wheel_model
 
@@ -156,25 +156,17 @@ def test_a_rate_is_the_longest_step(tmp_path: Path, capsys: pytest.CaptureFixtur
     )
 
 
-_FUZZ = """
+_FUZZ = (
+    """
 #include "instance.h"
 #include "model.h"
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 static struct rw_kept kept;
-static uint64_t state = 88172645463325252u;
-static double next(void)
-{
-    state ^= state << 13; state ^= state >> 7; state ^= state << 17;
-    return (double)(state >> 11) / 9007199254740992.0;
-}
-static double odd(double usual)
-{
-    static const double wild[] = {NAN, INFINITY, -INFINITY, 1e308, -1e308, 1e30, -1e30, 1e-300, 0.0, -0.0, 1e9, -5.0};
-    return next() < 0.05 ? wild[(int)(next() * 12.0)] : usual;
-}
-int main(void)
+"""
+    + WILD
+    + """int main(void)
 {
     int moved = 0;
     for (int run = 0; run < 60; ++run) {
@@ -210,6 +202,7 @@ int main(void)
     return moved > 3000 ? 0 : 4;
 }
 """
+)
 
 
 @needs_gcc

@@ -189,14 +189,7 @@ OTHER(String)
 EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
     struct instance *of = c;
-    if (*state == NULL) {
-        *state = malloc(sizeof of->kept);
-    }
-    if (*state == NULL) {
-        return ended(of, "there is no memory for a copy of the state");
-    }
-    memcpy(*state, &of->kept, sizeof of->kept);
-    return fmi2OK;
+    return ended(of, rw_instance_copy(&of->kept, sizeof of->kept, state));
 }
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
@@ -224,26 +217,12 @@ EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state
 
 EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
-    if (size < sizeof(struct rw_kept)) {
-        return ended(c, "there is no room for the state");
-    }
-    memcpy(bytes, state, sizeof(struct rw_kept));
-    return fmi2OK;
+    return ended(c, rw_instance_write(state, bytes, size));
 }
 
 EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
-    if (size != sizeof(struct rw_kept)) {
-        return ended(c, "these bytes are no state of this FMU");
-    }
-    if (*state == NULL) {
-        *state = malloc(size);
-    }
-    if (*state == NULL) {
-        return ended(c, "there is no memory for a copy of the state");
-    }
-    memcpy(*state, bytes, size);
-    return fmi2OK;
+    return ended(c, rw_instance_copy(bytes, size, state));
 }
 
 EXPORT fmi2Status fmi2GetDirectionalDerivative(

@@ -241,14 +241,7 @@ EXPORT fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], si
 EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 {
     struct instance *of = c;
-    if (*state == NULL) {
-        *state = malloc(sizeof of->kept);
-    }
-    if (*state == NULL) {
-        return ended(c, "there is no memory for a copy of the state");
-    }
-    memcpy(*state, &of->kept, sizeof of->kept);
-    return fmi3OK;
+    return ended(of, rw_instance_copy(&of->kept, sizeof of->kept, state));
 }
 
 EXPORT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
@@ -276,27 +269,13 @@ EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state,
 
 EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
-    if (size < sizeof(struct rw_kept)) {
-        return ended(c, "there is no room for the state");
-    }
-    memcpy(bytes, state, sizeof(struct rw_kept));
-    return fmi3OK;
+    return ended(c, rw_instance_write(state, bytes, size));
 }
 
 EXPORT fmi3Status fmi3DeserializeFMUState(
     fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
 {
-    if (size != sizeof(struct rw_kept)) {
-        return ended(c, "these bytes are no state of this FMU");
-    }
-    if (*state == NULL) {
-        *state = malloc(size);
-    }
-    if (*state == NULL) {
-        return ended(c, "there is no memory for a copy of the state");
-    }
-    memcpy(*state, bytes, size);
-    return fmi3OK;
+    return ended(c, rw_instance_copy(bytes, size, state));
 }
 
 EXPORT fmi3Status fmi3DoStep(

@@ -3,6 +3,8 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "model.h"
 
@@ -89,6 +91,30 @@ rw_fault rw_instance_set(struct rw_kept *kept, unsigned reference, double value)
         return "parameters and start values are set before the end of the initialization";
     }
     *place = value;
+    return NULL;
+}
+
+rw_fault rw_instance_copy(const void *kept, size_t size, void **state)
+{
+    if (size != sizeof(struct rw_kept)) {
+        return "these bytes are no state of this FMU";
+    }
+    if (*state == NULL) {
+        *state = malloc(size);
+    }
+    if (*state == NULL) {
+        return "there is no memory for a copy of the state";
+    }
+    memcpy(*state, kept, size);
+    return NULL;
+}
+
+rw_fault rw_instance_write(const void *state, void *bytes, size_t size)
+{
+    if (size < sizeof(struct rw_kept)) {
+        return "there is no room for the state";
+    }
+    memcpy(bytes, state, sizeof(struct rw_kept));
     return NULL;
 }
 

@@ -3,6 +3,7 @@
 #define RW_INSTANCE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "wheel.h"
 
@@ -24,6 +25,9 @@ void rw_instance_begin(struct rw_kept *kept);
 rw_fault rw_instance_initialized(struct rw_kept *kept);
 rw_fault rw_instance_get(struct rw_kept *kept, unsigned reference, double *value);
 rw_fault rw_instance_set(struct rw_kept *kept, unsigned reference, double value);
+/* A copy of all that is kept, at *state, which is made where there is none; and such a copy as bytes. */
+rw_fault rw_instance_copy(const void *kept, size_t size, void **state);
+rw_fault rw_instance_write(const void *state, void *bytes, size_t size);
 rw_fault rw_instance_step(struct rw_kept *kept, double from_s, double duration_s);
 
 #endif
