@@ -15,7 +15,7 @@ from rw_ekf.model.state import SPEED
 
 def free_trajectory(record: Record, model: Model, trajectory: Trajectory, noise: Noise) -> Trajectory:
     """Each stretch run freely from the first speed that a trajectory has there, which stands where none is run."""
-    n, model = record.follows.size, model.as_it_stands
+    n, model = record.follows.size, model.with_laws_as_curves
     first = np.flatnonzero(~record.follows)
     last = np.append(first[1:], n) - 1
     states = np.tile(state_vector(model.coefficients, model.effects), (first.size, 1))

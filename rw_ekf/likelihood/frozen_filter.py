@@ -55,7 +55,7 @@ def filtered_trajectory(record: Record, model: Model, noise: Noise, omit: BoolAr
     starts from it may never leave there.
     """
     part = record.follows | np.append(record.follows[1:], False)
-    model = model.as_it_stands
+    model = model.with_laws_as_curves
     run = run_frozen(record.course.only(part & ~omit), model, Noise(noise.variance, _TRUSTING_RATIO), record.constants)
     at = model.effects.table().memory_state_at
     assert at != ABSENT

@@ -133,7 +133,7 @@ def linearise(
     """
     record = record.along(trajectory)
     followed = follows_angle(record, model)
-    seen = model if with_jacobian else model.as_it_stands
+    seen = model if with_jacobian else model.with_laws_as_curves
     centre = predict(
         record, seen.coefficients, seen.effects, seen.stribeck, trajectory, with_rows=with_jacobian or followed
     )

@@ -38,9 +38,9 @@ class Model:
         return found
 
     @property
-    def as_it_stands(self) -> Model:
+    def with_laws_as_curves(self) -> Model:
         """The same, its laws as the curves that they are: for a pass that learns nothing."""
-        return replace(self, effects=self.effects.as_it_stands())
+        return replace(self, effects=self.effects.with_laws_as_curves())
 
     @property
     def known(self) -> int:

@@ -141,9 +141,9 @@ class EffectSet:
         """What the effects add to the variance of a reading [rad^2/s^2]."""
         return float(sum(t.effect.variance(t.values[0]) for t in self.terms if issubclass(t.effect, ReadingEffect)))
 
-    def as_it_stands(self) -> EffectSet:
+    def with_laws_as_curves(self) -> EffectSet:
         """The same effects, a law of several functions as the one curve that it is: for a pass that learns nothing."""
-        return EffectSet(tuple(_as_it_stands(term) for term in self.terms))
+        return EffectSet(tuple(_with_laws_as_curves(term) for term in self.terms))
 
     def table(self, drift: Sequence[float] | Float64Array | None = None) -> EffectTable:
         """The compiled propagation's table; drift: variance rates of the coefficients [unit^2/s], default none.
@@ -229,7 +229,7 @@ def _table_of(uses: tuple[_Use, ...]) -> EffectTable:
     )
 
 
-def _as_it_stands(term: Term) -> Term:
+def _with_laws_as_curves(term: Term) -> Term:
     if term.law is None or len(term.law.functions) == 1:
         return term
     curve = tuple(float(value) for value in term.law.values(term.values))

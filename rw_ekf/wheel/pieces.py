@@ -70,11 +70,8 @@ def _of_law(table: EffectTable, j: int, i: int, along: float, place: Place, at: 
     return law_value(table.law_values, table.law_sums, start, count, place)
 
 
-def _gather_laws(x: Any, table: EffectTable, at: Moment) -> tuple[float, float, float, float, float, float]:
-    """Sum of the learned laws' and formulas' contributions to one step.
-
-    A function of its own, called only where there are any: within `_gather` it costs a model without them a fifth.
-    """
+def _gather_laws(x: Any, table: EffectTable, at: Moment) -> tuple[float, float, float, float]:
+    """What learned laws and formulas add to one step: amperes, external, viscous and dry, as in `Terms`."""
     amperes, external, viscous, dry = 0.0, 0.0, 0.0, 0.0
     for j in range(table.law_at.shape[0]):
         along, place = motion(at.omega, at.current), _law_place(table, j, at)
@@ -91,7 +88,7 @@ def _gather_laws(x: Any, table: EffectTable, at: Moment) -> tuple[float, float, 
         external += part[1]
         viscous += part[2]
         dry += part[5]
-    return amperes, external, viscous, 0.0, 0.0, dry
+    return amperes, external, viscous, dry
 
 
 def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
@@ -113,11 +110,11 @@ def _gather(x: Any, table: EffectTable, at: Moment) -> Terms:
         dry_factor += part[4]
         dry += part[5]
     if table.law_at.shape[0] > 0:
-        part = _gather_laws(x, table, at)
-        amperes += part[0]
-        external += part[1]
-        viscous += part[2]
-        dry += part[5]
+        laws = _gather_laws(x, table, at)
+        amperes += laws[0]
+        external += laws[1]
+        viscous += laws[2]
+        dry += laws[3]
     return Terms(amperes, external, viscous, viscous_factor, dry_factor, dry)
 
 

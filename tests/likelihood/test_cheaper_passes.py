@@ -50,8 +50,8 @@ def test_a_law_as_the_curve_that_it_is_predicts_the_same(quantity: str, first: f
     """Nine functions with coefficients, and their sum with a coefficient of one, beyond the knots too."""
     terms = (_law(np.random.default_rng(5), quantity, first, last), Term.of(CATALOGUE["actuator_lag"], value=0.004))
     model = Model(_PARAMETERS, _STRIBECK, EffectSet(terms))
-    assert model.as_it_stands.effects.size == 2
-    whole, curve = _predicted(model, _speed()), _predicted(model.as_it_stands, _speed())
+    assert model.with_laws_as_curves.effects.size == 2
+    whole, curve = _predicted(model, _speed()), _predicted(model.with_laws_as_curves, _speed())
     assert np.max(np.abs(whole.end - curve.end)) < 1.0e-12
     assert np.max(np.abs(whole.slopes - curve.slopes)) < 1.0e-12
 

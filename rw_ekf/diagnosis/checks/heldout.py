@@ -80,7 +80,7 @@ def foretold_better(prepared: Prepared, fit: Fit) -> float:
     def value(way: Fit, model: Model, rate: float) -> float:
         record = prepared.record.along(way.trajectory)
         course = record.course.only(~prepared.base.omit)
-        run = run_frozen(course, model.as_it_stands, way.noise, record.constants, walk=(rate, walk.spread))
+        run = run_frozen(course, model.with_laws_as_curves, way.noise, record.constants, walk=(rate, walk.spread))
         held = prepared.split.heldout & np.isfinite(run.innovation_rad_s)
         return -0.5 * float(np.sum(run.nis[held] + np.log(run.innovation_variance[held])))
 
@@ -107,9 +107,8 @@ def performance_read(prepared: Prepared, corrected: Prepared, fit: Fit, lattice:
 
 def _performance(prepared: Prepared, fit: Fit, lattice: Lattice | None) -> Performance:
     record, split, noise, walk = prepared.record, prepared.split, fit.noise, walk_of(fit)
-    model = (
-        fit.model if walk is None else walk.model
-    ).as_it_stands  # a walk is followed, and what lies ahead as it last was
+    followed = fit.model if walk is None else walk.model  # a walk is followed, and what lies ahead is as it last was
+    model = followed.with_laws_as_curves
     if lattice is not None:  # of the readings as they were read, as a filter with this model is told
         variance = lattice.noise_rad_s**2 + GRID.variance(lattice.grid_rad_s)
         noise = Noise(variance, noise.ratio * noise.variance / variance)
