@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rw_ekf.commands.first_use import make_ready
 from rw_ekf.commands.inputs import add_config_option
 
 if TYPE_CHECKING:
+    from rw_ekf.fleet.public import Diagnoses, FleetRun
     from rw_ekf.shown import Shown
 
 HELP = "filter the logs of many wheels over years, and say which wheels age or are unlike the others"
@@ -17,6 +21,7 @@ EXAMPLE = """example:
   rw-ekf simulate fleet --out logs --wheels 20 --days 60 --seed 1
   rw-ekf fleet run logs
   rw-ekf fleet run logs --scheduler tcp://10.0.0.5:8786
+  rw-ekf fleet diagnose logs --most 10
   rw-ekf fleet trends logs --limit coulomb=+50%
   rw-ekf fleet view logs
 
@@ -24,6 +29,7 @@ Whose a log is and when it began is told by its folder, name or metadata: docs/f
 ACTIONS = {
     "build": "index the logs by wheel and day",
     "run": "filter what is not done yet",
+    "diagnose": "what the model lacks on days that an alarm, the residual or a trend asks for",
     "trends": "ageing, changes, siblings, remaining time",
     "view": "one page of the fleet",
 }
@@ -45,6 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", metavar="N", type=int, help="processes of this machine (default: its cores)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, in their place")
     parser.add_argument(
+        "--most", metavar="N", type=int, help="diagnose: windows, the worst wheels' first (default: 20)"
+    )
+    parser.add_argument(
         "--limit",
         metavar="NAME=VALUE",
         action="append",
@@ -61,7 +70,9 @@ def execute(args: argparse.Namespace) -> int:
         raise BadInputError(f"--workers {args.workers}: give 1 or more")
     if args.limit and args.action not in ("trends", "view"):
         raise BadInputError("--limit is asked of `fleet trends` and `fleet view`: leave it out")
-    return {"build": _build, "run": _run, "trends": _trends, "view": _view}[args.action](args)
+    if args.most is not None and (args.action != "diagnose" or args.most < 1):
+        raise BadInputError(f"--most {args.most}: counts the windows of `fleet diagnose`, 1 or more")
+    return {"build": _build, "run": _run, "diagnose": _diagnose, "trends": _trends, "view": _view}[args.action](args)
 
 
 def _build(args: argparse.Namespace) -> int:
@@ -72,16 +83,30 @@ def _build(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from rw_ekf.commands.first_use import make_ready
-    from rw_ekf.commands.inputs import map_path
     from rw_ekf.compile_ahead import EFFECTS, FIT
-    from rw_ekf.console import progress
     from rw_ekf.fleet.public import run
 
     if args.scheduler is None:
         make_ready((*FIT, *EFFECTS) if args.model is not None or args.config is not None else FIT)
-    with progress("fleet", None, " logs") as bar:
-        done = run(
+    return _worked(args, run, " logs")
+
+
+def _diagnose(args: argparse.Namespace) -> int:
+    from rw_ekf.compile_ahead import DIAGNOSIS
+    from rw_ekf.fleet.public import MOST_WINDOWS, diagnose
+
+    if args.scheduler is None:
+        make_ready(DIAGNOSIS)
+    return _worked(args, functools.partial(diagnose, most=args.most or MOST_WINDOWS), " windows")
+
+
+def _worked(args: argparse.Namespace, work: Callable[..., FleetRun | Diagnoses], unit: str) -> int:
+    """Have it done by the workers, with a bar; status 1 where a part of it failed or is not done."""
+    from rw_ekf.commands.inputs import map_path
+    from rw_ekf.console import progress
+
+    with progress("fleet", None, unit) as bar:
+        done = work(
             args.directory,
             args.out,
             model=args.model,

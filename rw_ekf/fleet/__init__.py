@@ -1,4 +1,4 @@
-"""Many wheels over years: `build`, `run`, `trends` and `view` of a directory of logs (docs/fleet.md).
+"""Many wheels over years: `build`, `run`, `diagnose`, `trends` and `view` of a directory of logs (docs/fleet.md).
 
 Loaded when first asked for, as all of `rw_ekf`: `rw_ekf.fleet.run("logs").text()`.
 """
@@ -8,9 +8,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rw_ekf.fleet.public import FleetIndex, FleetRun, Trends, build, run, simulate, trends, view
+    from rw_ekf.fleet.public import (
+        Diagnoses,
+        FleetIndex,
+        FleetRun,
+        Trends,
+        build,
+        diagnose,
+        run,
+        simulate,
+        trends,
+        view,
+    )
 
-__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends", "view"]
+__all__ = ["Diagnoses", "FleetIndex", "FleetRun", "Trends", "build", "diagnose", "run", "simulate", "trends", "view"]
 
 
 def __getattr__(name: str) -> Any:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _DAY_S = 86_400.0
-_COUNTS = ("samples", "missing", "rejected", "reseeded", "resets", "spikes")
+_COUNTS = ("samples", "missing", "rejected", "reseeded", "resets", "spikes", "alarms")
 
 
 @dataclass(eq=False, frozen=True)
@@ -27,6 +27,7 @@ class WheelDays:
     wheel: str
     time_d: Float64Array  # (n,) beginning of each, in days since 1970 [d]
     day: tuple[str, ...]
+    log: tuple[str, ...]
     ok: BoolArray  # (n,) whether the log gave a result
     status: tuple[str, ...]
     values: dict[str, Float64Array]  # by parameter: that day alone
@@ -34,6 +35,7 @@ class WheelDays:
     temperature_degC: Float64Array
     nis_mean: Float64Array
     not_noise: BoolArray  # (n,) whether the residual was judged to be none
+    alarms: Float64Array  # that the daemon's watch raised; NaN where nothing watched
     counts: dict[str, int]  # over all days
 
     def __len__(self) -> int:
@@ -80,6 +82,7 @@ def _days_of_wheel(wheel: str, rows: pa.Table) -> WheelDays:
         wheel=wheel,
         time_d=begins / _DAY_S,
         day=tuple(rows.column("day").to_pylist()),
+        log=tuple(rows.column("log").to_pylist()),
         ok=np.array([text == OK for text in status]),
         status=status,
         values={name: _numbers(rows, f"own_{name}") for name in PARAMETER_NAMES},
@@ -87,6 +90,7 @@ def _days_of_wheel(wheel: str, rows: pa.Table) -> WheelDays:
         temperature_degC=_numbers(rows, "temperature_degC"),
         nis_mean=_numbers(rows, "nis_mean"),
         not_noise=np.array([value is False for value in rows.column("residual_is_noise").to_pylist()]),
+        alarms=_numbers(rows, "alarms"),
         counts={name: int(np.nansum(_numbers(rows, name))) for name in _COUNTS},
     )
 

@@ -188,14 +188,14 @@ def _task(
     wheel = group[0].log.wheel
     place = plan[wheel].index(group[0])
     previous = str(plan[wheel][place - 1].path(folder.results).absolute()) if place else None
-    model = settings.model(wheel)
+    model, configuration = settings.plain(wheel)
     return Task(
         index.directory,
         str(folder.results.absolute()),
         tuple(group),
         previous,
-        None if model is None else model.document(),
-        None if settings.configuration is None else settings.configuration.model_dump(mode="json"),
+        model,
+        configuration,
         settings.columns,
     )
 

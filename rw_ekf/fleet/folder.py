@@ -3,6 +3,8 @@
 index.json                                         the logs, by wheel and time (`rw_ekf.fleet.index`)
 manifest.jsonl                                     what was done (`rw_ekf.fleet.manifest`)
 results/wheel=W/day=2026-01-31/part-HASH.parquet   a row for each day of a log (`rw_ekf.fleet.result_rows`)
+diagnoses.json                                     windows that were diagnosed (`rw_ekf.fleet.diagnoses`)
+diagnoses/wheel=W/day=2026-01-31/diagnosis-HASH.*  each one's document, and the model it found
 trends.json, fleet.html                            what `trends` and `view` make of them
 """
 
@@ -46,6 +48,16 @@ class FleetFolder:
         return self.path / "results"
 
     @property
+    def diagnoses(self) -> Path:
+        """The root of the diagnosed windows."""
+        return self.path / "diagnoses"
+
+    @property
+    def diagnosed(self) -> Path:
+        """The document of `diagnose`."""
+        return self.path / "diagnoses.json"
+
+    @property
     def trends(self) -> Path:
         """The document of `trends`."""
         return self.path / "trends.json"
@@ -83,4 +95,13 @@ def fleet_folder(directory: str | Path, out: str | Path | None = None) -> FleetF
 
 def part_path(results: str | Path, wheel: str, day: str, input_hash: str) -> Path:
     """Where a log's rows of one day stand."""
-    return Path(results) / f"wheel={quote(wheel, safe='')}" / f"day={day}" / f"part-{input_hash[:_HASH_DIGITS]}.parquet"
+    return _of_day(results, wheel, day) / f"part-{input_hash[:_HASH_DIGITS]}.parquet"
+
+
+def diagnosis_path(diagnoses: str | Path, wheel: str, day: str, input_hash: str) -> Path:
+    """Where the document of a diagnosed window stands."""
+    return _of_day(diagnoses, wheel, day) / f"diagnosis-{input_hash[:_HASH_DIGITS]}.json"
+
+
+def _of_day(root: str | Path, wheel: str, day: str) -> Path:
+    return Path(root) / f"wheel={quote(wheel, safe='')}" / f"day={day}"

@@ -11,9 +11,10 @@ import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.diagnosis.report.rendering import rendered
+from rw_ekf.fleet.findings import UNLIKE
 from rw_ekf.fleet.siblings import Siblings
-from rw_ekf.fleet.trend_document import Trends, sentences
-from rw_ekf.fleet.wheel_trends import UNLIKE, ParameterTrend, WheelTrend
+from rw_ekf.fleet.trend_document import Trends
+from rw_ekf.fleet.wheel_trends import ParameterTrend, WheelTrend
 from rw_ekf.model.state import PARAMETER_NAMES, STATE_UNITS
 from rw_ekf.numbers import number_text, plus_minus
 
@@ -26,7 +27,7 @@ _EDGE = 0.08  # of a drawing's height and width, that nothing is drawn in
 def page_of(trends: Trends) -> str:
     """The page, in one file that needs no other."""
     wheels = trends.worst_first
-    told = [_wheel(wheel, with_courses=place < _COURSES) for place, wheel in enumerate(wheels)]
+    told = [_wheel(wheel, trends.told_of(wheel), with_courses=place < _COURSES) for place, wheel in enumerate(wheels)]
     worth = sum(bool(wheel["findings"]) for wheel in told)
     values = {
         "title": f"A fleet of {len(wheels)} wheels",
@@ -46,13 +47,13 @@ def page_of(trends: Trends) -> str:
     return rendered("fleet.html", values, TEMPLATES)
 
 
-def _wheel(wheel: WheelTrend, *, with_courses: bool) -> dict[str, Any]:
+def _wheel(wheel: WheelTrend, findings: list[str], *, with_courses: bool) -> dict[str, Any]:
     days = wheel.days
     counts = days.counts
     return {
         "name": days.wheel,
         "anchor": "w-" + re.sub(r"[^\w-]", "-", days.wheel),
-        "findings": sentences(wheel),
+        "findings": findings,
         "sparks": [_spark(wheel.parameters.get(name)) for name in PARAMETER_NAMES],
         "logs": len(days),
         "failed": wheel.failed,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
     from rw_ekf.wheel.model_file import WheelModel
 
-RESULT_VERSION = 1  # of what stands in a result: another number computes all anew
+RESULT_VERSION = 2  # of what stands in a result: another number computes all anew
 TASK_SAMPLES = 1_000_000  # of a task, about: a second of work, beside which a task's own cost is nothing
 EVERY_WHEEL = ""  # the name under which a model of all wheels stands
 
@@ -44,11 +44,14 @@ class FleetSettings:
 
     def hash(self, wheel: str) -> str:
         """Checksum of all that a wheel's results depend on beside its logs."""
+        model, configuration = self.plain(wheel)
+        return checksum([__version__, RESULT_VERSION, model, configuration, self.columns_text])
+
+    def plain(self, wheel: str) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+        """The model that a wheel starts from and the configuration, as plain data that any process can be sent."""
         model = self.model(wheel)
         given = None if self.configuration is None else self.configuration.model_dump(mode="json")
-        return _sha(
-            [__version__, RESULT_VERSION, None if model is None else model.document(), given, self.columns_text]
-        )
+        return None if model is None else model.document(), given
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def plan_of(index: FleetIndex, settings: FleetSettings) -> dict[str, list[Planne
         model_hash, before = settings.hash(wheel), ""
         planned = []
         for log in logs:
-            before = _sha([before, log.content, log.begins_utc, model_hash])
+            before = checksum([before, log.content, log.begins_utc, model_hash])
             planned.append(PlannedLog(log, before, model_hash))
         plan[wheel] = planned
     return plan
@@ -110,5 +113,6 @@ def models_of(path: str | Path | None) -> dict[str, WheelModel]:
     return found
 
 
-def _sha(parts: Sequence[Any]) -> str:
+def checksum(parts: Sequence[Any]) -> str:
+    """Of plain data, over its text."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()

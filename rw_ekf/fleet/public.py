@@ -6,7 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.daily import read_days
+from rw_ekf.fleet.diagnoses import Diagnoses, diagnose_windows, read_diagnoses
 from rw_ekf.fleet.executors import executor_of
 from rw_ekf.fleet.fleet_run import FleetRun, run_fleet
 from rw_ekf.fleet.folder import FleetFolder, fleet_folder
@@ -17,13 +19,16 @@ from rw_ekf.fleet.remaining import limits_of
 from rw_ekf.fleet.simulation import FleetShape, simulate_fleet
 from rw_ekf.fleet.trend_document import Trends
 from rw_ekf.fleet.wheel_trends import trends_of
+from rw_ekf.fleet.windows import windows_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.one_thread import one_thread
 
 if TYPE_CHECKING:
     from rw_ekf.settings.schema import Configuration
 
-__all__ = ["FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends", "view"]
+__all__ = ["Diagnoses", "FleetIndex", "FleetRun", "Trends", "build", "diagnose", "run", "simulate", "trends", "view"]
+
+MOST_WINDOWS = 20  # of a run of `diagnose`: some two minutes on two cores, where a log has ten minutes
 
 
 def simulate(
@@ -81,6 +86,32 @@ def run(
             return run_fleet(folder, index, settings, executor, tick)
 
 
+def diagnose(
+    directory: str | Path,
+    out: str | Path | None = None,
+    *,
+    most: int = MOST_WINDOWS,
+    model: str | Path | None = None,
+    configuration: Configuration | str | Path | None = None,
+    columns: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    tick: Callable[[int], object] = lambda n: None,
+) -> Diagnoses:
+    """Diagnose the days that an alarm, the residual or a trend asks for; also written as `diagnoses.json`.
+
+    most: windows, the worst wheels' first. What else: as of `run`, whose results it needs. Raises Error.
+    """
+    folder = fleet_folder(directory, out)
+    settings = settings_of(model, configuration, columns)
+    asked = windows_of(_trends(folder, ()).worst_first, most)
+    index = read_index(folder)
+    if index is None:
+        raise BadInputError(f"{folder.index}: is not there or damaged: `rw-ekf fleet build` makes it anew")
+    with folder.locked(), executor_of(workers, scheduler) as executor:
+        return diagnose_windows(folder, index, settings, asked, executor, tick)
+
+
 def _indexed(folder: FleetFolder, directory: str | Path, *, keep_gone: bool) -> FleetIndex:
     """The logs as they are now; directory: of the logs, or the fleet's folder, whose index says where they are."""
     known = read_index(folder)
@@ -114,7 +145,8 @@ def view(directory: str | Path, out: str | Path | None = None, *, limits: Sequen
 def _trends(folder: FleetFolder, limits: Sequence[str]) -> Trends:
     known = limits_of(limits)
     with one_thread():
-        return Trends(str(folder.path), trends_of(read_days(folder), known), known)
+        found = trends_of(read_days(folder), known)
+    return Trends(str(folder.path), found, known, read_diagnoses(folder))
 
 
 def settings_of(

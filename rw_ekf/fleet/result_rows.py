@@ -50,15 +50,17 @@ class LogResult:
         return next((row["status"] for row in self.rows if row["status"] != OK), OK)
 
 
-def row_of_day(name: str, day: DayOfLog, run: Run, start: Starting, spikes: int | None) -> dict[str, Any]:
-    """The row of a day that was filtered. spikes: that a watch reported, None where nothing watched."""
+def row_of_day(name: str, day: DayOfLog, run: Run, start: Starting, seen: tuple[int, int] | None) -> dict[str, Any]:
+    """The row of a day that was filtered. seen: spikes and alarms of a watch, None where nothing watched."""
     statistics, setup = run.statistics, start.setup
     entry = run.entry()
     log = day.log
+    spikes, alarms = seen or (None, None)
     row: dict[str, Any] = {
         "log": name, "status": OK, "begins_utc": day.begins_utc, "ends_utc": day.ends_utc,
         "duration_s": statistics.duration_s, "samples": statistics.samples, "missing": statistics.missing,
         "rejected": statistics.rejected, "reseeded": statistics.reseeded, "resets": run.resets, "spikes": spikes,
+        "alarms": alarms,
         "nis_mean": entry["innovation"]["nis_mean"], "nis_inside_95": entry["innovation"]["nis_inside_95"],
         "innovation_rms_rpm": entry["innovation"]["rms_rpm"], "residual_is_noise": run.consistency.is_noise,
         "temperature_degC": _mean(log.channels.get("temperature_degC")),
@@ -125,7 +127,7 @@ def schema() -> pa.Schema:
     effect = pa.struct([("effect", pa.string()), ("value", pa.float64()), ("std", pa.float64()), ("unit", pa.string())])
     fields: list[tuple[str, Any]] = [("log", pa.string()), ("status", pa.string())]
     fields += [("begins_utc", utc), ("ends_utc", utc), ("duration_s", pa.float64())]
-    fields += [(name, pa.int64()) for name in (*_COUNTS, "spikes")]
+    fields += [(name, pa.int64()) for name in (*_COUNTS, "spikes", "alarms")]
     fields += [(name, pa.float64()) for name in _NUMBERS]
     fields += [("residual_is_noise", pa.bool_())]
     for prefix in ("", "std_", "own_", "own_std_"):

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rw_ekf.errors import RwEkfError
+from rw_ekf.fleet.index import FleetLog
 from rw_ekf.fleet.plan import PlannedLog
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def work(task: Task) -> list[Record]:
     settle_memory()
     records = []
     with one_thread():
-        configuration, model = _given(task)
+        configuration, model = given(task.configuration, task.model)
         before = "" if task.previous is None else _carry_of(Path(task.previous))
         for planned in task.logs:
             path = planned.path(task.results)
@@ -80,12 +81,15 @@ def work(task: Task) -> list[Record]:
     return records
 
 
-def _given(task: Task) -> tuple[Configuration | None, WheelModel | None]:
+def given(
+    configuration: Mapping[str, Any] | None, model: Mapping[str, Any] | None
+) -> tuple[Configuration | None, WheelModel | None]:
+    """A configuration and a model from the plain data that a task carries."""
     from rw_ekf.fleet.carry import plain_model
     from rw_ekf.settings.load import configuration_of
 
-    configuration = None if task.configuration is None else configuration_of(dict(task.configuration), Path("fleet"))
-    return configuration, None if task.model is None else plain_model(task.model)
+    read = None if configuration is None else configuration_of(dict(configuration), Path("fleet"))
+    return read, None if model is None else plain_model(model)
 
 
 def _carry_of(path: Path) -> str:
@@ -101,7 +105,7 @@ def _result_of(
     from rw_ekf.fleet.result_rows import LogResult, row_of_failure
     from rw_ekf.logs.metadata import moment_of
 
-    _check_inputs(task.directory, planned)
+    check_inputs(task.directory, planned.log)
     begins_utc = moment_of(planned.log.begins_utc)
     assert begins_utc is not None
     try:
@@ -112,13 +116,14 @@ def _result_of(
         return LogResult((row_of_failure(planned.log.log, begins_utc, reason),), before)
 
 
-def _check_inputs(directory: str, planned: PlannedLog) -> None:
+def check_inputs(directory: str, log: FleetLog) -> None:
+    """Raises MovedInputError where a log is not as it was indexed."""
     try:
-        size = sum((Path(directory) / name).stat().st_size for name in planned.log.files)
+        size = sum((Path(directory) / name).stat().st_size for name in log.files)
     except OSError as error:
-        raise MovedInputError(f"{planned.log.log}: cannot be read ({error.strerror})") from None
-    if size != planned.log.bytes:
-        raise MovedInputError(f"{planned.log.log}: changed while the fleet ran")
+        raise MovedInputError(f"{log.log}: cannot be read ({error.strerror})") from None
+    if size != log.bytes:
+        raise MovedInputError(f"{log.log}: changed while the fleet ran")
 
 
 def _filtered(
@@ -135,7 +140,7 @@ def _filtered(
     configuration, model = given
     path = Path(task.directory) / planned.log.log
     log = read_log(path, task.columns)
-    spikes = _spikes(path)
+    watched = _watched(path)
     rows = []
     for day in days_of_log(log, begins_utc):
         if carry is None:
@@ -143,16 +148,29 @@ def _filtered(
         else:
             start = next_start(day.log, configuration, carry, day.begins_utc)
         run = replay_log(day.log, setup=start.setup)
-        counted = None if spikes is None else sum(utc[:10] == day.day for utc in spikes)
-        rows.append({"day": day.day, **row_of_day(planned.log.log, day, run, start, counted)})
+        seen = None if watched is None else watched.on(day.day)
+        rows.append({"day": day.day, **row_of_day(planned.log.log, day, run, start, seen)})
         # Through its text, as a run that goes on from the file would read it.
         carry = Carry.of_text(Carry(run.model, start.origin, day.ends_utc).to_text())
     assert carry is not None
     return LogResult(tuple(rows), carry.to_text())
 
 
-def _spikes(path: Path) -> list[str] | None:
-    """When each spike set in that the daemon's watch reported; None where nothing watched, or its word is torn."""
+@dataclass(frozen=True)
+class _Watched:
+    """What the daemon's watch reported of a run: when each spike, and each alarm of any kind, began (UTC)."""
+
+    spikes: tuple[str, ...]
+    alarms: tuple[str, ...]
+
+    def on(self, day: str) -> tuple[int, int]:
+        """Spikes and alarms of a day."""
+        spikes, alarms = (sum(utc[:10] == day for utc in times) for times in (self.spikes, self.alarms))
+        return spikes, alarms
+
+
+def _watched(path: Path) -> _Watched | None:
+    """None where nothing watched, or its word is torn."""
     from rw_ekf.logs.metadata import metadata_path
     from rw_ekf.spikes.run_events import read_run
 
@@ -162,7 +180,7 @@ def _spikes(path: Path) -> list[str] | None:
         run = read_run(path)
     except RwEkfError:
         return None
-    return None if run is None else [spike.utc for spike in run.spikes]
+    return None if run is None else _Watched(tuple(spike.utc for spike in run.spikes), tuple(run.alarms))
 
 
 def _write(results: str, planned: PlannedLog, result: LogResult) -> None:

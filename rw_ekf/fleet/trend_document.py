@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from rw_ekf.console import printable
+from rw_ekf.fleet.diagnoses import WindowFinding
+from rw_ekf.fleet.findings import concern_of, days_about, sentences
 from rw_ekf.fleet.remaining import Limit
-from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend, concern_of, finding_kinds
+from rw_ekf.fleet.wheel_trends import FleetTrends, ParameterTrend, WheelTrend
 from rw_ekf.model.state import STATE_UNITS
 from rw_ekf.numbers import plus_minus
 from rw_ekf.shown import Shown
@@ -27,6 +29,7 @@ class Trends(Shown):
     folder: str
     found: FleetTrends
     limits: Mapping[str, Limit]
+    diagnosed: Mapping[str, list[WindowFinding]] = field(default_factory=dict)  # by wheel
 
     def document(self) -> dict[str, Any]:
         """The document of `fleet trends --json`."""
@@ -49,21 +52,32 @@ class Trends(Shown):
                 }
                 for name, both in self.found.population.items()
             ],
-            "wheels": [_wheel(wheel) for wheel in self.worst_first],
+            "wheels": [
+                {**_wheel(wheel), "diagnoses": [window.document() for window in self.diagnosed_of(wheel)]}
+                for wheel in self.worst_first
+            ],
         }
+
+    def diagnosed_of(self, wheel: WheelTrend) -> list[WindowFinding]:
+        """The windows of a wheel that were diagnosed."""
+        return self.diagnosed.get(wheel.days.wheel, [])
+
+    def told_of(self, wheel: WheelTrend) -> list[str]:
+        """Its findings and what was diagnosed, as sentences."""
+        return [*sentences(wheel), *(f"diagnosed, {window.text}" for window in self.diagnosed_of(wheel))]
 
     @property
     def worst_first(self) -> list[WheelTrend]:
-        """Wheels with findings before those without, the surest first; of equals the faster change."""
-        return sorted(self.found.wheels, key=_order)
+        """Wheels of which something is told before the others, the surest first; of equals the faster change."""
+        return sorted(self.found.wheels, key=lambda wheel: (not self.told_of(wheel), *_order(wheel)))
 
     def text(self) -> str:
         """What `fleet trends` prints."""
         wheels = self.worst_first
-        worth = [wheel for wheel in wheels if finding_kinds(wheel)]
+        worth = [wheel for wheel in wheels if self.told_of(wheel)]
         lines = [f"{self.folder}: {len(wheels)} wheels, {len(worth)} with something to look at"]
         for wheel in worth[:_SHOWN_WHEELS]:
-            lines += [f"  {printable(wheel.days.wheel)}: {text}" for text in sentences(wheel)]
+            lines += [printable(f"  {wheel.days.wheel}: {text}") for text in self.told_of(wheel)]
         if len(worth) > _SHOWN_WHEELS:
             lines.append(f"  and {len(worth) - _SHOWN_WHEELS} wheels more: --json has them all")
         for name, both in self.found.population.items():
@@ -76,41 +90,9 @@ class Trends(Shown):
         return "\n".join(lines)
 
 
-def sentences(wheel: WheelTrend) -> list[str]:
-    """The findings of a wheel."""
-    return [_sentence(wheel, *found) for found in finding_kinds(wheel)]
-
-
-def _order(wheel: WheelTrend) -> tuple[bool, float, float, str]:
+def _order(wheel: WheelTrend) -> tuple[float, float, str]:
     rates = [abs(trend.relative_rate[0]) for trend in wheel.parameters.values()]
-    return not finding_kinds(wheel), -round(concern_of(wheel), 3), -max(rates, default=0.0), wheel.days.wheel
-
-
-def _sentence(wheel: WheelTrend, kind: str, name: str, about: Any) -> str:
-    if kind == "ages":
-        rate, std = about.relative_rate
-        word = "rises" if rate > 0.0 else "falls"
-        return f"{name} {word} by {plus_minus(abs(100.0 * rate), 100.0 * std)} % a year"
-    if kind == "changed":
-        share = 100.0 / abs(wheel.parameters[name].fit.began)
-        where = " and ".join(_between(wheel, wheel.parameters[name], about.before))
-        return f"{name} stepped by {plus_minus(share * about.size, share * about.std)} % between {where}"
-    if kind == "unlike":
-        level = about.level_unlike >= about.rate_unlike
-        what = "is unlike its siblings'" if level else "changes unlike its siblings'"
-        return f"{name} {what} (probability {max(about.level_unlike, about.rate_unlike):.3g})"
-    if kind == "limit":
-        until = (
-            "has reached" if about.years_50 == 0.0 else f"reaches in {about.years_05:.2g} to {about.years_95:.2g} years"
-        )
-        return f"{name} {until} its limit of {about.limit:.4g} {STATE_UNITS[name]}"
-    return f"{about} of its {len(wheel.days)} logs failed"
-
-
-def _between(wheel: WheelTrend, trend: ParameterTrend, before: int) -> tuple[str, str]:
-    day, after = wheel.days.day, int(trend.course.starts[before + 1])
-    rows = trend.course.known.rows
-    return day[int(rows[np.searchsorted(rows, after) - 1])], day[after]
+    return -round(concern_of(wheel), 3), -max(rates, default=0.0), wheel.days.wheel
 
 
 def _wheel(wheel: WheelTrend) -> dict[str, Any]:
@@ -145,7 +127,7 @@ def _parameter(wheel: WheelTrend, trend: ParameterTrend) -> dict[str, Any]:
         "per_K": fit.per_K, "per_K_std": fit.per_K_std,
         "scatter": fit.scatter, "walk_per_sqrt_year": fit.walk,
         "changes": [
-            {"between": list(_between(wheel, trend, step.before)), "size": step.size, "std": step.std,
+            {"between": list(days_about(wheel, trend, step.before)), "size": step.size, "std": step.std,
              "probability": step.probability}
             for step in fit.steps
         ],

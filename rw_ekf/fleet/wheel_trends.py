@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -18,13 +17,10 @@ from rw_ekf.model.state import PARAMETER_NAMES
 
 # An ageing worth a word: one per cent a year, of which twenty years make a fifth; chosen. Less is told, not accused.
 MATERIAL_PER_YEAR = 0.01
-SURE = 0.99  # that a rate is beyond it
-UNLIKE = 0.95  # that a wheel is none of its siblings
 _FLOORS = {
     "level": 0.005,
     "rate": 0.002,
 }  # of the population's level: spreads below which no difference matters; chosen
-SOON_YEARS = 1.0  # a limit that is as likely as not reached within it is worth a word
 
 
 @dataclass(frozen=True)
@@ -131,30 +127,3 @@ def _compared(wheels: Sequence[WheelTrend], name: str) -> dict[str, Siblings]:
             shrunk=(float(levels.shrunk[place]), float(levels.shrunk_std[place])),
         )
     return {"level": levels, "rate": rates}
-
-
-def concern_of(wheel: WheelTrend) -> float:
-    """How much a wheel is worth a look: the largest probability of anything that its findings can be of, 0 to 1."""
-    chances = [wheel.failed / max(len(wheel.days), 1)]
-    for trend in wheel.parameters.values():
-        chances += [max(2.0 * trend.ages - 1.0, 0.0), trend.level_unlike or 0.0, trend.rate_unlike or 0.0]
-        chances += [step.probability for step in trend.fit.steps]
-        if trend.remaining is not None and trend.remaining.years_50 < SOON_YEARS:
-            chances.append(1.0)
-    return float(max(chances))
-
-
-def finding_kinds(wheel: WheelTrend) -> list[tuple[str, str, Any]]:
-    """What is found of a wheel, as (kind, parameter, what it is about)."""
-    found: list[tuple[str, str, Any]] = []
-    for name, trend in wheel.parameters.items():
-        if trend.ages > SURE:
-            found.append(("ages", name, trend))
-        found += [("changed", name, step) for step in trend.fit.steps]
-        if max(trend.level_unlike or 0.0, trend.rate_unlike or 0.0) > UNLIKE:
-            found.append(("unlike", name, trend))
-        if trend.remaining is not None and trend.remaining.years_50 < SOON_YEARS:
-            found.append(("limit", name, trend.remaining))
-    if wheel.failed:
-        found.append(("failed", "", wheel.failed))
-    return found

@@ -46,6 +46,7 @@ class RunEvents:
     began_utc: str
     watched_s: float = 0.0
     spikes: list[Spike] = field(default_factory=list)
+    alarms: list[str] = field(default_factory=list)  # when each one of the watch began, spikes included, UTC
     warnings: list[str] = field(default_factory=list)
 
 
@@ -100,6 +101,8 @@ def _follow(run: RunEvents, events: list[dict[str, Any]]) -> None:
     begun: dict[float, int] = {}  # place of each spike that is on, by its onset
     for event in events:
         elapsed_s = 0.0 if since is None or state not in WATCHED_STATES else _elapsed_s(since, event)
+        if event["event"] == "alarm":
+            run.alarms.append(str(event.get("since_utc")))
         if event["event"] == "alarm" and event.get("name") == SPIKE:
             begun[number_of(event.get("since_s")) or 0.0] = len(run.spikes)
             run.spikes.append(_spike(run, event, run.watched_s + elapsed_s, None))

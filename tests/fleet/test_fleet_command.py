@@ -62,7 +62,7 @@ def test_the_library_does_what_the_command_does(fleet: Path, capsys: pytest.Capt
     assert capsys.readouterr().out == trends.text() + "\n"
     assert "1 of its 7 logs failed" in trends.text()
     assert dir(rw_ekf.fleet) == [
-        "FleetIndex", "FleetRun", "Trends", "build", "run", "simulate", "trends", "view",
+        "Diagnoses", "FleetIndex", "FleetRun", "Trends", "build", "diagnose", "run", "simulate", "trends", "view",
     ]  # fmt: skip
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         getattr(rw_ekf.fleet, "nothing")  # noqa: B009

@@ -12,12 +12,13 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import BadInputError
 from rw_ekf.fleet.course_fit import ANY_WALK, CourseFit, Points, fit_course, walks_of_fleet
 from rw_ekf.fleet.daily import WheelDays
+from rw_ekf.fleet.findings import finding_kinds
 from rw_ekf.fleet.own_share import own_share
 from rw_ekf.fleet.points import course_of, far_off
 from rw_ekf.fleet.remaining import Limit, limits_of, remaining
 from rw_ekf.fleet.siblings import siblings_of
 from rw_ekf.fleet.simulation import FleetShape
-from rw_ekf.fleet.wheel_trends import finding_kinds, trends_of
+from rw_ekf.fleet.wheel_trends import trends_of
 from rw_ekf.one_thread import one_thread
 from tools.measure.fleet import daily_estimates
 
@@ -41,8 +42,8 @@ def wheel_days(value: Float64Array, std: float, temperature_degC: float | Float6
     warmth = np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), n).copy()
     stds = {name: np.full(n, std) for name in numbers}
     return WheelDays(
-        "W", 20454.0 + np.arange(n, dtype=np.float64), days, np.ones(n, bool), ("ok",) * n, numbers, stds, warmth,
-        np.ones(n), np.zeros(n, bool), {},
+        "W", 20454.0 + np.arange(n, dtype=np.float64), days, ("",) * n, np.ones(n, bool), ("ok",) * n, numbers, stds,
+        warmth, np.ones(n), np.zeros(n, bool), np.full(n, np.nan), {},
     )  # fmt: skip
 
 

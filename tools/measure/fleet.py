@@ -32,13 +32,14 @@ from rw_ekf.fleet.carry import Carry, first_start, next_start
 from rw_ekf.fleet.daily import WheelDays
 from rw_ekf.fleet.dask_executor import DaskExecutor
 from rw_ekf.fleet.executors import ProcessExecutor
+from rw_ekf.fleet.findings import finding_kinds
 from rw_ekf.fleet.fleet_run import run_fleet
 from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex, built_index
 from rw_ekf.fleet.plan import FleetSettings, plan_of
 from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, name_of, truth_by_day, truth_of, write_days
 from rw_ekf.fleet.task import Task, work
-from rw_ekf.fleet.wheel_trends import finding_kinds, trends_of
+from rw_ekf.fleet.wheel_trends import trends_of
 from rw_ekf.log_replay import replay_log
 from rw_ekf.log_simulation import simulate
 from rw_ekf.logs.metadata import moment_of
@@ -159,6 +160,7 @@ def daily_estimates(shape: FleetShape, number: int, percent_per_month: float, wa
         wheel=truth.wheel,
         time_d=first + np.arange(shape.days, dtype=np.float64),
         day=tuple(str(day) for day in np.datetime64(FIRST_DAY) + np.arange(shape.days)),
+        log=("",) * shape.days,
         ok=np.ones(shape.days, dtype=bool),
         status=("ok",) * shape.days,
         values=values,
@@ -166,6 +168,7 @@ def daily_estimates(shape: FleetShape, number: int, percent_per_month: float, wa
         temperature_degC=course["ambient_degC"],
         nis_mean=np.ones(shape.days),
         not_noise=np.zeros(shape.days, dtype=bool),
+        alarms=np.full(shape.days, np.nan),
         counts={},
     )
 

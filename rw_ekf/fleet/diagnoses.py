@@ -1,0 +1,180 @@
+"""The diagnosed windows of a fleet: choose them, do what is not done, tell what was found; and read it back."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rw_ekf import __version__
+from rw_ekf.console import printable
+from rw_ekf.errors import BadInputError
+from rw_ekf.fleet.executors import Executor
+from rw_ekf.fleet.folder import FleetFolder, diagnosis_path
+from rw_ekf.fleet.index import FleetIndex, FleetLog, read_index
+from rw_ekf.fleet.plan import FleetSettings, checksum
+from rw_ekf.fleet.result_rows import FAILED, OK
+from rw_ekf.fleet.window_diagnosis import SCHEMA as WINDOW_SCHEMA
+from rw_ekf.fleet.window_diagnosis import VERSION, WindowTask, diagnose_window
+from rw_ekf.fleet.windows import Window
+from rw_ekf.logs.atomic import write_text
+from rw_ekf.plain_file import json_of
+from rw_ekf.shown import Shown
+
+SCHEMA = "rw_ekf.fleet_diagnoses/1"
+_NOT_DONE = "not done: "
+
+
+@dataclass(frozen=True)
+class WindowFinding:
+    """What the diagnosis of a window came to; kind and what follows are of the verdict, None where there is none."""
+
+    wheel: str
+    day: str
+    log: str
+    content: str  # checksum of the log that was diagnosed
+    why: str
+    status: str  # `ok`, `failed: ` and why, or `not done: ` and why
+    kind: str | None = None
+    effects: tuple[str, ...] = ()
+    statement: str | None = None
+    diagnosis: str | None = None  # file below the fleet's folder
+    model: str | None = None
+
+    def document(self) -> dict[str, Any]:
+        """As it stands in documents."""
+        return {**asdict(self), "effects": list(self.effects)}
+
+    @property
+    def text(self) -> str:
+        """As a person reads it, without the wheel."""
+        said = f"{self.kind}: {self.statement}" if self.status == OK else self.status
+        return f"{self.day} ({self.why}): {said}"
+
+
+@dataclass(eq=False, frozen=True)
+class Diagnoses(Shown):
+    """The windows of a fleet, in the order in which they ask."""
+
+    folder: str
+    windows: tuple[WindowFinding, ...]
+    computed: int
+    left_out: int  # windows that asked as well, beyond the number that was allowed
+    seconds: float
+
+    @property
+    def whole(self) -> bool:
+        """Whether every window has a diagnosis."""
+        return all(window.status == OK for window in self.windows)
+
+    def document(self) -> dict[str, Any]:
+        """The document of `fleet diagnose --json`."""
+        return {
+            "schema": SCHEMA,
+            "folder": self.folder,
+            "windows": [window.document() for window in self.windows],
+            "computed": self.computed,
+            "left_out": self.left_out,
+            "seconds": self.seconds,
+        }
+
+    def text(self) -> str:
+        """What `fleet diagnose` prints."""
+        lines = [f"{self.folder}: {len(self.windows)} windows, of which {self.computed} were diagnosed now"]
+        lines += [f"  {printable(f'{window.wheel} {window.text}')}" for window in self.windows]
+        if not self.windows:
+            lines.append("  no alarm, residual or trend asks for one")
+        if self.left_out:
+            lines.append(f"  {self.left_out} windows more ask: --most has them done")
+        return "\n".join(lines)
+
+
+def diagnose_windows(
+    folder: FleetFolder, index: FleetIndex, settings: FleetSettings, asked: tuple[Sequence[Window], int],
+    executor: Executor, tick: Callable[[int], object] = lambda n: None,
+) -> Diagnoses:  # fmt: skip
+    """Diagnose the windows that have no diagnosis yet. asked: as `windows_of` gives them.
+
+    tick(n): n windows more are done. Raises BadInputError where the folder cannot be written, RwEkfError where the
+    executor is lost.
+    """
+    began_s = time.perf_counter()
+    windows, left_out = asked
+    logs = {(log.wheel, log.log): log for log in index.logs}
+    tasks = {window: _task(folder, index, settings, logs[window.wheel, window.log], window) for window in windows}
+    missing = {task.path: task for task in tasks.values() if _document(task.path) is None}
+    tick(len(windows) - len(missing))
+    waiting: dict[str, str] = {}
+    for path, task in missing.items():
+        executor.submit(path, diagnose_window, task)
+    for done in executor.as_completed():
+        tick(1)
+        if done.error is not None:
+            waiting[done.key] = str(done.error) or type(done.error).__name__
+    findings = [_finding(folder, window, task, waiting) for window, task in tasks.items()]
+    found = Diagnoses(
+        str(folder.path), tuple(findings), len(missing) - len(waiting), left_out,
+        round(time.perf_counter() - began_s, 3),
+    )  # fmt: skip
+    write_text(folder.diagnosed, found.to_json())
+    return found
+
+
+def read_diagnoses(folder: FleetFolder) -> dict[str, list[WindowFinding]]:
+    """What `fleet diagnose` last found, by wheel; what is of a log that has changed since is left out.
+
+    Raises BadInputError for a damaged document.
+    """
+    try:
+        data = json_of(folder.diagnosed.read_bytes())
+    except OSError:
+        return {}
+    index = read_index(folder)
+    current = {} if index is None else {(log.wheel, log.log): log.content for log in index.logs}
+    found: dict[str, list[WindowFinding]] = {}
+    try:
+        for entry in data["windows"]:
+            window = WindowFinding(**{**entry, "effects": tuple(entry["effects"])})
+            if current.get((window.wheel, window.log)) == window.content:
+                found.setdefault(window.wheel, []).append(window)
+    except (LookupError, TypeError):
+        raise BadInputError(f"{folder.diagnosed}: is damaged: `rw-ekf fleet diagnose` writes it anew") from None
+    return found
+
+
+def _task(folder: FleetFolder, index: FleetIndex, settings: FleetSettings, log: FleetLog, window: Window) -> WindowTask:
+    model, configuration = settings.plain(log.wheel)
+    name = checksum([VERSION, __version__, settings.hash(log.wheel), log.content, log.begins_utc, window.day])
+    path = diagnosis_path(folder.diagnoses.absolute(), log.wheel, window.day, name)
+    return WindowTask(index.directory, str(path), log, window.day, model, configuration, settings.columns)
+
+
+def _finding(folder: FleetFolder, window: Window, task: WindowTask, waiting: Mapping[str, str]) -> WindowFinding:
+    base = WindowFinding(window.wheel, window.day, window.log, task.log.content, window.why, OK)
+    data, path = _document(task.path), Path(task.path)
+    if data is None:
+        return replace(base, status=f"{_NOT_DONE}{waiting.get(task.path, 'the run was ended before it')}")
+    beside = os.path.relpath(path.parent, folder.path.absolute())
+    if str(data["status"]).startswith(FAILED):
+        return replace(base, status=data["status"])
+    verdict = data["diagnosis"]["verdict"]
+    return replace(
+        base,
+        kind=verdict["kind"],
+        effects=tuple(verdict["effects"]),
+        statement=verdict["statement"],
+        diagnosis=f"{beside}/{path.name}",
+        model=None if data["model"] is None else f"{beside}/{data['model']}",
+    )
+
+
+def _document(path: str) -> dict[str, Any] | None:
+    """Of a window that is done; None where it is not there, or damaged."""
+    try:
+        data = json_of(Path(path).read_bytes())
+    except OSError:
+        return None
+    return data if isinstance(data, dict) and data.get("schema") == WINDOW_SCHEMA else None

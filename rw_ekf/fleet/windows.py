@@ -1,0 +1,73 @@
+"""Which days of a fleet are worth a diagnosis, and why: where an alarm, the residual or a trend asks for one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import bdtrc
+
+from rw_ekf.filter.consistency import FALSE_ALARM
+from rw_ekf.fleet.findings import finding_kinds, rows_about, sentence_of
+from rw_ekf.fleet.wheel_trends import WheelTrend
+
+# Chance that a wheel whose residual is noise is looked at for it, over its whole record. A tenth or ten times of it
+# moves the count of days that asks by one: at 365 days it takes four (FALSE_ALARM of each).
+_BY_CHANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class Window:
+    """A day of a log that is to be diagnosed."""
+
+    wheel: str
+    day: str
+    log: str
+    why: str
+
+
+def windows_of(wheels: Sequence[WheelTrend], most: int) -> tuple[list[Window], int]:
+    """The windows of a fleet, at most so many, and how many more asked.
+
+    wheels: the worst first. Each wheel's first window comes before anyone's second.
+    """
+    asked = [list(_of_wheel(wheel)) for wheel in wheels]
+    by_rank = [found[rank] for rank in range(max(map(len, asked), default=0)) for found in asked if rank < len(found)]
+    return by_rank[:most], len(by_rank[most:])
+
+
+def _of_wheel(wheel: WheelTrend) -> Iterator[Window]:
+    """What asks, one window a day, the most telling first."""
+    days, taken = wheel.days, set()
+    for row, why in _reasons(wheel):
+        if days.ok[row] and row not in taken:
+            taken.add(row)
+            yield Window(days.wheel, days.day[row], days.log[row], why)
+
+
+def _reasons(wheel: WheelTrend) -> Iterator[tuple[int, str]]:
+    days = wheel.days
+    good = np.flatnonzero(days.ok)
+    if not good.size:
+        return
+    found = [(kind, name, about) for kind, name, about in finding_kinds(wheel) if kind in ("ages", "changed", "unlike")]
+    for kind, name, about in found:
+        newest = rows_about(wheel.parameters[name], about.before)[1] if kind == "changed" else int(good[-1])
+        place = "the first day after" if kind == "changed" else "the newest day"
+        yield newest, f"{place}: {sentence_of(wheel, kind, name, about)}"
+    for name, trend in wheel.parameters.items():
+        for row in trend.course.known.far_off[::-1]:
+            yield int(row), f"{name} is far off the days around it"
+    alarmed = np.flatnonzero(days.ok & (np.nan_to_num(days.alarms) > 0.0))
+    if alarmed.size:
+        yield int(alarmed[-1]), f"the watch raised {int(days.alarms[alarmed[-1]])} alarms on it"
+    unlike_noise = np.flatnonzero(days.ok & days.not_noise)
+    if unlike_noise.size and bdtrc(unlike_noise.size - 1, good.size, FALSE_ALARM) < _BY_CHANCE:
+        yield int(unlike_noise[-1]), f"its residual is no noise, as on {unlike_noise.size} of {good.size} days"
+    for kind, name, about in found:  # what it was like before stands beside it
+        if kind == "changed":
+            before = rows_about(wheel.parameters[name], about.before)[0]
+            yield before, f"the last day before: {sentence_of(wheel, kind, name, about)}"
+        elif kind == "ages":
+            yield int(good[0]), f"the oldest day: {sentence_of(wheel, kind, name, about)}"

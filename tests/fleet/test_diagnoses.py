@@ -1,0 +1,173 @@
+"""Days of a fleet that are diagnosed: which they are, what is found in them, and that nothing is done twice."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rw_ekf
+from rw_ekf.cli import main
+from rw_ekf.commands.inputs import map_path
+from rw_ekf.fleet.diagnoses import diagnose_windows, read_diagnoses
+from rw_ekf.fleet.executors import ProcessExecutor
+from rw_ekf.fleet.folder import FleetFolder, fleet_folder
+from rw_ekf.fleet.index import read_index
+from rw_ekf.fleet.plan import FleetSettings
+from rw_ekf.fleet.wheel_trends import trends_of
+from rw_ekf.fleet.windows import Window, windows_of
+from rw_ekf.logs.column_map import load_column_map
+from rw_ekf.wheel.model_file import read_model
+from tests.contract import check_document
+from tests.fleet.fleets import run_with
+from tests.fleet.test_trends import wheel_days
+
+pytestmark = pytest.mark.xdist_group("fleet")
+_EFFECT_FROM = 4  # of the days of the wheel "drags": from then on its drag has a quadratic part
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two wheels over seven days; one gets an undeclared drag on the fifth. Written by the simulator of one wheel."""
+    here = tmp_path_factory.mktemp("diagnosed") / "logs"
+    for wheel, effect in (("drags", ["quadratic_drag"]), ("sound", [])):
+        for day in range(7):
+            effects = effect if day >= _EFFECT_FROM else []
+            log = rw_ekf.simulate("identification", effects=effects, seed=day)
+            (here / wheel).mkdir(parents=True, exist_ok=True)
+            log.save(here / wheel / f"2026-03-{day + 1:02d}.parquet")
+    return here
+
+
+def _finding(folder: FleetFolder, executor: Any, *windows: Window, settings: FleetSettings | None = None) -> Any:
+    index = read_index(folder)
+    assert index is not None
+    return diagnose_windows(folder, index, settings or FleetSettings(), (windows, 0), executor)
+
+
+@pytest.mark.slow
+def test_an_undeclared_drag_is_found_on_the_days_that_have_it(logs: Path, executor: Any) -> None:
+    """The fleet asks by itself for a day that has it, the diagnosis names it, and the model it leaves can be read.
+
+    Before that day, and on the sound wheel, nothing is found; a second run does nothing.
+    """
+    folder = fleet_folder(logs)
+    run_with(executor, logs)
+    asked, _ = windows_of(rw_ekf.fleet.trends(logs).worst_first, 10)
+    assert {window.wheel for window in asked} == {"drags"}
+    assert any(window.day >= f"2026-03-{_EFFECT_FROM + 1:02d}" for window in asked)
+    early = Window("drags", "2026-03-02", "drags/2026-03-02.parquet", "to compare")
+    sound = Window("sound", "2026-03-06", "sound/2026-03-06.parquet", "to compare")
+    found = _finding(folder, executor, *asked, early, sound)
+    check_document(found.document())
+    assert found.whole
+    for window in found.windows:
+        late = window.wheel == "drags" and window.day > f"2026-03-{_EFFECT_FROM:02d}"
+        assert (window.kind, window.effects) == (("effect", ("quadratic_drag",)) if late else ("adequate", ())), window
+        if late:
+            assert window.model is not None
+            assert read_model(folder.path / window.model).effects.size == 1
+    again = _finding(folder, executor, *asked, early, sound)
+    assert (again.computed, again.windows) == (0, found.windows)
+    assert read_diagnoses(folder)["drags"] == [window for window in found.windows if window.wheel == "drags"]
+
+
+@pytest.mark.slow
+def test_what_was_cut_short_changed_or_failed(logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A window without its document is done again to the same bytes; a damaged one too; a log that cannot be diagnosed
+    is a finding with the reason and status 1; of a log that changed since, trends say nothing any more."""
+    here = tmp_path / "logs"
+    (here / "sound").mkdir(parents=True)
+    for day in (1, 2):
+        name = f"2026-03-{day:02d}.parquet"
+        (here / "sound" / name).write_bytes((logs / "sound" / name).read_bytes())
+    assert rw_ekf.fleet.run(here, workers=1).whole
+    folder = fleet_folder(here)
+    windows = [Window("sound", f"2026-03-0{day}", f"sound/2026-03-0{day}.parquet", "asked") for day in (1, 2)]
+    with ProcessExecutor(1) as executor:
+        first = _finding(folder, executor, *windows)
+        path = folder.path / str(first.windows[0].diagnosis)
+        before = path.read_bytes()
+        path.unlink()
+        (folder.path / str(first.windows[1].diagnosis)).write_bytes(before[: len(before) // 2])
+        second = _finding(folder, executor, *windows)
+        assert (second.computed, second.windows) == (2, first.windows)
+        assert path.read_bytes() == before
+        foreign = FleetSettings(columns=load_column_map(map_path("columns-emps.yaml")), columns_text="other columns")
+        (failed,) = _finding(folder, executor, windows[0], settings=foreign).windows
+        assert "column 't_s' is not in sound/2026-03-01.parquet" in failed.status
+        changed = here / "sound" / "2026-03-02.parquet"
+        changed.write_bytes(changed.read_bytes() + b"x")
+        path.unlink()
+        third = _finding(folder, executor, windows[0], replace(windows[1], why="asked again"))
+        (folder.path / str(first.windows[1].diagnosis)).unlink()
+        fourth = _finding(folder, executor, *windows)
+    assert (third.whole, fourth.whole) == (True, False)
+    assert "changed while the fleet ran" in fourth.windows[1].status
+    rw_ekf.fleet.build(here)
+    assert [window.day for window in read_diagnoses(folder)["sound"]] == ["2026-03-01"]
+    folder.diagnosed.write_text('{"windows": [{}]}')
+    assert main(["fleet", "trends", str(here)]) == 2
+    assert "fleet diagnose` writes it anew" in capsys.readouterr().err
+
+
+def test_windows_are_the_days_that_ask() -> None:
+    """A step: the day after it and the day before; a day far off; alarms; a residual that is none more often than by
+    chance; and each wheel's first before anyone's second."""
+    rng = np.random.default_rng(3)
+    value = 0.6 + 0.001 * rng.standard_normal(60)
+    stepped, far, alarmed = value.copy(), value.copy(), wheel_days(value, 0.001)
+    stepped[30:] *= 1.2
+    far[20] *= 1.3
+    alarmed.alarms[:] = 0.0
+    alarmed.alarms[[7, 11]] = 2.0
+    noisy, chance = wheel_days(value, 0.001), wheel_days(value, 0.001)
+    noisy.not_noise[[3, 40, 50]] = True
+    chance.not_noise[5] = True
+    all_days = {"S": wheel_days(stepped, 0.001), "F": wheel_days(far, 0.001), "A": alarmed, "N": noisy, "C": chance}
+    wheels = trends_of([replace(days, wheel=name) for name, days in all_days.items()], {}).wheels
+    found, _ = windows_of(wheels, 100)
+    by_wheel = {name: [(each.day, each.why) for each in found if each.wheel == name] for name in all_days}
+    day = all_days["S"].day
+    assert by_wheel["S"][0][0] == day[30]
+    assert by_wheel["S"][0][1].startswith("the first day after: motor_gain stepped by 19.89 ")
+    assert day[29] in [each for each, _ in by_wheel["S"][1:]]
+    assert by_wheel["F"] == [(day[20], "motor_gain is far off the days around it")]
+    assert by_wheel["A"] == [(day[11], "the watch raised 2 alarms on it")]
+    assert by_wheel["N"] == [(day[50], "its residual is no noise, as on 3 of 60 days")]
+    assert by_wheel["C"] == []
+    few, more = windows_of(wheels, 3)
+    assert [window.wheel for window in few] == ["S", "F", "A"]
+    assert more == len(found) - 3
+
+
+def test_wrong_words_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing run yet; --most of another action; --most 0."""
+    for arguments, said in (
+        (["fleet", "diagnose", str(tmp_path)], "has no results yet"),
+        (["fleet", "trends", str(tmp_path), "--most", "3"], "--most 3: counts the windows of `fleet diagnose`"),
+        (["fleet", "diagnose", str(tmp_path), "--most", "0"], "1 or more"),
+    ):
+        assert main(arguments) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_the_command_has_the_document(logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A sound wheel asks for nothing: an empty document, and a sentence."""
+    here = tmp_path / "logs" / "sound"
+    here.mkdir(parents=True)
+    for path in sorted((logs / "sound").iterdir()):
+        (here / path.name).write_bytes(path.read_bytes())
+    assert rw_ekf.fleet.run(tmp_path / "logs", workers=1).whole
+    capsys.readouterr()
+    assert main(["fleet", "diagnose", str(tmp_path / "logs"), "--workers", "1", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    check_document(document)
+    assert (document["windows"], document["left_out"]) == ([], 0)
+    assert (
+        rw_ekf.fleet.diagnose(tmp_path / "logs", workers=1).text().endswith("no alarm, residual or trend asks for one")
+    )
