@@ -80,6 +80,7 @@ def fit_log(
     *,
     stribeck_speed_std: float = 0.0,
     until_still: bool = False,
+    along_filter: bool = True,
     advance: Callable[[], object] = lambda: None,
 ) -> LogFit:
     """Fit the four parameters to all of `course` from `start`; constants give R to begin with and the Stribeck curve.
@@ -89,6 +90,8 @@ def fit_log(
     stribeck_speed_std: where the Stribeck speed is a guess, how far it may be off [rad/s]; it is then fitted too, and
     what is not known of it is in the parameters' covariance. The readings must not be all missing.
     until_still: go on where the steps have not vanished yet; the noises alone can do without.
+    along_filter: fit along the path of the filter with the start's parameters too, and keep the likelier; False: only
+    along the readings, which no torque noise has been told to.
     """
     noise = float(np.sqrt(constants.speed_variance))
     everything = np.ones(course.samples, dtype=bool)
@@ -104,8 +107,10 @@ def fit_log(
         known = known.with_coefficient(free.id, omega_s, stribeck_speed_std)
     advance()
     seen = bare.base if effects.table().hidden else bare
-    starts = [read_trajectory(course, noise), smoothed_by_filter(course, everything, seen, constants, noise)]
-    fit = robust_fit(record, model, known, noise, starts)
+    paths = [read_trajectory(course, noise)]
+    if along_filter:
+        paths.append(smoothed_by_filter(course, everything, seen, constants, noise))
+    fit = robust_fit(record, model, known, noise, paths)
     advance()
     noises = noise_posterior(fit)
     if until_still and not _is_small(noises):

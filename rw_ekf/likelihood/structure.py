@@ -64,40 +64,34 @@ def structure(fit: Fit) -> Structure:
     extra = _regressors(fit)
     best_with, best_without = -math.inf, -math.inf
     with_value, without_value = 0.0, 0.0
-    freedom = 0
+    combine = np.zeros((0, 0))
     pull = np.zeros((0, fit.model.vector.size)) if fit.prior is None else prior_rows(fit.prior, fit.model)[0]
-    scale = fit.noise.variance
-    keep = np.zeros(extra.shape[1], dtype=bool)
+    own = linearised.jacobian.shape[1]
     for number in range(_RATIOS_BELOW + 1):
         ratio = max(fit.noise.ratio * math.exp(-_STEP * number), LEAST_RATIO)
-        r, A, logs = linearised.whitened(ratio, scale, np.column_stack((linearised.jacobian, extra)))
-        own, more = A[:, : linearised.jacobian.shape[1]], A[:, linearised.jacobian.shape[1] :]
-        Q, sizes = _basis(own, pull)
-        left, beside = r - Q @ (Q.T @ r), more - Q @ (Q.T @ more)
+        r, A, logs = linearised.whitened(ratio, fit.noise.variance, np.column_stack((linearised.jacobian, extra)))
+        beside, left, sizes = _beside(A[:, :own], A[:, own:], r, pull)
         if number == 0:
-            lengths = np.linalg.norm(more, axis=0)
-            keep = np.linalg.norm(beside, axis=0) > _OWN_SHARE * np.maximum(lengths, 1.0e-300)
-            _, spread, T = np.linalg.svd(beside[:, keep] / lengths[keep], full_matrices=False)
-            freedom = int(np.sum(spread > _OWN_SHARE))
-            combine = (T[:freedom].T / spread[:freedom]) / lengths[keep][:, None]
-            if freedom == 0:
+            combine = _combination(beside, np.linalg.norm(A[:, own:], axis=0))
+            if combine.shape[1] == 0:
                 return Structure(0.0, 0, None)
-        beside = beside[:, keep] @ combine
-        triangle = np.asarray(np.linalg.qr(np.column_stack((beside, left)), mode="r"))
-        value = _value(float(left @ left), r.size, logs)
-        merit = value - sizes + 0.5 * own.shape[1] * math.log(max(float(left @ left), 1.0e-12) / r.size)
+        freedom = combine.shape[1]
+        triangle = np.asarray(np.linalg.qr(np.column_stack((beside @ combine, left)), mode="r"))
+        rss = float(left @ left)
+        value = _value(rss, r.size, logs)
+        merit = value - sizes + 0.5 * own * math.log(max(rss, 1.0e-12) / r.size)
         if merit > best_without:
             best_without, without_value = merit, value
         rss = float(triangle[freedom, freedom]) ** 2
         value = _value(rss, r.size, logs)
-        merit = value - sizes + 0.5 * (own.shape[1] + freedom) * math.log(max(rss, 1.0e-12) / r.size)
+        merit = value - sizes + 0.5 * (own + freedom) * math.log(max(rss, 1.0e-12) / r.size)
         merit -= float(np.sum(np.log(np.abs(np.diag(triangle)[:freedom]))))
         if merit > best_with:
             best_with, with_value = merit, value
         if ratio == LEAST_RATIO:
             break
     statistic = max(2.0 * (with_value - without_value), 0.0)
-    return Structure(statistic, freedom, chi_square_tail(statistic / _INFLATION, freedom))
+    return Structure(statistic, combine.shape[1], chi_square_tail(statistic / _INFLATION, combine.shape[1]))
 
 
 def _value(rss: float, count: int, logs: float) -> float:
@@ -105,13 +99,31 @@ def _value(rss: float, count: int, logs: float) -> float:
     return -0.5 * (count * math.log(max(rss, 1.0e-12) / count) + logs)
 
 
-def _basis(own: Float64Array, pull: Float64Array) -> tuple[Float64Array, float]:
-    """Orthonormal basis (n, p) of the model's own regressors, and half the log-determinant of their information."""
-    triangle = np.asarray(np.linalg.qr(np.vstack((own, pull)), mode="r"))
-    diagonal = np.abs(np.diag(triangle))
+def _beside(
+    own: Float64Array, more: Float64Array, r: Float64Array, pull: Float64Array
+) -> tuple[Float64Array, Float64Array, float]:
+    """What of the regressors `more` (n, m) and of r (n,) the model's own (n, p) leave: (m + 1, m) and (m + 1,).
+
+    In the coordinates of one orthogonal triangularisation, in which lengths and angles are what they were. With them
+    half the log-determinant of the information of the model's own, its prior's rows `pull` (k, p) among it.
+    """
     seen = np.linalg.norm(own, axis=0) > 0.0
-    Q, _ = np.linalg.qr(own[:, seen])
-    return Q, float(np.sum(np.log(np.maximum(diagonal, 1.0e-300))))
+    p = int(np.count_nonzero(seen))
+    R = np.asarray(np.linalg.qr(np.column_stack((own[:, seen], more, r)), mode="r"))
+    known = np.zeros((p, own.shape[1]))
+    known[:, seen] = R[:p, :p]
+    diagonal = np.abs(np.diag(np.asarray(np.linalg.qr(np.vstack((known, pull)), mode="r"))))
+    return R[p:, p:-1], R[p:, -1], float(np.sum(np.log(np.maximum(diagonal, 1.0e-300))))
+
+
+def _combination(beside: Float64Array, lengths: Float64Array) -> Float64Array:
+    """Combinations (m, freedom) of regressors of these lengths (m,) that the model's own cannot follow."""
+    keep = np.linalg.norm(beside, axis=0) > _OWN_SHARE * np.maximum(lengths, 1.0e-300)
+    _, spread, T = np.linalg.svd(beside[:, keep] / lengths[keep], full_matrices=False)
+    told = spread > _OWN_SHARE
+    found = np.zeros((beside.shape[1], int(np.count_nonzero(told))))
+    found[keep] = (T[told].T / spread[told]) / lengths[keep][:, None]
+    return found
 
 
 def _regressors(fit: Fit) -> Float64Array:
