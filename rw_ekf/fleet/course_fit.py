@@ -37,6 +37,8 @@ class Points:
     value: Float64Array  # (n,)
     variance: Float64Array  # (n,) of the days' own errors
     share: Float64Array  # (n,) of the white scatter's variance that a point has: 1 for a day
+    spread_y: Float64Array  # (n,) half the mean distance between the days of a point: 0 for a day
+    now_y: float  # the last day, which may be later than the last point
     warmth_K: Float64Array | None  # (n,) temperature over the fleet's own; None: not taken out
 
 
@@ -54,7 +56,7 @@ class Step:
 class CourseFit:
     """What a course says. Levels are at the fleet's own temperature, rates per year."""
 
-    level: float  # now: at the last point, with what the walk has done
+    level: float  # on the last day, with what the walk has done
     level_std: float
     began: float  # the line at the first point
     rate: float
@@ -107,13 +109,14 @@ class _Grid:
         scale, span = _scale(points), max(float(t[-1]), 1e-6)
         scatters, walks = np.meshgrid(scale * np.array(_SCATTERS), scale * np.array(_WALKS), indexing="ij")
         self._scatter, self._walk = scatters.ravel(), walks.ravel() / np.sqrt(span)
-        self._brown = np.minimum.outer(t, t)
+        # Of two points' means min(t, t'); of one with itself, of its days s and s', E min(s, s') = t - spread.
+        self._brown = np.minimum.outer(t, t) - np.diag(points.spread_y)
         V = self._walk[:, None, None] ** 2 * self._brown
         at = np.arange(t.size)
         V[:, at, at] += points.variance + self._scatter[:, None] ** 2 * points.share + 1e-12 * scale**2
         L = np.linalg.cholesky(V)
         candidates = np.column_stack([_risen(t.size, place) for place in self._candidates()] or [np.zeros_like(t)])
-        last = self._walk[:, None] ** 2 * self._brown[-1]  # covariance of the walk now with the walk then
+        last = self._walk[:, None] ** 2 * t  # covariance of the walk now with the walk then
         right = np.concatenate(
             [np.broadcast_to(A, (L.shape[0], *A.shape)) for A in (X, y[:, None], candidates)], axis=2
         )
@@ -156,11 +159,12 @@ class _Grid:
         weights = self._weights
         beta, std = _averaged(weights, self._beta, np.diagonal(self._covariance, axis1=1, axis2=2))
         now = np.array([column[-1] for column in self._columns])
+        now[1] = self._points.now_y
         if self._points.warmth_K is not None:
             now[2] = 0.0
         reach = now - np.einsum("gni,gn->gi", self._X, self._c)
         level = self._beta @ now + np.einsum("gn,gn->g", self._c, self._residual)
-        variance = self._walk**2 * self._points.time_y[-1] - np.einsum("gn,gn->g", self._c, self._c)
+        variance = self._walk**2 * self._points.now_y - np.einsum("gn,gn->g", self._c, self._c)
         variance += np.einsum("gi,gij,gj->g", reach, self._covariance, reach)
         level_mean, level_std = _averaged(weights, level[:, None], np.maximum(variance, 0.0)[:, None])
         first = 2 if self._points.warmth_K is None else 3

@@ -5,6 +5,7 @@ A course of many days is fitted to means over equal spans; none of them reaches 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -127,9 +128,20 @@ def _points(known: KnownDays, breaks: Sequence[int]) -> tuple[Points, Int64Array
         value=mean(known.value),
         variance=np.add.reduceat(weight**2 * known.variance, starts) / total**2,
         share=np.add.reduceat(weight**2, starts) / total**2,
+        spread_y=_spreads(known.time_y, weight, starts),
+        now_y=float(known.time_y[-1]),
         warmth_K=None if known.warmth_K is None else mean(known.warmth_K),
     )
     return points, starts
+
+
+def _spreads(time_y: Float64Array, weight: Float64Array, starts: Int64Array) -> Float64Array:
+    """Half the mean distance between two days of each span, by weight: so much less varies the mean of a walk, (n,)."""
+    found = np.zeros(starts.size)
+    for place, (first, end) in enumerate(itertools.pairwise([*starts, time_y.size])):
+        w, t = weight[first:end] / weight[first:end].sum(), time_y[first:end]
+        found[place] = 0.5 * float(w @ np.abs(np.subtract.outer(t, t)) @ w)
+    return found
 
 
 def _day_of_step(known: KnownDays, points: Points, starts: Int64Array, fit: CourseFit, before: int) -> int:

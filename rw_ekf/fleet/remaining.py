@@ -59,7 +59,7 @@ def limits_of(texts: Sequence[str]) -> dict[str, Limit]:
 
 
 def remaining(fit: CourseFit, limit: float) -> Remaining:
-    """Time from the last point on. fit: of the course; the walk goes on as it was.
+    """Time from the last day on. fit: of the course; the walk goes on as it was.
 
     The first passage of a Brownian motion of rate m and size q over a distance d has an inverse Gaussian distribution,
     of mean d / |m| and shape d^2 / q^2; where it drifts away it gets there at all with exp(2 m d / q^2) (Cox and Miller

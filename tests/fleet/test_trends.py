@@ -32,7 +32,7 @@ def _one_thread() -> Any:
 
 def points(value: Float64Array, std: float, years: float = 1.0, warmth_K: Float64Array | None = None) -> Points:
     n = value.size
-    return Points(np.linspace(0.0, years, n), value, np.full(n, std**2), np.ones(n), warmth_K)
+    return Points(np.linspace(0.0, years, n), value, np.full(n, std**2), np.ones(n), np.zeros(n), years, warmth_K)
 
 
 def wheel_days(value: Float64Array, std: float, temperature_degC: float | Float64Array = 20.0) -> WheelDays:
@@ -189,6 +189,41 @@ def test_remaining_time_of_a_walk_is_that_of_simulated_walks() -> None:
     ours = found.years_05, found.years_50, found.years_95
     for one, other in zip(ours, np.quantile(first, (0.05, 0.5, 0.95)), strict=True):
         assert one == pytest.approx(other, rel=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("walk", [0.0, 0.03])
+def test_level_rate_and_remaining_time_hold_what_they_say(walk: float) -> None:
+    """Of a hundred simulated wheels that wear by 5 to 40 % a year, and wander or do not, after a year of days.
+
+    Level and rate miss by their own sigmas, and the limit is reached within nine in ten of the bands of nine in ten.
+    """
+    rng = np.random.default_rng(12)
+    days, after = 365, 15_000
+    wheels, courses, rates = [], [], []
+    for number in range(100):
+        rate = rng.uniform(0.05, 0.4)
+        wander = walk * np.cumsum(rng.standard_normal(days + after)) / np.sqrt(365.25)
+        true = 0.6 * (1.0 + rate * np.arange(days + after) / 365.25 + wander)
+        seen = true[:days] + 0.003 * rng.standard_normal(days)
+        wheels.append(replace(wheel_days(seen, 0.002), wheel=f"W{number:03d}"))
+        courses.append(true)
+        rates.append(0.6 * rate)
+    off: list[list[float]] = [[], []]
+    early = late = 0
+    for wheel, true, rate in zip(trends_of(wheels, limits_of(["coulomb=+50%"])).wheels, courses, rates, strict=True):
+        trend = wheel.parameters["coulomb"]
+        assert trend.remaining is not None
+        off[0].append((trend.fit.level - true[days - 1]) / trend.fit.level_std)
+        off[1].append((trend.fit.rate - rate) / trend.fit.rate_std)
+        reached = float(np.argmax(true[days:] >= trend.remaining.limit) + 1) / 365.25
+        early += reached < trend.remaining.years_05
+        late += reached > trend.remaining.years_95
+    for misses in off:
+        assert 0.4 < np.sqrt(np.mean(np.square(misses))) < 1.3
+        assert abs(np.mean(misses)) < 0.4
+    assert early <= 12  # a binomial of .05 is above that once in 500
+    assert late <= 12
 
 
 def test_limits_are_typed_as_values_or_shares() -> None:
