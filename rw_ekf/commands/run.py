@@ -48,7 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="tell the daemon of this port to leave SAFE; where none is running, an ordinary start",
+        help="tell the daemon of this port to leave SAFE, of a line with the one wheel of --wheel; where none is "
+        "running, an ordinary start",
     )
 
 
@@ -75,20 +76,21 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.commands.run_process import supervised
-    from rw_ekf.errors import BadInputError, UsageError
+    from rw_ekf.errors import BadInputError, DriverError
     from rw_ekf.page.beside_run import page_beside
     from rw_ekf.settings.load import load_configurations, one_of_wheels
 
     configurations = load_configurations(args.config)
-    together = args.wheel is None and len(configurations) > 1
+    together = args.wheel is None and len(configurations) > 1 and not args.resume  # a word is for one that is named
     if together and args.model is not None:
         raise BadInputError("--model: it would be every wheel's: give filter.model in each entry of wheels instead")
-    if args.resume and len(configurations) > 1 and not together:
-        raise UsageError("--resume is for all wheels of a line, which one daemon drives: leave out --wheel")
+    of_line = len(configurations) > 1
     if not together:
         configurations = (one_of_wheels(configurations, args.config, args.wheel),)
     if args.resume:
-        status = _resumed(configurations, json=args.json, together=together)
+        status = _resumed(configurations[0], of_line=of_line, json=args.json)
+        if status is None and of_line:
+            raise DriverError(f"{configurations[0].wheel.port}: no run drives this line: nothing to resume")
         if status is not None:
             return status
     if args.view is not None:
@@ -104,23 +106,19 @@ def execute(args: argparse.Namespace) -> int:
         return supervised(configurations, args, run) if args.supervise else run(keep_safe=args.keep_safe)
 
 
-def _resumed(configurations: tuple[Configuration, ...], *, json: bool, together: bool) -> int | None:
-    """Tell the daemon to let its wheel, or every one of a line, leave SAFE; None where none is running."""
+def _resumed(configuration: Configuration, *, of_line: bool, json: bool) -> int | None:
+    """Tell the daemon to let its wheel leave SAFE; None where none is running."""
     from rw_ekf.json_output import print_json
     from rw_ekf.live.resume import resume_daemon
 
-    told = [(configuration.wheel.name, resume_daemon(configuration)) for configuration in configurations]
-    found = [(name, resumed) for name, resumed in told if resumed is not None]
-    if not found:
+    resumed = resume_daemon(configuration, of_line=of_line)
+    if resumed is None:
         return None
-    if json and together:
-        wheels = [{"wheel": name, **resumed.document()} for name, resumed in found]
-        print_json({"schema": "rw_ekf.bus_resume/1", "wheels": wheels})
-    elif json:
-        print_json(found[0][1].document())
+    if json:
+        print_json(resumed.document())
     else:
-        sys.stdout.write("".join(f"{name}: {one.text}\n" if together else f"{one.text}\n" for name, one in found))
-    return 0 if all(resumed.left_safe for _, resumed in found) else 1
+        sys.stdout.write(f"{resumed.text}\n")
+    return 0 if resumed.left_safe else 1
 
 
 def run_and_report(

@@ -165,9 +165,12 @@ def test_a_line_keeps_safe_where_a_service_starts_it_again(
     assert asked == [bool(given)]
 
 
-def test_resume_is_of_all_wheels_of_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One word reaches the one daemon that drives them: a name beside it would promise what is not so."""
+def test_resume_on_a_line_takes_a_name_and_begins_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A wheel that moves again is asked for by name, also with --supervise; where nothing runs, nothing begins."""
     path = tmp_path / "bus.yaml"
     path.write_text(GOOD, encoding="utf-8")
-    assert main(["run", "--config", str(path), "--wheel", "rw-y", "--resume"]) == 2
-    assert "leave out --wheel" in capsys.readouterr().err
+    for more in ([], ["--supervise"]):
+        assert main(["run", "--config", str(path), "--resume", *more]) == 2
+        assert "--wheel NAME, of rw-x, rw-y" in capsys.readouterr().err
+        assert main(["run", "--config", str(path), "--wheel", "rw-y", "--resume", *more]) == 1
+        assert "no run drives this line: nothing to resume" in capsys.readouterr().err
