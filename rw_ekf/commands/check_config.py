@@ -79,11 +79,12 @@ def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
 
 
 def _together(wheels: list[tuple[YamlDocument, Configuration]]) -> list[str]:
-    """What keeps several wheels from sharing their line."""
-    from rw_ekf.attach import beyond_line, spoken_by
+    """What keeps several wheels from sharing their line, at this rate."""
+    from rw_ekf.attach import beyond_line, beyond_rate, spoken_by
 
     if len(wheels) == 1:
         return []
     configurations = [configuration for _, configuration in wheels]
-    found = beyond_line(configurations, [spoken_by(configuration) for configuration in configurations])
+    protocols = [spoken_by(configuration) for configuration in configurations]
+    found = beyond_line(configurations, protocols) or beyond_rate(configurations, protocols)
     return [f"{wheels[index][0].where(keys)}: {text}" for index, keys, text in found]

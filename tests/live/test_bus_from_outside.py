@@ -106,7 +106,9 @@ def test_a_word_to_resume_is_for_the_wheel_that_was_named(tmp_path: Path) -> Non
                 plant = bench[name].electronics.plant
                 plant.parameters = plant.parameters._replace(ambient_degC=degC)
                 plant.state = plant.state._replace(temperature_degC=degC)
-            wait_for(lambda: [states(bench)[name] for name in NAMES] == ["TRACKING", "SAFE", "SAFE", "TRACKING"], LONG_S)
+            wait_for(
+                lambda: [states(bench)[name] for name in NAMES] == ["TRACKING", "SAFE", "SAFE", "TRACKING"], LONG_S
+            )
         counts = {name: len(bench[name].written) for name in NAMES}
         run.send_signal(signal.SIGUSR1)
         nameless = rw_ekf("run", "--resume", "--config", str(bench.path))
