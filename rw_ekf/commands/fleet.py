@@ -36,9 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", metavar="DIR", help="directory of logs, or the fleet's folder in it")
     parser.add_argument("-o", "--out", metavar="DIR", help="the fleet's folder (default: `fleet` in the directory)")
     parser.add_argument("--columns", metavar="MAP", help="column map (YAML) of foreign logs; see docs/logs.md")
-    add_config_option(
-        parser, "noise, prior, Stribeck speed; without it each wheel's model or first log tells", one_wheel=False
-    )
+    add_config_option(parser, "noise, prior, Stribeck speed; without it each wheel's model or first log tells")
     parser.add_argument(
         "--model", metavar="F", help="model to start from, or a folder of WHEEL.yaml for a wheel and default.yaml"
     )
@@ -73,11 +71,12 @@ def _build(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from rw_ekf.commands.first_use import make_ready
-    from rw_ekf.commands.inputs import map_path
+    from rw_ekf.commands.inputs import map_path, read_configuration
     from rw_ekf.compile_ahead import EFFECTS, FIT
     from rw_ekf.console import progress
     from rw_ekf.fleet.public import run
 
+    configuration = read_configuration(args)
     if args.scheduler is None:
         make_ready((*FIT, *EFFECTS) if args.model is not None or args.config is not None else FIT)
     with progress("fleet", None, " logs") as bar:
@@ -85,7 +84,7 @@ def _run(args: argparse.Namespace) -> int:
             args.directory,
             args.out,
             model=args.model,
-            configuration=args.config,
+            configuration=configuration,
             columns=None if args.columns is None else map_path(args.columns),
             workers=args.workers,
             scheduler=args.scheduler,

@@ -21,6 +21,7 @@ _OF_THE_LINE = ("port", "baud", "dtr", "rts", "echo")  # keys of `wheel` that no
 _OWN_SECTIONS = tuple(name for name in SECTIONS if name not in ("wheel", "loop"))
 _OWN_KEYS = tuple(key for key in WheelSection.model_fields if key not in _OF_THE_LINE)
 _HOST = re.compile(r"(\w+://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+)(:\d+(?:/.*)?)")  # as the schema has HOST:PORT
+_SAME_HOST = {"localhost": "127.0.0.1", "[::1]": "127.0.0.1", "0.0.0.0": "", "[::]": ""}  # where a socket listens
 # Places that two runs at once cannot share: (section, key).
 _OWN_PLACES = (("output", "prometheus"), ("output", "plotjuggler"), ("output", "mqtt"), ("compensation", "socket"))
 
@@ -126,12 +127,7 @@ def _place(text: str) -> tuple[str, str, str]:
     if match is None:
         return "", "path", os.path.abspath(text)
     before, host, after = match.groups()
-    host = host.lower()
-    return (
-        before or "",
-        {"localhost": "127.0.0.1", "[::1]": "127.0.0.1", "0.0.0.0": "", "[::]": ""}.get(host, host),
-        after,
-    )
+    return before or "", _SAME_HOST.get(host.lower(), host.lower()), after
 
 
 def shared_findings(documents: list[WheelDocument], configurations: list[Configuration]) -> list[str]:

@@ -130,23 +130,22 @@ def test_a_word_to_resume_is_for_the_wheel_that_was_named(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_one_wheel_of_a_line_that_runs_alone_hears_no_word_for_another(tmp_path: Path) -> None:
     """`run --wheel rw-x` latches; a word for rw-y of the same file is told to nobody, and said to be so."""
-    with served_bus(tmp_path) as bench:
-        with program("run", "--config", str(bench.path), "--wheel", "rw-x") as run:
-            wait_for(lambda: is_driven(bench, "rw-x"), LONG_S)
-            plant = bench["rw-x"].electronics.plant
-            for degC in (80.0, 20.0):
-                plant.parameters = plant.parameters._replace(ambient_degC=degC)
-                plant.state = plant.state._replace(temperature_degC=degC)
-                wait_for(lambda: states(bench)["rw-x"] == "SAFE", LONG_S)
-            count = len(bench["rw-x"].written)
-            other = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-y")
-            assert other.returncode == 1
-            assert "publishes nothing of rw-y here, and was told nothing" in other.stdout
-            assert set(bench["rw-x"].currents_A[count:]) == {0.0}
-            own = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-x")
-            assert own.returncode == 0, own.stdout
-            run.send_signal(signal.SIGTERM)
-            run.communicate(timeout=LONG_S)
+    with served_bus(tmp_path) as bench, program("run", "--config", str(bench.path), "--wheel", "rw-x") as run:
+        wait_for(lambda: is_driven(bench, "rw-x"), LONG_S)
+        plant = bench["rw-x"].electronics.plant
+        for degC in (80.0, 20.0):
+            plant.parameters = plant.parameters._replace(ambient_degC=degC)
+            plant.state = plant.state._replace(temperature_degC=degC)
+            wait_for(lambda: states(bench)["rw-x"] == "SAFE", LONG_S)
+        count = len(bench["rw-x"].written)
+        other = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-y")
+        assert other.returncode == 1
+        assert "publishes nothing of rw-y here, and was told nothing" in other.stdout
+        assert set(bench["rw-x"].currents_A[count:]) == {0.0}
+        own = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-x")
+        assert own.returncode == 0, own.stdout
+        run.send_signal(signal.SIGTERM)
+        run.communicate(timeout=LONG_S)
 
 
 @pytest.mark.slow
