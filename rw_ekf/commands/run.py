@@ -102,7 +102,8 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.commands.run_bus import run_bus
 
         run = partial(run_bus, configurations, args)
-    with page_beside(configurations[0].output.directory, args.config, args.view):
+    folders = dict.fromkeys(configuration.output.directory for configuration in configurations)
+    with page_beside(folders, args.config, args.view):
         return supervised(configurations, args, run) if args.supervise else run(keep_safe=args.keep_safe)
 
 

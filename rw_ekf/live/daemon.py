@@ -138,7 +138,7 @@ def turns_of_run(
                 process=own_process() | {"resume_signal": place.resumed_by},
             )
             way_out.sinks = sinks_of(run)
-            logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
+            logger.info("attached", source=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
             readings = _with_metadata(live, live.readings(run.total_s), run, configuration, start)
             if commander is None:
                 readings, issue = following(readings)

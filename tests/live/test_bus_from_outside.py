@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import urllib.request
 from pathlib import Path
 from typing import Any
 
@@ -142,10 +143,32 @@ def test_one_wheel_of_a_line_that_runs_alone_hears_no_word_for_another(tmp_path:
         assert other.returncode == 1
         assert "publishes nothing of rw-y here, and was told nothing" in other.stdout
         assert set(bench["rw-x"].currents_A[count:]) == {0.0}
+        wait_for(lambda: len(bench["rw-x"].written) > count + 10, LONG_S)  # it knows that it has cooled down
         own = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-x")
         assert own.returncode == 0, own.stdout
         run.send_signal(signal.SIGTERM)
         run.communicate(timeout=LONG_S)
+
+
+@pytest.mark.slow
+def test_the_page_of_a_line_shows_every_wheel_and_stops_all(tmp_path: Path) -> None:
+    """`run --view`: a run of each wheel, one of them in a folder of its own; the button's word ends it, at zero."""
+    elsewhere = {"rw-z": {"output": {"directory": str(tmp_path / "elsewhere")}}}
+    with served_bus(tmp_path, wheels=elsewhere) as bench:
+        with program("run", "--config", str(bench.path), "--view", "127.0.0.1:0") as run:
+            assert run.stderr is not None
+            address, _, token = next(line for line in run.stderr if "#token=" in line).strip().partition("#token=")
+            wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
+            with urllib.request.urlopen(f"{address}api/runs", timeout=LONG_S) as answer:
+                told = json.loads(answer.read())
+            assert {name.partition("Z_")[2] for name in told["runs"]} == set(NAMES)
+            assert told["wheels"] == len(NAMES)
+            request = urllib.request.Request(f"{address}api/stop", method="POST", headers={"x-token": token})
+            with urllib.request.urlopen(request, timeout=LONG_S) as answer:
+                assert json.loads(answer.read())["zero_confirmed"]
+            run.communicate(timeout=LONG_S)
+        assert run.returncode == 0
+        assert {bench[name].electronics.command_A for name in NAMES} == {0.0}
 
 
 @pytest.mark.slow
