@@ -41,7 +41,7 @@ def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> 
 
 
 class _Server(uvicorn.Server):
-    """One that a signal ends; not before those who asked for a stop have the answer: it ends the run, and so the page."""
+    """One that a signal ends; not before who asked for a stop has the answer: that ends the run, and so the page."""
 
     def __init__(self, configuration: uvicorn.Config, place: Place) -> None:
         super().__init__(configuration)

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pyarrow.dataset as ds
 import pytest
@@ -174,7 +175,7 @@ def test_a_configuration_of_several_wheels_is_taken_with_the_name_of_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is advised where none is named is an option that there is, and its wheel's configuration is what is used."""
-    taken = []
+    taken: list[Any] = []
 
     def take(directory: str, out: str | None, **given: object) -> None:
         taken.append(given["configuration"])
