@@ -102,7 +102,7 @@ def test_a_wheel_that_hears_but_is_not_heard_gets_its_zero(tmp_path: Path) -> No
 def test_a_run_that_fails_ends_with_its_zero_and_the_others_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An error in one wheel's estimator: zero to it at once, its failure is said, no other loses a turn."""
+    """On a line, row 25: an error in one estimator: zero to its wheel at once, it is said, no other loses a turn."""
     bench = make_bus(tmp_path, "nowhere", wheels={"rw-z": {"filter": {"speed_noise_rpm": 2.0}}})
     honest, taken = Estimator.step, []
 
@@ -163,7 +163,7 @@ def test_a_line_on_which_nobody_answers_ends_with_a_reason(tmp_path: Path) -> No
 
 
 def test_who_watches_hears_of_a_turn_when_every_wheel_has_had_one(tmp_path: Path) -> None:
-    """One beat a period with one wheel dead, with the worst state; the end is told once."""
+    """On a line, row 29: one beat a period with one wheel dead, with the worst state; the end is told once."""
 
     class Watchdog:
         def __init__(self) -> None:

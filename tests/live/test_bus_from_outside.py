@@ -173,7 +173,7 @@ def test_the_page_of_a_line_shows_every_wheel_and_stops_all(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_a_supervisor_zeroes_every_wheel_of_a_daemon_that_was_killed(tmp_path: Path) -> None:
-    """SIGKILL to the daemon: zero to each wheel, then it drives them again; SIGTERM ends both in order."""
+    """On a line, row 27: SIGKILL to the daemon: zero to each wheel, then it drives them again; SIGTERM ends both."""
     with served_bus(tmp_path) as bench:
         with program("run", "--supervise", "--config", str(bench.path)) as run:
             wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
