@@ -148,7 +148,7 @@ def run_bus(
         spoken = checked_protocol(configuration)
         assert isinstance(spoken, RegisterProtocol)
         carried = cable.carrying(spoken)
-        protocols.append(carried.over(lambda *asked, made=carried.open_port: wrap(made(*asked))))  # type: ignore[misc]
+        protocols.append(carried.over(lambda *asked, made=carried.open_port: wrap(made(*asked))))
     line = SharedLine(bench.configurations, protocols, clock)
     notes = {name: Notes() for name in NAMES}
     wheels = [
