@@ -76,23 +76,22 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.commands.run_process import supervised
-    from rw_ekf.errors import BadInputError, DriverError
+    from rw_ekf.errors import BadInputError
     from rw_ekf.page.beside_run import page_beside
     from rw_ekf.settings.load import load_configurations, one_of_wheels
 
     configurations = load_configurations(args.config)
-    together = args.wheel is None and len(configurations) > 1 and not args.resume  # a word is for one that is named
-    if together and args.model is not None:
-        raise BadInputError("--model: it would be every wheel's: give filter.model in each entry of wheels instead")
     of_line = len(configurations) > 1
-    if not together:
-        configurations = (one_of_wheels(configurations, args.config, args.wheel),)
-    if args.resume:
-        status = _resumed(configurations[0], of_line=of_line, json=args.json)
-        if status is None and of_line:
-            raise DriverError(f"{configurations[0].wheel.port}: no run drives this line: nothing to resume")
+    if args.resume:  # of a line it is for the one that is named
+        wheel = one_of_wheels(configurations, args.config, args.wheel)
+        status = _resumed(wheel, of_line=of_line, json=args.json)
         if status is not None:
             return status
+    together = of_line and args.wheel is None
+    if together and args.model is not None:
+        raise BadInputError("--model: it would be every wheel's: give filter.model in each entry of wheels instead")
+    if not together:
+        configurations = (one_of_wheels(configurations, args.config, args.wheel),)
     if args.view is not None:
         from rw_ekf.commands.view import host_and_port
 
@@ -108,11 +107,17 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _resumed(configuration: Configuration, *, of_line: bool, json: bool) -> int | None:
-    """Tell the daemon to let its wheel leave SAFE; None where none is running."""
+    """Tell the daemon to let its wheel leave SAFE; None where none is running, and a run of this wheel may begin.
+
+    Raises DriverError where none is running and the wheel is one of several: a run of it alone would keep them out.
+    """
+    from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
     from rw_ekf.live.resume import resume_daemon
 
     resumed = resume_daemon(configuration, of_line=of_line)
+    if resumed is None and of_line:
+        raise DriverError(f"{configuration.wheel.port}: no run drives this line: nothing to resume")
     if resumed is None:
         return None
     if json:

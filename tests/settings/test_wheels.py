@@ -10,6 +10,7 @@ from rw_ekf.cli import main
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings.line import read_line
 from rw_ekf.settings.load import load_configuration, load_configurations
+from tests.live.bench import served_wheel, write_config
 
 GOOD = """\
 wheel: {port: /dev/line, protocol: nsp-wheel, echo: true, inertia_kg_m2: 2.0e-3}
@@ -166,6 +167,16 @@ def test_an_echo_is_of_a_serial_line(
     path.write_text(f"{wheel}\nlimits: {{current_A: 0.5}}\n", encoding="utf-8")
     assert main(["check-config", str(path)]) == 2
     assert f"wheel.echo is true, but {port} and the wire map 'can-wheel' are of no serial" in capsys.readouterr().err
+
+
+def test_stop_writes_zero_on_a_can_bus_whatever_is_said_of_an_echo(tmp_path: Path) -> None:
+    """What `check-config` refuses keeps no current in force."""
+    with served_wheel(tmp_path, protocol="can-wheel") as bench:
+        bench.registers._drive(0.1)
+        assert bench.registers.command_A == 0.1
+        config = write_config(tmp_path, bench.port, wheel={"protocol": "can-wheel", "echo": True})
+        assert main(["stop", "--config", str(config)]) == 0
+        assert bench.registers.command_A == 0.0
 
 
 def test_stop_finds_every_wheel_of_a_file_with_mistakes(tmp_path: Path) -> None:
