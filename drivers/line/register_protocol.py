@@ -119,7 +119,7 @@ class AddressedRegisterProtocol(RegisterProtocol):
 
     @property
     def own_address(self) -> int | None:
-        """This program's, as the wheel answers to it; None: its frames have none."""
+        """What the wheel answers to, of the program itself; None: its frames have none."""
         address: int | None = getattr(self.wire_map.framing, "own_address", None)
         return address
 
