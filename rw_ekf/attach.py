@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
     from rw_ekf.model.state import FrictionParameters
     from rw_ekf.settings.schema import Configuration
+
+_CAN = "can:"  # a port of these is no serial line
 
 
 def load_protocol(name: str) -> WheelProtocol:
@@ -72,6 +75,9 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
         )
         found.append((("limits",), f"{text}Give limits.slew_A_per_s in {wire.current_unit} per second."))
     found += _too_slow(configuration, wire, the_map)
+    if configuration.wheel.echo and (wire.telemetry_s is not None or configuration.wheel.port.startswith(_CAN)):
+        text = f"wheel.echo is true, but {configuration.wheel.port} and {the_map} are of no serial line: drop it."
+        found.append((("wheel", "echo"), text))
     if not configuration.command.writes and not wire.tells_current:
         text = f"command.profile is none, but {the_map} has no current_command or current in its telemetry"
         found.append((("command", "profile"), f"{text}: without one of them it is not known what drives the wheel."))
@@ -123,6 +129,11 @@ def beyond_line(
 
     found: list[tuple[int, tuple[str, ...], str]] = []
     of_address: dict[int, str] = {}
+    own = {
+        configuration.wheel.name: protocol.own_address
+        for configuration, protocol in zip(configurations, protocols, strict=True)
+        if isinstance(protocol, AddressedRegisterProtocol)
+    }
     first: AddressedRegisterProtocol | None = None
     for index, (configuration, protocol) in enumerate(zip(configurations, protocols, strict=True)):
         name, the_map = configuration.wheel.name, _the_map(configuration)
@@ -142,18 +153,41 @@ def beyond_line(
             found.append((index, ("wheel", "address"), f"{text}: give each wheel the one that it is set to."))
         else:
             of_address[protocol.address] = name
+        taken = [other for other in own if protocol.address is not None and own[other] == protocol.address]
+        if taken and taken[0] != name:
+            text = f"wheel.address {protocol.address} of {name} is this program's own to {taken[0]}"
+            found.append((index, ("wheel", "address"), f"{text} (framing.own_address of its wire map): change either."))
         first = first or protocol
         if configuration.wheel.baud is None and protocol.wire_map.link.baud != first.wire_map.link.baud:
             text = f"wheel.baud: {the_map} has another baud rate ({protocol.wire_map.link.baud}) than the wheels before"
             found.append((index, ("wheel", "protocol"), f"{text}: give wheel.baud, the one of the line."))
-        own, others = (
+        its, others = (
             f"{link.data_bits} data bits, parity {link.parity}, {link.stop_bits} stop bits"
             for link in (protocol.wire_map.link, first.wire_map.link)
         )
-        if own != others:
-            text = f"wheel.protocol: {the_map} has {own}, the wheels before {others}: they cannot be on one line"
+        if its != others:
+            text = f"wheel.protocol: {the_map} has {its}, the wheels before {others}: they cannot be on one line"
             found.append((index, ("wheel", "protocol"), text))
     return found
+
+
+def beyond_rate(
+    configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol]
+) -> list[tuple[int, tuple[str, ...], str]]:
+    """A rate at which the turns of all wheels of a line do not fit into a period, as `beyond_line` has it."""
+    from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
+
+    took_s = sum(
+        protocol.turn_s(configuration.wheel.baud, writes=configuration.command.writes)
+        for configuration, protocol in zip(configurations, protocols, strict=True)
+        if isinstance(protocol, AddressedRegisterProtocol)
+    )
+    rate_hz = configurations[0].loop.rate_hz
+    if took_s * rate_hz <= 1.0:
+        return []
+    text = f"loop.rate_hz is {rate_hz:g}, but the bytes of a turn of each of {len(configurations)} wheels take the line"
+    most_hz = math.floor(100.0 / took_s) / 100.0
+    return [(0, ("loop", "rate_hz"), f"{text} {1e3 * took_s:.3g} ms: give at most {most_hz:g}, or a faster line.")]
 
 
 class SharedLine:
@@ -162,11 +196,11 @@ class SharedLine:
     def __init__(
         self, configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol], clock: Clock
     ) -> None:
-        """Nothing is opened yet. Raises ConfigError where the wheels could not be told apart."""
+        """Nothing is opened yet. Raises ConfigError where the wheels could not be told apart, or asked so often."""
         from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
         from rw_ekf.drivers.line.shared_port import SharedPort
 
-        found = beyond_line(configurations, protocols)
+        found = beyond_line(configurations, protocols) or beyond_rate(configurations, protocols)
         if found:
             raise ConfigError([text for _, _, text in found])
         spoken = [protocol for protocol in protocols if isinstance(protocol, AddressedRegisterProtocol)]
@@ -200,15 +234,13 @@ def opener(
     """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
 
     probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
-    where its answers do not come through. exclusive: False writes beside a process that has locked the port. Raises
-    ConfigError where the line is to echo and nothing is sent on it.
+    where its answers do not come through. exclusive: False writes beside a process that has locked the port.
     """
-    if configuration.wheel.echo:
-        from rw_ekf.drivers.line.register_protocol import RegisterProtocol
-        from rw_ekf.drivers.line.shared_port import SharedPort
+    from rw_ekf.drivers.line.register_protocol import RegisterProtocol
+    from rw_ekf.drivers.line.shared_port import SharedPort
 
-        if not isinstance(protocol, RegisterProtocol) or configuration.wheel.port.startswith("can:"):
-            raise ConfigError(f"wheel.echo is true, but {_the_map(configuration)} is of no serial line: drop it")
+    serial = protocol.limits.telemetry_s is None and not configuration.wheel.port.startswith(_CAN)
+    if configuration.wheel.echo and serial and isinstance(protocol, RegisterProtocol):
         protocol = protocol.over(SharedPort(protocol.open_port, clock, echoes=True).end())
     return _opener(configuration, protocol, clock, probe=probe, exclusive=exclusive)
 

@@ -14,6 +14,7 @@ from rw_ekf.drivers.line.packets import packets_of
 from rw_ekf.drivers.line.serial_port import open_serial_port
 from rw_ekf.drivers.line.serial_wheel import SerialWheel, open_serial_wheel
 from rw_ekf.drivers.line.shared_port import OpenPort
+from rw_ekf.drivers.line.wheel_registers import registers_beside
 from rw_ekf.drivers.line.wire_map import WireMap
 from rw_ekf.errors import ConfigError
 
@@ -116,10 +117,32 @@ class AddressedRegisterProtocol(RegisterProtocol):
         address: int | None = getattr(self.wire_map.framing, self._address_key)
         return address
 
+    @property
+    def own_address(self) -> int | None:
+        """What the wheel answers to, of the program itself; None: its frames have none."""
+        address: int | None = getattr(self.wire_map.framing, "own_address", None)
+        return address
+
+    def turn_s(self, baud: int | None, *, writes: bool) -> float:
+        """Time [s] that the line takes for the bytes of a turn: a sample, one question beside it, and a command.
+
+        What the wheel takes to answer comes on top. baud: None: that of the map. writes: whether there is a command.
+        """
+        wire_map, codec = self.wire_map, self.wire_map.codec()
+        beside = [one for one in wire_map.readable() if one.name in ("status", "identity")]
+        beside = sorted(beside, key=lambda one: one.size)[-1:]
+        asked = [wire_map.speed_register, *registers_beside(wire_map.speed_register, wire_map), *beside]
+        sent = [(codec.request(0, one.id, b""), one.size) for one in asked]
+        if writes:
+            command = wire_map.current_command
+            sent.append((codec.request(0, command.id, bytes(command.size)), 1))  # answered by a status
+        count = sum(len(request) + codec.overhead_bytes + size for request, size in sent)
+        return count * wire_map.link.bits_per_byte / (baud or wire_map.link.baud)
+
     def at(self, address: int) -> Self:
         """The same for the wheel of another address. Raises ConfigError where no wheel can have it."""
         framing = self.wire_map.framing
-        if getattr(framing, "own_address", None) == address:
+        if self.own_address == address:
             raise ConfigError(f"is {address}, which is this program's own (framing.own_address): give another one")
         wire_map = self.wire_map.model_copy(update={"framing": framing.model_copy(update={self._address_key: address})})
         return type(self)(wire_map, self.scale_places, self.fingerprint, self.open_port)

@@ -29,7 +29,11 @@ def execute(args: argparse.Namespace) -> int:
     from rw_ekf.json_output import print_json
     from rw_ekf.settings.load import configuration_path, resolved_lines, wheels_from
 
-    wheels = wheels_from(load_yaml(configuration_path(args.config)))
+    document = load_yaml(configuration_path(args.config))
+    try:
+        wheels = wheels_from(document)
+    except ConfigError as error:
+        raise ConfigError([*error.findings, *_of_maps(document)]) from None
     found = [text for document, configuration in wheels for text in _beyond(document, configuration)]
     found = list(dict.fromkeys(found)) or _together(wheels)
     if found:
@@ -48,6 +52,21 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
+def _of_maps(document: YamlDocument) -> list[str]:
+    """What is wrong in the wire maps of a configuration that cannot be used as it is."""
+    from rw_ekf.attach import load_protocol
+    from rw_ekf.errors import ConfigError
+    from rw_ekf.settings.load import protocols_named
+
+    found = []
+    for name in protocols_named(document):
+        try:
+            load_protocol(name)
+        except ConfigError as error:
+            found += error.findings
+    return found
+
+
 def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
     """What is wrong with one wheel that only its wire map, its model or the effects' catalogue can tell."""
     from rw_ekf.attach import beyond_wire, plant_of, spoken_by
@@ -58,10 +77,8 @@ def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
         wire = spoken_by(configuration).limits
         found += [f"{document.where(keys)}: {text}" for keys, text in beyond_wire(configuration, wire)]
     except ConfigError as error:
-        addressed = [text for text in error.findings if text.startswith("wheel.address")]
-        if not addressed:
-            raise
-        found += [f"{document.where(('wheel', 'address'))}: {text}" for text in addressed]
+        place = f"{document.where(('wheel', 'address'))}: "
+        found += [place + text if text.startswith("wheel.address") else text for text in error.findings]
     try:
         plant_of(configuration, [])
     except (BadInputError, ValueError) as error:
@@ -79,11 +96,12 @@ def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
 
 
 def _together(wheels: list[tuple[YamlDocument, Configuration]]) -> list[str]:
-    """What keeps several wheels from sharing their line."""
-    from rw_ekf.attach import beyond_line, spoken_by
+    """What keeps several wheels from sharing their line, at this rate."""
+    from rw_ekf.attach import beyond_line, beyond_rate, spoken_by
 
     if len(wheels) == 1:
         return []
     configurations = [configuration for _, configuration in wheels]
-    found = beyond_line(configurations, [spoken_by(configuration) for configuration in configurations])
+    protocols = [spoken_by(configuration) for configuration in configurations]
+    found = beyond_line(configurations, protocols) or beyond_rate(configurations, protocols)
     return [f"{wheels[index][0].where(keys)}: {text}" for index, keys, text in found]

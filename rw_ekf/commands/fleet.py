@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,9 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", metavar="DIR", help="directory of logs, or the fleet's folder in it")
     parser.add_argument("-o", "--out", metavar="DIR", help="the fleet's folder (default: `fleet` in the directory)")
     parser.add_argument("--columns", metavar="MAP", help="column map (YAML) of foreign logs; see docs/logs.md")
-    add_config_option(
-        parser, "noise, prior, Stribeck speed; without it each wheel's model or first log tells", one_wheel=False
-    )
+    add_config_option(parser, "noise, prior, Stribeck speed; without it each wheel's model or first log tells")
     parser.add_argument(
         "--model", metavar="F", help="model to start from, or a folder of WHEEL.yaml for a wheel and default.yaml"
     )
@@ -86,31 +84,33 @@ def _run(args: argparse.Namespace) -> int:
     from rw_ekf.compile_ahead import EFFECTS, FIT
     from rw_ekf.fleet.public import run
 
-    if args.scheduler is None:
-        make_ready((*FIT, *EFFECTS) if args.model is not None or args.config is not None else FIT)
-    return _worked(args, run, " logs")
+    needed = (*FIT, *EFFECTS) if args.model is not None or args.config is not None else FIT
+    return _worked(args, run, " logs", needed)
 
 
 def _diagnose(args: argparse.Namespace) -> int:
     from rw_ekf.compile_ahead import DIAGNOSIS
     from rw_ekf.fleet.public import MOST_WINDOWS, diagnose
 
-    if args.scheduler is None:
-        make_ready(DIAGNOSIS)
-    return _worked(args, functools.partial(diagnose, most=args.most or MOST_WINDOWS), " windows")
+    return _worked(args, functools.partial(diagnose, most=args.most or MOST_WINDOWS), " windows", DIAGNOSIS)
 
 
-def _worked(args: argparse.Namespace, work: Callable[..., FleetRun | Diagnoses], unit: str) -> int:
+def _worked(
+    args: argparse.Namespace, work: Callable[..., FleetRun | Diagnoses], unit: str, needed: Sequence[str]
+) -> int:
     """Have it done by the workers, with a bar; status 1 where a part of it failed or is not done."""
-    from rw_ekf.commands.inputs import map_path
+    from rw_ekf.commands.inputs import map_path, read_configuration
     from rw_ekf.console import progress
 
+    configuration = read_configuration(args)
+    if args.scheduler is None:
+        make_ready(needed)
     with progress("fleet", None, unit) as bar:
         done = work(
             args.directory,
             args.out,
             model=args.model,
-            configuration=args.config,
+            configuration=configuration,
             columns=None if args.columns is None else map_path(args.columns),
             workers=args.workers,
             scheduler=args.scheduler,

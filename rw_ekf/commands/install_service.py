@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
-    from rw_ekf.attach import checked_protocol
+    from rw_ekf.attach import SharedLine, checked_protocol
+    from rw_ekf.clock import SystemClock
     from rw_ekf.json_output import print_json
     from rw_ekf.live.port_name import aliases_of, device_of, own_name
     from rw_ekf.service.udev import by_id_name, rule_text
@@ -47,20 +48,17 @@ def execute(args: argparse.Namespace) -> int:
 
     path = configuration_path(args.config)
     configurations = load_configurations(path)
-    for one in configurations:
-        checked_protocol(one)
-    configuration = configurations[0]
-    if len(configurations) > 1:  # a unit for all of them
-        wheel = configuration.wheel.model_copy(update={"name": path.stem})
-        configuration = configuration.model_copy(update={"wheel": wheel})
-    service = service_of(configuration, path, _user(args.user), len(configurations))
-    name = f"rw-ekf-{_safe(configuration.wheel.name)}"
+    protocols = [checked_protocol(configuration) for configuration in configurations]
+    if len(configurations) > 1:
+        SharedLine(configurations, protocols, SystemClock())  # which says why it could not be
+    service = service_of(configurations, path, _user(args.user))
+    name = f"rw-ekf-{_safe(service.wheel)}"
     files = {Path(args.root) / _UNITS / f"{name}.service": unit_text(service)}
-    port = own_name(configuration.wheel.port)
+    port = own_name(service.port)
     by_id = by_id_name([port, *aliases_of(device_of(port))])
     if by_id is not None:
         files[Path(args.root) / _RULES / f"99-{name}.rules"] = rule_text(by_id)
-    notes = _notes(configuration, service, by_id)
+    notes = _notes(service, by_id)
     for note in notes:
         sys.stderr.write(f"rw-ekf: note: {note}\n")
     if args.write:
@@ -76,27 +74,32 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
-def service_of(configuration: Configuration, config: Path, user: str, wheels: int = 1) -> Service:
-    """What the unit has to say on this machine, run from the present directory as it would be by hand."""
+def service_of(configurations: tuple[Configuration, ...], config: Path, user: str) -> Service:
+    """What the unit has to say on this machine, run from the present directory as it would be by hand.
+
+    A line of several wheels has one unit, by the name of its file, with what any of its wheels needs.
+    """
     from rw_ekf.live.claim import DIRECTORIES
     from rw_ekf.live.supervisor import Patience
     from rw_ekf.service.unit import Service
 
-    port = configuration.wheel.port
+    first, wheels = configurations[0], len(configurations)
+    port = first.wheel.port
+    outputs = [configuration.output for configuration in configurations]
     return Service(
-        wheel=configuration.wheel.name,
+        wheel=first.wheel.name if wheels == 1 else config.stem,
         port=port,
         program=_program(),
         config=os.path.abspath(config),
         working_directory=os.getcwd(),
-        output_directory=os.path.abspath(configuration.output.directory),
+        output_directories=tuple(dict.fromkeys(os.path.abspath(output.directory) for output in outputs)),
         lock_directories=DIRECTORIES,
         user=user,
         group=_group() if "://" not in port else None,
         devices=_devices(port),
-        hung_after_s=Patience.of(configuration, wheels).turn_s,
-        network=configuration.output.over_network,
-        writes=configuration.command.writes,
+        hung_after_s=Patience.of(first, wheels).turn_s,
+        network=any(output.over_network for output in outputs),
+        writes=any(configuration.command.writes for configuration in configurations),
     )
 
 
@@ -140,16 +143,16 @@ def _devices(port: str) -> tuple[str, ...]:
     return (match[1],) if match is not None else _UNKNOWN
 
 
-def _notes(configuration: Configuration, service: Service, by_id: str | None) -> list[str]:
-    port = configuration.wheel.port
-    found = []
+def _notes(service: Service, by_id: str | None) -> list[str]:
+    port, found = service.port, []
     if by_id is None and service.devices:
         found.append(
             f"{port} has no name in /dev/serial/by-id: there is no udev rule, and the next plug may change its number. "
             "Plug the adapter in, and give the name that it has there as wheel.port"
         )
-    if not os.path.isdir(service.output_directory):
-        make = f"sudo install -d -o {shlex.quote(service.user)} {shlex.quote(service.output_directory)}"
+    missing = [shlex.quote(path) for path in service.output_directories if not os.path.isdir(path)]
+    if missing:
+        make = f"sudo install -d -o {shlex.quote(service.user)} {' '.join(missing)}"
         found.append(f"output.directory is not there yet, and the unit does not start without it: {make}")
     if service.user == "root":
         found.append("the run would be root's: give the account that its files shall belong to, --user NAME")

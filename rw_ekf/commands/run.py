@@ -48,7 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="tell the daemon of this port to leave SAFE; where none is running, an ordinary start",
+        help="tell the daemon of this port to leave SAFE, of a line with the one wheel of --wheel; where none is "
+        "running, an ordinary start",
     )
 
 
@@ -75,22 +76,22 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
     from rw_ekf.commands.run_process import supervised
-    from rw_ekf.errors import BadInputError, UsageError
+    from rw_ekf.errors import BadInputError
     from rw_ekf.page.beside_run import page_beside
     from rw_ekf.settings.load import load_configurations, one_of_wheels
 
     configurations = load_configurations(args.config)
-    together = args.wheel is None and len(configurations) > 1
-    if together and args.model is not None:
-        raise BadInputError("--model: it would be every wheel's: give filter.model in each entry of wheels instead")
-    if args.resume and len(configurations) > 1 and not together:
-        raise UsageError("--resume is for all wheels of a line, which one daemon drives: leave out --wheel")
-    if not together:
-        configurations = (one_of_wheels(configurations, args.config, args.wheel),)
-    if args.resume:
-        status = _resumed(configurations, json=args.json, together=together)
+    of_line = len(configurations) > 1
+    if args.resume:  # of a line it is for the one that is named
+        wheel = one_of_wheels(configurations, args.config, args.wheel)
+        status = _resumed(wheel, of_line=of_line, json=args.json)
         if status is not None:
             return status
+    together = of_line and args.wheel is None
+    if together and args.model is not None:
+        raise BadInputError("--model: it would be every wheel's: give filter.model in each entry of wheels instead")
+    if not together:
+        configurations = (one_of_wheels(configurations, args.config, args.wheel),)
     if args.view is not None:
         from rw_ekf.commands.view import host_and_port
 
@@ -100,27 +101,30 @@ def execute(args: argparse.Namespace) -> int:
         from rw_ekf.commands.run_bus import run_bus
 
         run = partial(run_bus, configurations, args)
-    with page_beside(configurations[0].output.directory, args.config, args.view):
+    folders = dict.fromkeys(configuration.output.directory for configuration in configurations)
+    with page_beside(folders, args.config, args.view):
         return supervised(configurations, args, run) if args.supervise else run(keep_safe=args.keep_safe)
 
 
-def _resumed(configurations: tuple[Configuration, ...], *, json: bool, together: bool) -> int | None:
-    """Tell the daemon to let its wheel, or every one of a line, leave SAFE; None where none is running."""
+def _resumed(configuration: Configuration, *, of_line: bool, json: bool) -> int | None:
+    """Tell the daemon to let its wheel leave SAFE; None where none is running, and a run of this wheel may begin.
+
+    Raises DriverError where none is running and the wheel is one of several: a run of it alone would keep them out.
+    """
+    from rw_ekf.errors import DriverError
     from rw_ekf.json_output import print_json
     from rw_ekf.live.resume import resume_daemon
 
-    told = [(configuration.wheel.name, resume_daemon(configuration)) for configuration in configurations]
-    found = [(name, resumed) for name, resumed in told if resumed is not None]
-    if not found:
+    resumed = resume_daemon(configuration, of_line=of_line)
+    if resumed is None and of_line:
+        raise DriverError(f"{configuration.wheel.port}: no run drives this line: nothing to resume")
+    if resumed is None:
         return None
-    if json and together:
-        wheels = [{"wheel": name, **resumed.document()} for name, resumed in found]
-        print_json({"schema": "rw_ekf.bus_resume/1", "wheels": wheels})
-    elif json:
-        print_json(found[0][1].document())
+    if json:
+        print_json(resumed.document())
     else:
-        sys.stdout.write("".join(f"{name}: {one.text}\n" if together else f"{one.text}\n" for name, one in found))
-    return 0 if all(resumed.left_safe for _, resumed in found) else 1
+        sys.stdout.write(f"{resumed.text}\n")
+    return 0 if resumed.left_safe else 1
 
 
 def run_and_report(

@@ -22,7 +22,7 @@ _STOP_WITHIN_S = 60.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("run", metavar="RUN|DIR", help="log of a run, or the folder of several")
+    parser.add_argument("run", metavar="RUN|DIR", nargs="+", help="log of a run, or the folder of several")
     add_listen_option(parser, "--listen")
     add_config_option(parser, "its wheel can then be stopped from the page", one_wheel=False)
     parser.add_argument("--of-run", action="store_true", help=argparse.SUPPRESS)  # end with the run that started it
@@ -49,15 +49,21 @@ def execute(args: argparse.Namespace) -> int:
     if args.of_run:
         die_with_parent()
     host, port = host_and_port(args.listen)
-    path = Path(args.run)
-    if not path.exists():
-        raise BadInputError(f"{path}: no such file or folder: give a run's log, or the folder of runs")
+    paths = [Path(run) for run in args.run]
+    for path in paths:
+        if not path.exists():
+            raise BadInputError(f"{path}: no such file or folder: give a run's log, or the folder of runs")
     try:
+        from rw_ekf.page.server import Place
         from rw_ekf.page.serving import serve
     except ImportError as error:
         raise BadInputError(f'what serves the page is not installed ({error}): pip install "rw-ekf[view]"') from None
-    stop = None if args.config is None else lambda: _stopped(args.config)
-    serve(path, host, port, stop, told=lambda address: _tell(address, as_json=args.json))
+    place = Place(paths)
+    if args.config is not None:
+        from rw_ekf.settings.line import read_line
+
+        place = Place(paths, lambda: _stopped(args.config), len(read_line(args.config).wheels))
+    serve(place, host, port, told=lambda address: _tell(address, as_json=args.json))
     return 0
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.checking.yaml_loader import load_yaml
+from rw_ekf.commissioning.can_map_copy import scale_can_map, scale_field
 from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.settings.resources import protocol_path
@@ -24,18 +25,17 @@ def write_corrected_map(name: str, factors: Factors, directory: Path) -> str:
 
     source = protocol_path(name)
     data = load_yaml(source).data
-    missing = {key for key in factors if not any(_matches(key, field, access) for field, access in _fields(data))}
+    if data.get("family") == "can":
+        missing = scale_can_map(data, factors, source.parent, directory)
+    else:
+        missing = {key for key in factors if not any(_matches(key, field, access) for field, access in _fields(data))}
+        for field, access in list(_fields(data)):
+            scale_field(field, math.prod(value for key, value in factors.items() if _matches(key, field, access)))
     if missing:
         named = ", ".join(sorted(field for field, _ in missing))
         raise RefusedError(
             f"the wire map {name} must have another scale of {named}, and its file has no such key to change"
         )
-    for field, access in list(_fields(data)):
-        factor = math.prod(value for key, value in factors.items() if _matches(key, field, access))
-        if factor != 1.0:
-            field["scale"] = float(f"{field.get('scale', 1.0) * factor:.15g}")
-            if field.get("offset"):
-                field["offset"] = float(f"{field['offset'] * factor:.15g}")
     said = ", ".join(f"{field} ({access}) by {factor:.6g}" for (field, access), factor in factors.items())
     path = directory / MAP_FILE
     head = f"# {source.name}, with scales as `rw-ekf commission` found them: {said}. Comments stand in the original.\n"

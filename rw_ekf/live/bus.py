@@ -22,7 +22,7 @@ from rw_ekf.live.guard import CurrentGuard, SafetyLimits
 from rw_ekf.live.live_wheel import LiveWheel
 from rw_ekf.live.outcome import RunOutcome
 from rw_ekf.live.oversight import ALONE, Oversight
-from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.live.stop_signal import StopSignal, resume_signal_of
 from rw_ekf.records import RunState, StateNow
 
 if TYPE_CHECKING:
@@ -289,7 +289,14 @@ class Bus:
             self._stop,
             _Meanwhile(self._clock, member.slot, self._turns_until),
             Oversight((_Watched(member, self._turned),), wheel.begin_safe),
-            Place(open_or_take, lambda: self._in_silence(member), member.slot.next_s, 0.0, wheel.name),
+            Place(
+                open_or_take,
+                lambda: self._in_silence(member),
+                member.slot.next_s,
+                0.0,
+                wheel.name,
+                resume_signal_of(member.index),
+            ),
         )
         try:
             member.live = next(member.run)

@@ -26,7 +26,7 @@ from rw_ekf.live.outcome import RunOutcome, outcome_of, write_model
 from rw_ekf.live.oversight import ALONE, Oversight
 from rw_ekf.live.process import own_process
 from rw_ekf.live.published_place import leave_place
-from rw_ekf.live.stop_signal import StopSignal
+from rw_ekf.live.stop_signal import RESUME, StopSignal
 from rw_ekf.live.watches import RunWatches, expectation_of
 from rw_ekf.logs.metadata import RunMetadata, metadata_path, utc_text, write_metadata
 from rw_ekf.records import Reading
@@ -84,6 +84,7 @@ class Place:
     begins_s: Callable[[], float | None] = lambda: None  # when its first turn is due, by the clock; None: at once
     back_at_zero_within_s: float = 0.5  # how long zero is tried on a line that was lost and is back [s]
     label: str = ""  # what tells it from others on one terminal
+    resumed_by: int | None = RESUME  # the signal that is a word for this wheel and no other
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,8 @@ def turns_of_run(
             estimator = _estimator_of(start.setup)
             expectation = expectation_of(configuration, task.given)
             watches = RunWatches(configuration, protocol, start, expectation, estimator, live, logger, clock)
-            stop.on_resume(watches.states.resume)
+            if place.resumed_by is not None:
+                stop.on_resume(watches.states.resume, place.resumed_by)
             if oversight.begin_safe is not None:
                 watches.states.latch(oversight.begin_safe)
             commander, compensating = compensated(commander, configuration, start, requests, watches.sign, logger)
@@ -133,9 +135,10 @@ def turns_of_run(
                 in_order=lambda: way_out.in_order,
                 requests=requests,
                 label=place.label,
+                process=own_process() | {"resume_signal": place.resumed_by},
             )
             way_out.sinks = sinks_of(run)
-            logger.info("attached", wheel=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
+            logger.info("attached", source=live.driver.source, log=str(files.log), rate_hz=configuration.loop.rate_hz)
             readings = _with_metadata(live, live.readings(run.total_s), run, configuration, start)
             if commander is None:
                 readings, issue = following(readings)
@@ -231,7 +234,7 @@ def _context(
         link=lambda: live.link,
         timing=live.timing,
         learning=Learning(start, lambda: watches.wheel, lambda: watches.doubt),
-        process=own_process(),
+        process={},
     )
 
 

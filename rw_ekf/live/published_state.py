@@ -36,6 +36,7 @@ class _StateFile(BaseModel, extra="allow"):
     schema_is: Literal["rw_ekf.state/1"] = Field(alias="schema")
     pid: StrictInt
     start_ticks: StrictInt | None = None
+    resume_signal: StrictInt | None = None
     run_state: str
     utc: str | None = None
     ended_utc: str | None = None

@@ -1,4 +1,7 @@
-"""A person's word to a daemon that holds zero: resume. Told by a signal, confirmed by what the daemon publishes."""
+"""A person's word to a daemon that holds zero: resume. Told by a signal, confirmed by what the daemon publishes.
+
+Which signal, the run of each wheel publishes: on a line of several nobody but the wheel that was named may hear it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from rw_ekf.clock import Clock, SystemClock
 from rw_ekf.live.holder import holders_of, tell
 from rw_ekf.live.published_place import published_place
 from rw_ekf.live.published_state import Published, read_published
-from rw_ekf.live.stop_signal import RESUME
+from rw_ekf.live.stop_signal import LINE_RESUMES, RESUME
 from rw_ekf.records import RunState
 
 if TYPE_CHECKING:
@@ -39,10 +42,11 @@ class Resumed:
         }
 
 
-def resume_daemon(configuration: Configuration, clock: Clock | None = None) -> Resumed | None:
-    """Tell the daemon of a configuration's port to leave SAFE, and wait for what it does; None where none is running.
+def resume_daemon(configuration: Configuration, *, of_line: bool, clock: Clock | None = None) -> Resumed | None:
+    """Tell the daemon of a configuration's port to let this wheel leave SAFE, and wait; None where none is running.
 
-    Raises DriverError where the daemon is another user's.
+    of_line: it has other wheels, so that nothing is told where it is not known which word is for this one. Raises
+    DriverError where the daemon is another user's.
     """
     clock = clock if clock is not None else SystemClock()
     holders = holders_of(configuration.wheel.port, clock)
@@ -51,6 +55,9 @@ def resume_daemon(configuration: Configuration, clock: Clock | None = None) -> R
     facts = holders[0]
     path = published_place(configuration, [facts.uid])
     before = read_published(path)
+    if not _is_of(before, facts.pid) and of_line:
+        text = f"process {facts.pid} publishes nothing of {configuration.wheel.name} here, and was told nothing: "
+        return Resumed(facts.pid, False, None, f"{text}another wheel of the line might have heard it")
     if not _is_of(before, facts.pid):
         told = tell(facts, RESUME)
         text = f"process {facts.pid} was told to resume, but publishes nothing here: see its own log"
@@ -59,7 +66,11 @@ def resume_daemon(configuration: Configuration, clock: Clock | None = None) -> R
     if before.run_state != RunState.SAFE:
         state = before.run_state
         return Resumed(facts.pid, True, state, f"process {facts.pid} is {state}, not SAFE: nothing to resume")
-    if not tell(facts, RESUME):
+    number = before.document.get("resume_signal", RESUME)
+    if number != RESUME and number not in LINE_RESUMES:  # a file says it: no signal that ends a process
+        text = f"process {facts.pid} has no word for this wheel alone: end it, and begin anew"
+        return Resumed(facts.pid, False, RunState.SAFE.value, text)
+    if not tell(facts, number):
         return None
     end_s = clock.monotonic() + _WITHIN_S
     now = before

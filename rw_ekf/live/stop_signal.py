@@ -1,4 +1,8 @@
-"""SIGINT, SIGTERM, SIGHUP, SIGQUIT: a request to stop, and a wait that they cut short; SIGUSR1: a word to resume."""
+"""SIGINT, SIGTERM, SIGHUP, SIGQUIT: a request to stop, and a wait that they cut short; others: a word to resume.
+
+SIGUSR1 is for a wheel that its process drives alone, a real-time signal for each wheel of a line: which one, its run
+publishes. So no word is for a wheel that nobody named.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,12 @@ from rw_ekf.clock import Clock
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 RESUME = signal.SIGUSR1
+LINE_RESUMES = range(signal.SIGRTMIN, signal.SIGRTMAX + 1)
+
+
+def resume_signal_of(index: int) -> int | None:
+    """The word for one wheel of a line, by its place there; None beyond the 31 that Linux has (RS-485 has 32 loads)."""
+    return LINE_RESUMES[index] if index < len(LINE_RESUMES) else None
 
 
 def stops_heeded() -> list[signal.Signals]:
@@ -22,7 +32,7 @@ def stops_heeded() -> list[signal.Signals]:
 
 
 class StopSignal:
-    """While open, signals to stop only set `requested`, RESUME calls all that `on_resume` gave; leaving restores all.
+    """While open, signals to stop only set `requested`, a word to resume calls what `on_resume` gave for it.
 
     A handler that raised could cut a write to the wheel in half; one that set a threading.Event could deadlock with the
     wait it interrupts. So the handler assigns, and writes one byte to a pipe that the wait watches.
@@ -34,16 +44,18 @@ class StopSignal:
         os.set_blocking(self._reader, False)
         os.set_blocking(self._writer, False)
         self._before: dict[int, object] = {}
-        self._resume: list[Callable[[], None]] = []  # of each wheel that is driven
+        self._resume: dict[int, Callable[[], None]] = {}
 
-    def on_resume(self, action: Callable[[], None]) -> None:
+    def on_resume(self, action: Callable[[], None], number: int = RESUME) -> None:
         """Take what a word to resume calls: from a signal handler, so it may do no more than assign."""
-        self._resume.append(action)
+        self._resume[number] = action
+        if self._before and number not in self._before:  # none before: not the main thread, which alone may have any
+            self._before[number] = signal.signal(number, lambda number, frame: self.resume(number))
 
-    def resume(self) -> None:
-        """Say from within the program what a person says by a signal."""
-        for action in self._resume:
-            action()
+    def resume(self, number: int = RESUME) -> None:
+        """Say from within the program what a person says by a signal; nothing where no wheel has that word."""
+        if number in self._resume:
+            self._resume[number]()
 
     def request(self, why: str) -> None:
         """Ask for the stop from within the program."""
@@ -61,7 +73,7 @@ class StopSignal:
         if threading.current_thread() is threading.main_thread():
             for number in stops_heeded():
                 self._before[number] = signal.signal(number, self._note)
-            self._before[RESUME] = signal.signal(RESUME, lambda number, frame: self.resume())
+            self._before[RESUME] = signal.signal(RESUME, lambda number, frame: self.resume(number))
         return self
 
     def __exit__(

@@ -10,7 +10,7 @@ import asyncio
 import ipaddress
 import json
 import secrets
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -82,16 +82,19 @@ class Access:
 
 @dataclass(eq=False)
 class Place:
-    """What is shown: one run, or the runs of a folder; and how the wheel is stopped from here, if at all."""
+    """What is shown: runs, or the runs of folders; and how the wheel is stopped from here, if at all."""
 
-    path: Path
+    paths: Sequence[Path]
     stop: Callable[[], dict[str, Any]] | None = None
+    wheels: int = 1  # that are stopped, where there is one line for several
+    stopping: int = 0  # stops that are being waited for
     watchers: dict[str, Watcher] = field(default_factory=dict)
     reports: Reports = field(default_factory=Reports)
 
     def runs(self) -> list[Path]:
         """The runs there are now, the newest first."""
-        return runs_in(self.path) if self.path.is_dir() else [self.path]
+        found = [run for path in self.paths for run in (runs_in(path) if path.is_dir() else [path])]
+        return sorted(found, key=lambda run: run.name, reverse=True)
 
     def feed(self, name: str) -> RunFeed:
         """The run of that name; the newest for none. Raises BadInputError where there is no such run."""
@@ -99,7 +102,8 @@ class Place:
             feed = RunFeed(path)
             if name in ("", feed.name):
                 return feed
-        raise BadInputError(f"there is no run '{name}' in {self.path}" if name else f"no run yet in {self.path}")
+        place = ", ".join(map(str, self.paths))
+        raise BadInputError(f"there is no run '{name}' in {place}" if name else f"no run yet in {place}")
 
 
 class Watcher:
@@ -163,7 +167,7 @@ def page_app(place: Place, access: Access) -> Starlette:
 
     async def runs(request: Request) -> Response:
         names = await run_in_threadpool(lambda: [RunFeed(path).name for path in place.runs()])
-        return JSONResponse({"runs": names, "stop": place.stop is not None})
+        return JSONResponse({"runs": names, "stop": place.stop is not None, "wheels": place.wheels})
 
     async def history(request: Request) -> Response:
         asked = request.query_params
@@ -198,7 +202,11 @@ def page_app(place: Place, access: Access) -> Starlette:
             return _refusal(404, "this page was opened without a configuration: rw-ekf stop --config F")
         if not access.has_token(request):
             return _refusal(403, "the address that was printed has the token that this takes")
-        return _json(await run_in_threadpool(place.stop))
+        place.stopping += 1
+        try:
+            return _json(await run_in_threadpool(place.stop))
+        finally:
+            place.stopping -= 1
 
     async def report(request: Request) -> Response:
         feed = await run_in_threadpool(place.feed, request.query_params.get("run", ""))

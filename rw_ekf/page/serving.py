@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import uvicorn
 
@@ -15,12 +14,11 @@ from rw_ekf.page.server import Access, Place, page_app
 
 _NICE = 10  # the run and its loop come first
 _BACKLOG = 64
+_LOOK_S = 0.05
 
 
-def serve(
-    path: Path, host: str, port: int, stop: Callable[[], dict[str, Any]] | None, told: Callable[[str], object]
-) -> None:
-    """Serve a run or a folder of runs; told: of the address, once it answers there. Raises BadInputError."""
+def serve(place: Place, host: str, port: int, told: Callable[[str], object]) -> None:
+    """Serve runs or folders of runs; told: of the address, once it answers there. Raises BadInputError."""
     try:
         listening = _listening(host, port)
     except OSError as error:
@@ -32,15 +30,28 @@ def serve(
     access = Access.of(host)
     shown = f"[{host}]" if ":" in host else host
     told(f"http://{shown}:{listening.getsockname()[1]}/#token={access.token}")
-    place = Place(path, stop)
     configuration = uvicorn.Config(
         page_app(place, access), log_level="error", access_log=False, lifespan="off",
         timeout_graceful_shutdown=1, limit_concurrency=1000,
     )  # fmt: skip
     try:
-        uvicorn.Server(configuration).run(sockets=[listening])
+        _Server(configuration, place).run(sockets=[listening])
     finally:
         place.reports.close()
+
+
+class _Server(uvicorn.Server):
+    """One that a signal ends; not before who asked for a stop has the answer: that ends the run, and so the page."""
+
+    def __init__(self, configuration: uvicorn.Config, place: Place) -> None:
+        super().__init__(configuration)
+        self._place = place
+
+    async def main_loop(self) -> None:
+        """Serve until a signal, and until no stop is waited for."""
+        await super().main_loop()
+        while self._place.stopping:
+            await asyncio.sleep(_LOOK_S)
 
 
 def _listening(host: str, port: int) -> socket.socket:

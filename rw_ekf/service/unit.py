@@ -24,7 +24,7 @@ class Service:
     program: tuple[str, ...]  # the command line up to the verb
     config: str
     working_directory: str
-    output_directory: str
+    output_directories: tuple[str, ...]
     lock_directories: tuple[str, ...]  # where claims on ports may lie
     user: str
     group: str | None  # that may open the port; None: no other than the user's own
@@ -39,7 +39,7 @@ def unit_text(service: Service) -> str:
     program = " ".join([executable(service.program[0]), *(word(part) for part in service.program[1:])])
     config = word(service.config)
     writable = " ".join(
-        [path_word(service.output_directory), *(f"-{path_word(path)}" for path in service.lock_directories)]
+        [*map(path_word, service.output_directories), *(f"-{path_word(path)}" for path in service.lock_directories)]
     )
     group = [f"SupplementaryGroups={word(service.group)}"] if service.group is not None else []
     stop = [

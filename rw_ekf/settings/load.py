@@ -8,6 +8,7 @@ a path but a name for pyserial, and is left alone.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 from collections.abc import Sequence
@@ -110,6 +111,20 @@ def configuration_from(document: YamlDocument) -> Configuration:
     if findings:
         raise ConfigError(sorted(findings, key=_place_order))
     return Configuration.model_validate(sections)
+
+
+def protocols_named(document: YamlDocument) -> list[str]:
+    """The wire maps that a configuration names, by name or path, whatever else is wrong in it; those that there are."""
+    has_wheels = isinstance(document.data, dict) and WHEELS in document.data
+    names = []
+    for one in entries_of(document)[0] if has_wheels else [document]:
+        section = _with_resolved_paths(one).get("wheel") if isinstance(one.data, dict) else None
+        name = section.get("protocol") if isinstance(section, dict) else None
+        if isinstance(name, str):
+            with contextlib.suppress(ConfigError):
+                protocol_path(name)
+                names.append(name)
+    return list(dict.fromkeys(names))
 
 
 def configuration_of(data: dict[str, Any], path: Path) -> Configuration:

@@ -6,6 +6,8 @@ differs from the sections of the file (`limits: {current_A: 0.2}`). The line and
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +20,8 @@ WHEELS = "wheels"
 _OF_THE_LINE = ("port", "baud", "dtr", "rts", "echo")  # keys of `wheel` that no entry may have
 _OWN_SECTIONS = tuple(name for name in SECTIONS if name not in ("wheel", "loop"))
 _OWN_KEYS = tuple(key for key in WheelSection.model_fields if key not in _OF_THE_LINE)
+_HOST = re.compile(r"(\w+://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+)(:\d+(?:/.*)?)")  # as the schema has HOST:PORT
+_SAME_HOST = {"localhost": "127.0.0.1", "[::1]": "127.0.0.1", "0.0.0.0": "", "[::]": ""}  # where a socket listens
 # Places that two runs at once cannot share: (section, key).
 _OWN_PLACES = (("output", "prometheus"), ("output", "plotjuggler"), ("output", "mqtt"), ("compensation", "socket"))
 
@@ -109,20 +113,40 @@ def _faults_of(document: YamlDocument, entry: dict[Any, Any], index: int) -> Ite
             yield f"{place}: unknown key {name}; {suggestion(key, (*_OWN_KEYS, *_OWN_SECTIONS))}"
 
 
+def _is_one_place(one: str, other: str) -> bool:
+    """Whether two paths, or two of HOST:PORT with what stands around it, are one: `localhost` is 127.0.0.1."""
+    (before, hosts, after), (its_before, its_hosts, its_after) = _place(one), _place(other)
+    if (before, after) != (its_before, its_after):
+        return False
+    return hosts == its_hosts or "" in (hosts, its_hosts)
+
+
+def _place(text: str) -> tuple[str, str, str]:
+    """What stands before a host, the host ("": every one of this computer), and its port with what stands behind."""
+    match = _HOST.fullmatch(text)
+    if match is None:
+        return "", "path", os.path.abspath(text)
+    before, host, after = match.groups()
+    return before or "", _SAME_HOST.get(host.lower(), host.lower()), after
+
+
 def shared_findings(documents: list[WheelDocument], configurations: list[Configuration]) -> list[str]:
     """What wheels may not have in common, and what a line for several needs."""
     findings = []
     for section, key in _OWN_PLACES:
-        taken: dict[Any, str] = {}
+        taken: dict[str, str] = {}  # place: whose
         for document, configuration in zip(documents, configurations, strict=True):
             value = getattr(getattr(configuration, section), key)
             name = configuration.wheel.name
-            if value is not None and value in taken:
+            if value is None:
+                continue
+            other = next((taken[place] for place in taken if _is_one_place(place, value)), None)
+            if other is not None:
                 findings.append(
-                    f"{document.where((section, key))}: {section}.{key} {value!r} is that of {taken[value]} "
+                    f"{document.where((section, key))}: {section}.{key} {value!r} is that of {other} "
                     f"and of {name}: give each its own, as {WHEELS}: [{{name: {name}, {section}: {{{key}: ...}}}}]"
                 )
-            elif value is not None:
+            else:
                 taken[value] = name
     stems: dict[str, str] = {}
     for document, configuration in zip(documents, configurations, strict=True):

@@ -127,6 +127,28 @@ def test_a_bad_wire_map_is_refused_before_a_port_is_opened(
 
 
 @pytest.mark.parametrize(
+    "wheels", [{}, {"wheels": [{"name": "a", "address": 1}, {"name": "b", "protocol": "./bad-map.yaml"}]}]
+)
+def test_a_mistake_of_the_configuration_hides_none_of_its_wire_map(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], wheels: Map
+) -> None:
+    """An unknown section and a limit below zero, and two mistakes in the map that one wheel names: all four, once."""
+    content = yaml.safe_load(protocol_path("nsp-wheel").read_text(encoding="utf-8"))
+    content["link"]["baud"] = 3
+    content["registers"][2]["fields"][0]["unit"] = "furlong"
+    (tmp_path / "bad-map.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    config = tmp_path / "bad.yaml"
+    wheel = {"port": "p"} | ({"protocol": "nsp-wheel"} if wheels else {"protocol": "./bad-map.yaml"})
+    config.write_text(
+        yaml.safe_dump({"wheel": wheel, "limits": {"current_A": -1}, "limit": {}} | wheels), encoding="utf-8"
+    )
+    told = findings(capsys, config).splitlines()
+    assert len(told) == 4, told
+    for text in ("unknown section limit;", "limits.current_A must be above 0", "baud must be at", "'furlong'"):
+        assert sum(text in line for line in told) == 1, told
+
+
+@pytest.mark.parametrize(
     ("old", "new"),
     [
         ("id: 0x02, name: current_command", "id: 0x7F, name: current_command"),

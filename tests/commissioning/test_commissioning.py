@@ -42,6 +42,22 @@ def test_a_wheel_of_unknown_sign_and_scale_is_commissioned(number: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scale", "turned", "verdict"),
+    [(2.0, (), "right"), (1.0, (("speed", "read"),), "right"), (1.0, (("current_command", "write"),), "refused")],
+)
+def test_a_wheel_on_a_can_bus_is_commissioned_through_a_mended_copy_of_its_dbc(
+    scale: float, turned: tuple[tuple[str, str], ...], verdict: str
+) -> None:
+    """A scale twice what it should be, a sign of the speed: the model is the true wheel's, as on a serial line.
+
+    The sign of what is written: telemetry bears out no command there, so that none counts as taken, and it is refused.
+    """
+    told = carry_out(replace(USUAL, family="can-wheel", scale=scale, turned=turned))
+    assert told.verdict == verdict, told.reason
+
+
+@pytest.mark.slow
 def test_what_is_written_is_in_the_contract_and_can_be_run(tmp_path: Path) -> None:
     """The document has the contract's keys, wheel.yaml loads with the mended map and the model, the page holds all."""
     with StopSignal() as stop:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 
+import cantools.database
 import numpy as np
 import pytest
+import yaml
 
 from rw_ekf.commissioning.dialogue import RefusedError
 from rw_ekf.commissioning.map_copy import write_corrected_map
 from rw_ekf.commissioning.scale import agreed, named_ratio
 from rw_ekf.commissioning.signs import READ, WRITE, Ratios, turned_signs
 from rw_ekf.commissioning.still import lattice_of
-from tests.live.bench import protocol_named
+from tests.live.bench import ROOT, protocol_named
 
 
 @pytest.mark.parametrize("wrong", list(itertools.product((1.0, -1.0), repeat=5)))
@@ -60,6 +63,49 @@ def test_a_mended_map_carries_what_was_meant(tmp_path: pytest.TempPathFactory) -
             assert same is not None
             assert same.scale == factors.get((field.name, register.access), 1.0) * field.scale
             assert (same.type, same.unit, same.offset) == (field.type, field.unit, field.offset)
+
+
+@pytest.mark.parametrize("in_yaml", [False, True])
+def test_a_mended_map_of_can_messages_carries_what_was_meant(tmp_path: Path, in_yaml: bool) -> None:
+    """Of a DBC beside it, which is copied with every other line as it was, or of messages in the map itself."""
+    factors = {("speed", READ): -2.0, ("current_command", WRITE): -1.0, ("temperature", READ): 0.5}
+    dbc = ROOT / "config" / "can-wheel.dbc"
+    source = "can-wheel"
+    if in_yaml:
+        data = yaml.safe_load((ROOT / "config" / "can-wheel.yaml").read_text(encoding="utf-8"))
+        del data["dbc"]
+        data["messages"] = [
+            {
+                "name": message.name,
+                "id": message.frame_id,
+                "length": message.length,
+                "signals": [
+                    {"name": one.name, "start": one.start, "length": one.length, "scale": one.scale}
+                    | {
+                        "type": "signed" if one.is_signed else "unsigned",
+                        "offset": one.offset,
+                        "unit": one.unit or "none",
+                    }
+                    for one in message.signals
+                ],
+            }
+            for message in cantools.database.load_file(dbc).messages
+        ]
+        (tmp_path / "own.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")
+        source = str(tmp_path / "own.yaml")
+    made = protocol_named(write_corrected_map(source, factors, tmp_path)).wire_map
+    true = protocol_named(source).wire_map
+    for register in true.registers:
+        copy = made.register(register.name)
+        assert copy is not None
+        for field, same in zip(register.fields, copy.fields, strict=True):
+            assert same.scale == factors.get((field.name, register.access), 1.0) * field.scale, field.name
+            assert (same.name, same.unit, same.offset) == (field.name, field.unit, field.offset)
+    if not in_yaml:
+        old, new = (path.read_bytes().splitlines() for path in (dbc, tmp_path / "wheel-map.dbc"))
+        assert sum(one != other for one, other in zip(old, new, strict=True)) == len(factors)
+    with pytest.raises(RefusedError, match="another scale of angle"):
+        write_corrected_map(source, {("angle", READ): -1.0}, tmp_path)
 
 
 def test_a_tachometer_read_by_hand_is_taken_for_the_mistake_that_it_shows() -> None:

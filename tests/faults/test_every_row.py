@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.faults.test_bus_rows import OF_ONE_WHEEL, OF_THE_LINE
+
 ROWS = set(range(1, 31))
 WITHOUT_A_TEST: set[int] = set()
 OF_ONE_FAMILY = {  # rows that are tried with one family of wheels alone, and why
@@ -32,6 +34,15 @@ def test_every_row_is_held_for_each_family_of_wheels_but_those_named() -> None:
     """A test of each other row is one of every family; a reason stands by those that are not."""
     of_each = {row for row, each in rows_and_tests() if each}
     assert ROWS - of_each == set(OF_ONE_FAMILY)
+
+
+def test_every_row_is_held_on_a_line_of_several_wheels() -> None:
+    """By the rows of `test_bus_rows.py`, and by the tests whose docstring begins "On a line, row N:"; none is left."""
+    named = {int(row.split()[0]) for row in (*OF_ONE_WHEEL, *OF_THE_LINE)}
+    texts = (path.read_text(encoding="utf-8") for path in Path(__file__).parents[1].rglob("test_bus*.py"))
+    told = {int(number) for text in texts for number in re.findall(r'"""On a line, row (\d+):', text)}
+    assert named | told == ROWS
+    assert not named & told
 
 
 def rows_and_tests() -> Iterator[tuple[int, bool]]:

@@ -62,6 +62,7 @@ class Bridge:
         while not self._over.is_set():
             with contextlib.suppress(OSError):
                 connection, _ = self._listener.accept()
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # else a reply behind an echo waits
                 with connection, serial.serial_for_url("loop://") as settings:
                     self._pass(connection, settings)
 

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pyarrow.dataset as ds
 import pytest
@@ -168,3 +169,21 @@ def test_bad_input_is_told_with_status_2(
     """One sentence, no traceback."""
     assert main([text.format(tmp_path) for text in arguments]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_configuration_of_several_wheels_is_taken_with_the_name_of_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is advised where none is named is an option that there is, and its wheel's configuration is what is used."""
+    taken: list[Any] = []
+
+    def take(directory: str, out: str | None, **given: object) -> None:
+        taken.append(given["configuration"])
+        raise rw_ekf.Error("far enough")
+
+    monkeypatch.setattr("rw_ekf.fleet.public.run", take)
+    asked = ["fleet", "run", str(tmp_path), "--config", "bus", "--scheduler", "none"]
+    assert main(asked) == 2
+    assert "say which one is meant: --wheel NAME, of rw-x, rw-y" in capsys.readouterr().err
+    main([*asked, "--wheel", "rw-y"])
+    assert [configuration.wheel.name for configuration in taken] == ["rw-y"]

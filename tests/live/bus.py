@@ -12,9 +12,10 @@ from typing import Any
 import yaml
 
 from rw_ekf.attach import SharedLine, checked_protocol
-from rw_ekf.clock import Clock, VirtualClock
+from rw_ekf.clock import VirtualClock
+from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.line.framing import Frame
-from rw_ekf.drivers.line.register_protocol import RegisterProtocol
+from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol, RegisterProtocol
 from rw_ekf.drivers.line.registers import decode_register
 from rw_ekf.drivers.sim.bus_electronics import BusElectronics
 from rw_ekf.drivers.sim.fault_text import parse_bus_faults, parse_faults
@@ -31,6 +32,7 @@ from rw_ekf.live.stop_signal import StopSignal
 from rw_ekf.settings.load import load_configurations
 from rw_ekf.settings.schema import Configuration
 from rw_ekf.units import RAD_S_PER_RPM
+from tests.live.bench import protocol_named
 from tests.live.daemon import Notes
 
 NAMES = ("rw-x", "rw-y", "rw-z", "rw-skew")
@@ -102,8 +104,10 @@ def make_bus(directory: Path, port: str, family: str = FAMILIES[0], faults: str 
     of_line, of_wheel = parse_bus_faults([faults] if faults else [], NAMES)
     wheels = []
     for index, configuration in enumerate(configurations):
-        protocol = checked_protocol(configuration)
-        assert isinstance(protocol, RegisterProtocol)
+        spoken, address = protocol_named(family), configuration.wheel.address  # whatever its configuration says
+        assert isinstance(spoken, AddressedRegisterProtocol)
+        assert address is not None
+        protocol = spoken.at(address)
         plant = PlantRunner(PlantParameters(), PlantNoise(RAD_S_PER_RPM), 11 + index)
         made = Wheel(configuration.wheel.name, protocol.electronics(protocol.wire_map, plant))
         made.electronics = protocol.electronics(
@@ -133,24 +137,31 @@ def run_bus(
     duration_s: float | None,
     *events: tuple[float, Callable[[StopSignal], object]],
     oversight: Oversight = ALONE,
+    clock: VirtualClock | None = None,
+    wrap: Callable[[Any], Any] = lambda port: port,
 ) -> BusRan:
-    """Run on a virtual clock; each event is a time [s] and what happens then."""
-    clock: Clock = VirtualClock()
+    """Run on a virtual clock; each event is a time [s] and what happens then. wrap: what is made of an open port."""
+    clock = clock or VirtualClock()
     cable = VirtualCable(bench.line, clock)
     protocols = []
     for configuration in bench.configurations:
         spoken = checked_protocol(configuration)
         assert isinstance(spoken, RegisterProtocol)
-        protocols.append(cable.carrying(spoken))
+        carried = cable.carrying(spoken)
+        protocols.append(carried.over(lambda *asked, made=carried.open_port: wrap(made(*asked))))
     line = SharedLine(bench.configurations, protocols, clock)
     notes = {name: Notes() for name in NAMES}
     wheels = [
-        BusWheel(configuration, protocol, GivenModel(), notes[configuration.wheel.name])
+        BusWheel(
+            configuration,
+            protocol,
+            GivenModel(read_wheel_model(None, configuration), configuration.filter.model),
+            notes[configuration.wheel.name],
+        )
         for configuration, protocol in zip(bench.configurations, line.protocols, strict=True)
     ]
     with StopSignal() as stop:
         for time_s, action in events:
-            assert isinstance(clock, VirtualClock)
             clock.at(time_s, lambda action=action: action(stop))  # type: ignore[misc]
         Bus(wheels, line, stop, clock, oversight, duration_s).run()
     return BusRan({wheel.name: wheel for wheel in wheels}, notes)

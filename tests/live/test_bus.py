@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rw_ekf.errors import DriverError
+from rw_ekf.drivers.sim.bus_electronics import BusElectronics
+from rw_ekf.errors import ConfigError, DriverError
 from rw_ekf.filter.estimator import Estimator
 from rw_ekf.live.oversight import Oversight
 from rw_ekf.logs.reader import read_log
@@ -100,7 +102,7 @@ def test_a_wheel_that_hears_but_is_not_heard_gets_its_zero(tmp_path: Path) -> No
 def test_a_run_that_fails_ends_with_its_zero_and_the_others_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An error in one wheel's estimator: zero to it at once, its failure is said, no other loses a turn."""
+    """On a line, row 25: an error in one estimator: zero to its wheel at once, it is said, no other loses a turn."""
     bench = make_bus(tmp_path, "nowhere", wheels={"rw-z": {"filter": {"speed_noise_rpm": 2.0}}})
     honest, taken = Estimator.step, []
 
@@ -161,7 +163,7 @@ def test_a_line_on_which_nobody_answers_ends_with_a_reason(tmp_path: Path) -> No
 
 
 def test_who_watches_hears_of_a_turn_when_every_wheel_has_had_one(tmp_path: Path) -> None:
-    """One beat a period with one wheel dead, with the worst state; the end is told once."""
+    """On a line, row 29: one beat a period with one wheel dead, with the worst state; the end is told once."""
 
     class Watchdog:
         def __init__(self) -> None:
@@ -190,3 +192,31 @@ def test_a_line_is_not_given_up_for_the_wheel_that_is_asked_first(tmp_path: Path
         ran = run_bus(make_bus(directory, "nowhere", faults=f"echo,{dead}=dead"), 5.0)
         assert [name for name in NAMES if ran.wheels[name].outcome is None] == [dead]
         assert "never answered" in (ran.wheels[dead].failure or "")
+
+
+@EACH_FAMILY
+def test_the_rate_that_is_allowed_is_one_that_the_line_carries(
+    family: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 38400 baud: just below the most that is told no wheel loses a turn; half as fast again, turns are lost."""
+
+    def at(rate_hz: float) -> BusBench:
+        directory = tmp_path / f"{rate_hz:g}"
+        directory.mkdir()
+        loop = {"rate_hz": rate_hz, "reply_timeout_ms": 400.0 / rate_hz}
+        bench = make_bus(directory, "nowhere", family, loop=loop, wheel={"baud": 38400})
+        bench.line = BusElectronics([wheel.electronics for wheel in bench.wheels], bench.line.faults, 38400)
+        return bench
+
+    with pytest.raises(ConfigError) as refused:
+        run_bus(at(100.0), 1.0)
+    told = re.search(r"loop.rate_hz is 100, .* 4 wheels take .* give at most ([\d.]+)", str(refused.value))
+    assert told is not None
+    most_hz = float(told[1])
+    ran = run_bus(at(0.9 * most_hz), 10.0)
+    for name in NAMES:
+        assert ran.outcome(name).timing.overruns == 0
+        assert ran.outcome(name).statistics.missing == 0
+    monkeypatch.setattr("rw_ekf.attach.beyond_rate", lambda *_: [])
+    ran = run_bus(at(1.5 * most_hz), 10.0)
+    assert sum(ran.outcome(name).timing.overruns for name in NAMES) > 10

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import urllib.request
 from pathlib import Path
 from typing import Any
 
@@ -94,8 +95,85 @@ def test_stop_ends_the_process_and_zeroes_every_wheel_that_lives(tmp_path: Path)
 
 
 @pytest.mark.slow
+def test_a_word_to_resume_is_for_the_wheel_that_was_named(tmp_path: Path) -> None:
+    """Two wheels latch for heat and cool down: the one that is named is driven again, the other holds zero.
+
+    The signal of a wheel alone, which names nobody, frees none; a word without a name is refused.
+    """
+    with served_bus(tmp_path) as bench, program("run", "--config", str(bench.path)) as run:
+        wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
+        for degC in (80.0, 20.0):
+            for name in ("rw-y", "rw-z"):
+                plant = bench[name].electronics.plant
+                plant.parameters = plant.parameters._replace(ambient_degC=degC)
+                plant.state = plant.state._replace(temperature_degC=degC)
+            wait_for(
+                lambda: [states(bench)[name] for name in NAMES] == ["TRACKING", "SAFE", "SAFE", "TRACKING"], LONG_S
+            )
+        counts = {name: len(bench[name].written) for name in NAMES}
+        run.send_signal(signal.SIGUSR1)
+        nameless = rw_ekf("run", "--resume", "--config", str(bench.path))
+        assert nameless.returncode == 2
+        assert f"--wheel NAME, of {', '.join(NAMES)}" in nameless.stderr
+        wait_for(lambda: all(len(bench[name].written) > counts[name] + 10 for name in NAMES), LONG_S)
+        for name in ("rw-y", "rw-z"):
+            assert set(bench[name].currents_A[counts[name] :]) == {0.0}
+        done = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-y", "--json")
+        assert (done.returncode, document_of(done.stdout)["left_safe"]) == (0, True)
+        wait_for(lambda: is_driven(bench, "rw-y") and states(bench)["rw-y"] == "TRACKING", LONG_S)
+        assert set(bench["rw-z"].currents_A[counts["rw-z"] :]) == {0.0}
+        assert states(bench)["rw-z"] == "SAFE"
+        run.send_signal(signal.SIGTERM)
+        run.communicate(timeout=LONG_S)
+    assert {bench[name].electronics.command_A for name in NAMES} == {0.0}
+
+
+@pytest.mark.slow
+def test_one_wheel_of_a_line_that_runs_alone_hears_no_word_for_another(tmp_path: Path) -> None:
+    """`run --wheel rw-x` latches; a word for rw-y of the same file is told to nobody, and said to be so."""
+    with served_bus(tmp_path) as bench, program("run", "--config", str(bench.path), "--wheel", "rw-x") as run:
+        wait_for(lambda: is_driven(bench, "rw-x"), LONG_S)
+        plant = bench["rw-x"].electronics.plant
+        for degC in (80.0, 20.0):
+            plant.parameters = plant.parameters._replace(ambient_degC=degC)
+            plant.state = plant.state._replace(temperature_degC=degC)
+            wait_for(lambda: states(bench)["rw-x"] == "SAFE", LONG_S)
+        count = len(bench["rw-x"].written)
+        other = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-y")
+        assert other.returncode == 1
+        assert "publishes nothing of rw-y here, and was told nothing" in other.stdout
+        assert set(bench["rw-x"].currents_A[count:]) == {0.0}
+        wait_for(lambda: len(bench["rw-x"].written) > count + 10, LONG_S)  # it knows that it has cooled down
+        own = rw_ekf("run", "--resume", "--config", str(bench.path), "--wheel", "rw-x")
+        assert own.returncode == 0, own.stdout
+        run.send_signal(signal.SIGTERM)
+        run.communicate(timeout=LONG_S)
+
+
+@pytest.mark.slow
+def test_the_page_of_a_line_shows_every_wheel_and_stops_all(tmp_path: Path) -> None:
+    """`run --view`: a run of each wheel, one of them in a folder of its own; the button's word ends it, at zero."""
+    elsewhere = {"rw-z": {"output": {"directory": str(tmp_path / "elsewhere")}}}
+    with served_bus(tmp_path, wheels=elsewhere) as bench:
+        with program("run", "--config", str(bench.path), "--view", "127.0.0.1:0") as run:
+            assert run.stderr is not None
+            address, _, token = next(line for line in run.stderr if "#token=" in line).strip().partition("#token=")
+            wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)
+            with urllib.request.urlopen(f"{address}api/runs", timeout=LONG_S) as answer:
+                told = json.loads(answer.read())
+            assert {name.partition("Z_")[2] for name in told["runs"]} == set(NAMES)
+            assert told["wheels"] == len(NAMES)
+            request = urllib.request.Request(f"{address}api/stop", method="POST", headers={"x-token": token})
+            with urllib.request.urlopen(request, timeout=LONG_S) as answer:
+                assert json.loads(answer.read())["zero_confirmed"]
+            run.communicate(timeout=LONG_S)
+        assert run.returncode == 0
+        assert {bench[name].electronics.command_A for name in NAMES} == {0.0}
+
+
+@pytest.mark.slow
 def test_a_supervisor_zeroes_every_wheel_of_a_daemon_that_was_killed(tmp_path: Path) -> None:
-    """SIGKILL to the daemon: zero to each wheel, then it drives them again; SIGTERM ends both in order."""
+    """On a line, row 27: SIGKILL to the daemon: zero to each wheel, then it drives them again; SIGTERM ends both."""
     with served_bus(tmp_path) as bench:
         with program("run", "--supervise", "--config", str(bench.path)) as run:
             wait_for(lambda: all(is_driven(bench, name) for name in NAMES), LONG_S)

@@ -81,7 +81,7 @@ def served(run: RunOnDisk, stops: list[str]) -> Iterator[Served]:
         stops.append("stop")
         return {"zero_confirmed": True}
 
-    page = Served(Place(run.folder, stop), Access.of("127.0.0.1"))
+    page = Served(Place([run.folder], stop), Access.of("127.0.0.1"))
     yield page
     page.close()
 
@@ -104,7 +104,7 @@ def test_the_page_and_its_files_fetch_nothing_from_elsewhere(served: Served) -> 
 
 def test_a_history_and_the_list_of_runs(served: Served, run: RunOnDisk) -> None:
     """Rows, events and state of the newest run, or of one by name; wrong input is told what is wrong."""
-    assert served.get("/api/runs")[2] == {"runs": [run.name], "stop": True}
+    assert served.get("/api/runs")[2] == {"runs": [run.name], "stop": True, "wheels": 1}
     told = served.get("/api/history")[2]
     assert len(told["log"]["time_s"]) == 200
     assert told["state"]["run_state"] == "TRACKING"
@@ -114,6 +114,18 @@ def test_a_history_and_the_list_of_runs(served: Served, run: RunOnDisk) -> None:
     status, _, body = served.get("/api/history?run=../../etc/passwd")
     assert status == 404
     assert "there is no run" in body["error"]
+
+
+def test_the_runs_of_a_line_whose_wheels_have_folders_of_their_own(run: RunOnDisk, tmp_path: Path) -> None:
+    """All are listed, the newest first, and how many wheels the button stops is told."""
+    other = RunOnDisk(tmp_path / "elsewhere", run.name.replace("2026", "2027"))
+    other.add(10)
+    page = Served(Place([run.folder, other.folder], dict, wheels=2), Access.of("127.0.0.1"))
+    try:
+        assert page.get("/api/runs")[2] == {"runs": [other.name, run.name], "stop": True, "wheels": 2}
+        assert len(page.get(f"/api/history?run={other.name}")[2]["log"]["time_s"]) == 10
+    finally:
+        page.close()
 
 
 def test_who_was_not_sent_here_is_refused(served: Served, stops: list[str]) -> None:
@@ -130,7 +142,7 @@ def test_who_was_not_sent_here_is_refused(served: Served, stops: list[str]) -> N
 
 def test_beyond_this_machine_nothing_is_told_without_the_token(run: RunOnDisk) -> None:
     """Where others can ask, each question needs it; the page itself, which says nothing, does not."""
-    page = Served(Place(run.folder), Access("0.0.0.0", "secret", asked_always=True))
+    page = Served(Place([run.folder]), Access("0.0.0.0", "secret", asked_always=True))
     try:
         assert page.get("/")[0] == 200
         assert page.get("/api/runs")[0] == 403
@@ -209,6 +221,24 @@ def test_a_browser_draws_it_without_an_error(served: Served, run: RunOnDisk, tmp
     assert 'aria-label="speed, read and believed' in page
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine draws the page")
+def test_the_button_of_a_line_says_whom_it_stops(run: RunOnDisk, tmp_path: Path) -> None:
+    """How many wheels, before it is pressed and where it asks; the newest run is shown, without an error."""
+    RunOnDisk(run.folder, "2025-11-27T10-20-06Z_other")
+    page = Served(Place([run.folder], dict, wheels=2), Access.of("127.0.0.1"))
+    command = [
+        str(CHROMIUM), "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+        "--enable-logging=stderr", "--virtual-time-budget=8000", "--dump-dom", f"{page.address}/#token={page.token}",
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    page.close()
+    assert "CONSOLE" not in done.stderr, done.stderr
+    assert done.stdout.count("Stop all 2 wheels</button>") == 2
+    assert "of all 2 wheels of the line" in done.stdout
+    assert ">TRACKING<" in done.stdout
+
+
 def test_the_verb_says_where_the_page_is_and_ends_with_a_signal(run: RunOnDisk) -> None:
     """`rw-ekf view DIR --listen 127.0.0.1:0` prints one address, answers there, and SIGTERM ends it."""
     command = [sys.executable, "-m", "rw_ekf", "view", str(run.folder), "--listen", "127.0.0.1:0"]
@@ -217,7 +247,7 @@ def test_the_verb_says_where_the_page_is_and_ends_with_a_signal(run: RunOnDisk) 
         address, _, token = view.stdout.readline().strip().partition("#")
         assert token.startswith("token=")
         with urllib.request.urlopen(f"{address}api/runs", timeout=20) as answer:
-            assert json.loads(answer.read()) == {"runs": [run.name], "stop": False}
+            assert json.loads(answer.read()) == {"runs": [run.name], "stop": False, "wheels": 1}
         view.terminate()
         view.wait(20)
 

@@ -24,7 +24,7 @@ SERVICE = Service(
     program=("/bin/true",),
     config="/etc/wheel.yaml",
     working_directory="/",
-    output_directory="/var",
+    output_directories=("/var",),
     lock_directories=DIRECTORIES,
     user="root",
     group=None,
@@ -97,7 +97,7 @@ def test_systemd_reads_the_unit_as_it_is_meant(tmp_path: Path, name: str) -> Non
         program=("/bin/true",),
         config=str(place / "wheel.yaml"),
         working_directory=str(place),
-        output_directory=str(place),
+        output_directories=(str(place),),
     )
     verify(tmp_path, service)
     service = dataclasses.replace(service, program=(str(program),))
@@ -142,6 +142,33 @@ def test_the_verb_prints_what_it_would_write_and_overwrites_nothing(tmp_path: Pa
     assert unit["path"] in again.stderr
     assert "by-id" in again.stderr
     assert rw_ekf(*arguments, "--user", "nobody-of-that-name").returncode == 2
+
+
+def test_a_line_has_one_unit_with_what_any_of_its_wheels_needs(tmp_path: Path) -> None:
+    """Zero behind every end though the first is only listened to; each folder is writable; the network for one's sink.
+
+    A line that could not run has no unit.
+    """
+    x = "{name: rw-x, address: 1, command: {profile: none}}"
+    y = "{name: rw-y, address: 2, output: {directory: elsewhere, prometheus: 'localhost:9464'}}"
+    config = tmp_path / "triad.yaml"
+    config.write_text(
+        f"wheel: {{port: /nowhere/ttyUSB0, protocol: nsp-wheel}}\nlimits: {{current_A: 0.5}}\n"
+        f"loop: {{rate_hz: 10}}\nwheels: [{x}, {y}]\n",
+        encoding="utf-8",
+    )
+    done = rw_ekf("install-service", "--config", str(config), "--user", "root", "--json", cwd=tmp_path)
+    (file,) = document_of(done.stdout)["files"]
+    unit = keys(file["text"])
+    assert Path(file["path"]).name == "rw-ekf-triad.service"
+    assert unit["ExecStopPost"][0].endswith(f"stop --config {config}")
+    assert {str(tmp_path / "runs"), str(tmp_path / "elsewhere")} <= set(unit["ReadWritePaths"][0].split())
+    assert unit["RestrictAddressFamilies"] == ["AF_UNIX AF_INET AF_INET6"]
+    assert f"sudo install -d -o root {tmp_path / 'runs'} {tmp_path / 'elsewhere'}" in done.stderr
+    config.write_text(config.read_text(encoding="utf-8").replace("rate_hz: 10", "rate_hz: 60, reply_timeout_ms: 5"))
+    refused = rw_ekf("install-service", "--config", str(config), "--user", "root")
+    assert refused.returncode == 2
+    assert "give at most" in refused.stderr
 
 
 def test_a_rule_keeps_other_programs_from_the_adapter() -> None:

@@ -10,6 +10,7 @@ from rw_ekf.cli import main
 from rw_ekf.errors import ConfigError
 from rw_ekf.settings.line import read_line
 from rw_ekf.settings.load import load_configuration, load_configurations
+from tests.live.bench import served_wheel, write_config
 
 GOOD = """\
 wheel: {port: /dev/line, protocol: nsp-wheel, echo: true, inertia_kg_m2: 2.0e-3}
@@ -98,6 +99,12 @@ def test_a_list_without_wheels_is_told(tmp_path: Path, wheels: str) -> None:
         ("address: 0x32", "address: 0x11", ":5:14: wheel.address is 17, which is this program's own"),
         ("address: 0x32", "protocol: ascii-wheel", ":5:15: wheel.protocol: the wire map 'ascii-wheel' is of a family"),
         ("address: 0x32", "protocol: sunspace-wheel", "wheel.address is required for rw-y: it is one of several"),
+        (
+            "reply_timeout_ms: 25",
+            "reply_timeout_ms: 5, rate_hz: 60",
+            "loop.rate_hz is 60, but the bytes of a turn of "
+            "each of 2 wheels take the line 42 ms: give at most 23.8, or a faster line.",
+        ),  # 121 bytes at 57600 baud each
     ],
 )
 def test_check_config_says_why_wheels_cannot_share_a_line(
@@ -108,6 +115,68 @@ def test_check_config_says_why_wheels_cannot_share_a_line(
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
     assert main(["check-config", str(path)]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_an_address_of_one_wheel_that_is_this_program_s_to_another_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`own_address` of one map is the address of the other wheel: each would take for its own what is the other's."""
+    own_map = Path(__file__).parents[2].joinpath("config", "nsp-wheel.yaml").read_text(encoding="utf-8")
+    (tmp_path / "other.yaml").write_text(own_map.replace("own_address: 0x11", "own_address: 0x31"), encoding="utf-8")
+    path = tmp_path / "bus.yaml"
+    path.write_text(GOOD.replace("address: 0x32", "address: 0x32\n    protocol: ./other.yaml"), encoding="utf-8")
+    assert main(["check-config", str(path)]) == 2
+    assert ":3:27: wheel.address 49 of rw-x is this program's own to rw-y" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("key", "places", "is_one"),
+    [
+        ("prometheus", ("localhost:9464", "127.0.0.1:9464"), True),
+        ("prometheus", ("LocalHost:9464", "[::1]:9464"), True),
+        ("prometheus", ("0.0.0.0:9464", "127.0.0.1:9464"), True),
+        ("prometheus", ("localhost:9464", "127.0.0.1:9465"), False),
+        ("prometheus", ("127.0.0.1:9464", "127.0.0.2:9464"), False),
+        ("plotjuggler", ("localhost:9870", "127.0.0.1:9870"), True),
+        ("mqtt", ("mqtt://localhost:1883/w", "mqtt://127.0.0.1:1883/w"), True),
+        ("mqtt", ("mqtt://localhost:1883/w/x", "mqtt://127.0.0.1:1883/w/y"), False),
+    ],
+)
+def test_one_place_in_two_ways_of_writing_is_found(
+    tmp_path: Path, key: str, places: tuple[str, str], is_one: bool
+) -> None:
+    """The loopback by name and by number, and every address of the computer; other ports and topics are others."""
+    text = GOOD.replace("{name: rw-x,", f"{{name: rw-x, output: {{{key}: '{places[0]}'}},")
+    text = text.replace("    inertia_kg_m2: 3.0e-3", f"    output: {{{key}: '{places[1]}'}}")
+    if is_one:
+        (told,) = findings(tmp_path, text)
+        assert f"output.{key} '{places[1]}' is that of rw-x and of rw-y" in told
+    else:
+        path = tmp_path / "bus.yaml"
+        path.write_text(text, encoding="utf-8")
+        assert len(load_configurations(path)) == 2
+
+
+@pytest.mark.parametrize(("port", "protocol"), [("can:socketcan:can0", "can-wheel"), ("/dev/ttyACM0", "can-wheel")])
+def test_an_echo_is_of_a_serial_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], port: str, protocol: str
+) -> None:
+    """There is none on a CAN bus, whatever the adapter: told before a run, with its place."""
+    path = tmp_path / "can.yaml"
+    wheel = f"wheel: {{port: '{port}', protocol: {protocol}, echo: true}}"
+    path.write_text(f"{wheel}\nlimits: {{current_A: 0.5}}\n", encoding="utf-8")
+    assert main(["check-config", str(path)]) == 2
+    assert f"wheel.echo is true, but {port} and the wire map 'can-wheel' are of no serial" in capsys.readouterr().err
+
+
+def test_stop_writes_zero_on_a_can_bus_whatever_is_said_of_an_echo(tmp_path: Path) -> None:
+    """What `check-config` refuses keeps no current in force."""
+    with served_wheel(tmp_path, protocol="can-wheel") as bench:
+        bench.registers._drive(0.1)
+        assert bench.registers.command_A == 0.1
+        config = write_config(tmp_path, bench.port, wheel={"protocol": "can-wheel", "echo": True})
+        assert main(["stop", "--config", str(config)]) == 0
+        assert bench.registers.command_A == 0.0
 
 
 def test_stop_finds_every_wheel_of_a_file_with_mistakes(tmp_path: Path) -> None:
@@ -165,9 +234,12 @@ def test_a_line_keeps_safe_where_a_service_starts_it_again(
     assert asked == [bool(given)]
 
 
-def test_resume_is_of_all_wheels_of_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One word reaches the one daemon that drives them: a name beside it would promise what is not so."""
+def test_resume_on_a_line_takes_a_name_and_begins_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A wheel that moves again is asked for by name, also with --supervise; where nothing runs, nothing begins."""
     path = tmp_path / "bus.yaml"
     path.write_text(GOOD, encoding="utf-8")
-    assert main(["run", "--config", str(path), "--wheel", "rw-y", "--resume"]) == 2
-    assert "leave out --wheel" in capsys.readouterr().err
+    for more in ([], ["--supervise"]):
+        assert main(["run", "--config", str(path), "--resume", *more]) == 2
+        assert "--wheel NAME, of rw-x, rw-y" in capsys.readouterr().err
+        assert main(["run", "--config", str(path), "--wheel", "rw-y", "--resume", *more]) == 1
+        assert "no run drives this line: nothing to resume" in capsys.readouterr().err

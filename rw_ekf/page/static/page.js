@@ -2,7 +2,7 @@
 "use strict";
 
 const chosen = document.getElementById("run"), beside = document.getElementById("beside"), panes = document.getElementById("panes");
-let shown = [];
+let shown = [], newest = true, all = "The wheel has";
 
 function show() {
   for (const pane of shown) pane.close();
@@ -19,15 +19,25 @@ async function runs() {
   const told = await (await ask("api/runs")).json();
   const known = [...chosen.options].map((option) => option.value);
   if (JSON.stringify(known) !== JSON.stringify(told.runs)) {
-    const before = chosen.value, newest = !known.length || before === known[0];
+    const before = chosen.value;
     const options = () => told.runs.map((name) => new Option(name, name));
     chosen.replaceChildren(...options());
     const second = beside.value;
     beside.replaceChildren(new Option("none", ""), ...options());
     beside.value = told.runs.includes(second) ? second : "";
-    chosen.value = newest ? told.runs[0] || "" : before; // who watches the newest goes on with the next
+    chosen.value = before;
     if (chosen.value !== before) show();
   }
+  const lives = shown[0] && shown[0].state && shown[0].state.alive;
+  if (newest && !lives && chosen.value !== (told.runs[0] || "")) { // who watches the newest goes on with the next, from
+    chosen.value = told.runs[0] || ""; // one that lives on with no other of its line
+    show();
+  }
+  if (told.wheels > 1) {
+    for (const id of ["stop", "sure-yes"]) document.getElementById(id).textContent = `Stop all ${told.wheels} wheels`;
+    document.getElementById("sure-all").textContent = ` of all ${told.wheels} wheels of the line`;
+  }
+  all = told.wheels > 1 ? `All ${told.wheels} wheels have` : "The wheel has";
   document.getElementById("stop").hidden = !(told.stop && token());
 }
 
@@ -38,10 +48,10 @@ document.getElementById("sure-yes").addEventListener("click", async () => {
   answer.textContent = "zero is being written ...";
   try {
     const told = await (await ask("api/stop", { method: "POST" })).json();
-    answer.textContent = told.zero_confirmed ? "The wheel has confirmed zero current." : `NOT confirmed: ${told.error && (told.error.messages || [told.error]).join("; ")}`;
+    answer.textContent = told.zero_confirmed ? `${all} confirmed zero current.` : `NOT confirmed: ${told.error && (told.error.messages || [told.error]).join("; ")}`;
   } catch (error) { answer.textContent = `NOT done: ${error.message}. rw-ekf stop, or cut its power.`; }
 });
-chosen.addEventListener("change", show);
+chosen.addEventListener("change", () => { newest = chosen.selectedIndex === 0; show(); });
 beside.addEventListener("change", show);
 const again = () => runs().catch((error) => {
   if (!shown.length) panes.textContent = `No run to be shown: ${error.message}`;
