@@ -18,6 +18,7 @@ from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_names import said_by
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
+from rw_ekf.logs.column_speed import SINCE_LAST
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 
@@ -31,7 +32,9 @@ _OTHER_MACHINES = (
     "load", "dyno", "yaw", "pitch", "roll", "pend", "pendulum", "base", "plate", "arm", "abtrieb", "abtriebsdrehzahl",
     "predicted", "simulated", "sim", "model",
 )  # fmt: skip
-_NOT_SUMMED = re.compile(r"delta|\bdiff|increments?\b|inkremente|per (row|sample)", re.IGNORECASE)
+_NOT_SUMMED = re.compile(
+    r"delta|\bdiff|increments?\b|inkremente|per (row|sample)|\b(every|each)\b|\bsince (the )?(last|prev)", re.IGNORECASE
+)
 _TURNING = (
     "rev", "revs", "turns", "rotations", "rotation", "mechanical", "mech", "n", "drehzahl", "umdrehungen", "tours",
     "giri",
@@ -43,9 +46,12 @@ _FACTOR = re.compile(
 )
 _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
-_LIKE_A_UNIT = re.compile(r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff)?")  # of no known meaning
+_LIKE_A_UNIT = re.compile(
+    r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff|p|pp|p-p|dc|ac)?"
+)  # of no known meaning
 _A_WORD = 3  # letters: shorter is a unit, or an axis
 _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
+_INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several, in a name that says its unit elsewhere
 _BRACKETED = re.compile(r"[\[(<{]([^\])>}]+)[\])>}]")
 _IDS = frozenset((
     "id", "wheel", "rw", "unit", "motor", "axis", "node", "device", "dev", "serial", "sn", "name", "address", "addr",
@@ -110,6 +116,10 @@ def _doubts(
     contradicting = _contradicting_unit(column, table)
     if contradicting and not told.unit(line.name):
         yield f"{column.shown} says one unit, and {contradicting!r} beside it another: which?", (line,)
+    if line.entry.get("derivative_of") is not None and (
+        _NOT_SUMMED.search(f"{column.name} {column.remark}") or any(map(SINCE_LAST.search, table.preamble))
+    ):
+        yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
     if line.name.startswith("speed"):
         yield from _doubts_of_speed(one, bool(told.unit("speed_rad_s", "speed_rpm")))
 
@@ -117,8 +127,6 @@ def _doubts(
 def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
     line, column = one
     said, unit = column.said, column.said.unit
-    if line.entry.get("derivative_of") is not None and _NOT_SUMMED.search(column.name):
-        yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
     letters = [letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS]
     per = unit is not None and bool(unit.per)
     if not per and (said.any_of(*_ELECTRICAL) or "e" in letters):
@@ -151,10 +159,15 @@ def _odd_stamp(column: Column, table: RawTable) -> str:
 
 
 def _unread(name: str) -> str:
-    """What stands in brackets in a name and is no unit and no word: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`."""
-    for text in _BRACKETED.findall(name):
-        short = len(text) < _A_WORD and text.lower() not in _AXES
-        if unit_of(text) is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text)):
+    """What stands in brackets in a name and is no unit, word or index: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`.
+
+    The last unit in brackets is the column's: one before it that measures something else is asked about.
+    """
+    said = said_by(name).unit
+    for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
+        known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
+        another = known is not None and said is not None and known.quantity != said.quantity
+        if another or (known is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text))):
             return str(text)
     return ""
 

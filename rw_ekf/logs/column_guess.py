@@ -25,7 +25,10 @@ _COUNTERS_CALLED = (
 )  # fmt: skip
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
-_NOT_OF_THE_WHEEL = ("cpu", "ambient", "barometric", "set", "setpoint", "yaw", "pitch", "roll", "pendulum", "pend")
+_NOT_OF_THE_WHEEL = (
+    "cpu", "mcu", "pcb", "board", "ambient", "amb", "room", "raum", "env", "chamber", "delta", "rise", "barometric",
+    "set", "setpoint", "yaw", "pitch", "roll", "pendulum", "pend",
+)  # fmt: skip
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 
 

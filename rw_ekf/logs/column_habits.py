@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+_JOINT_STATES, _OF_JOINT = r"(?:.*/)?joint_states?[/.](?:.+[/.])?", r"(?:[/.\[].*)?"
 _PUBLISHED = (
     # ODrive, firmware 0.5 and later (docs.odriverobotics.com, "Upgrading to 0.5": turns in place of counts)
     (re.compile(r"(.*[._])?(vel_estimate|vel_setpoint|input_vel)"), "turns/s"),
@@ -17,9 +18,10 @@ _PUBLISHED = (
     (re.compile(r"tacho(meter)?(_value|_abs(_value)?)?"), "steps"),
     (re.compile(r"(.*[._])?erpm"), "erpm"),
     # ROS, sensor_msgs/JointState of a joint that turns, as `rostopic echo -p` names its columns
-    (re.compile(r"field\.velocity\d*"), "rad/s"),
-    (re.compile(r"field\.effort\d*"), "N m"),
-    (re.compile(r"field\.position\d*"), "rad"),
+    # and PlotJuggler its curves
+    (re.compile(rf"field\.velocity\d*|{_JOINT_STATES}velocity{_OF_JOINT}"), "rad/s"),
+    (re.compile(rf"field\.effort\d*|{_JOINT_STATES}effort{_OF_JOINT}"), "N m"),
+    (re.compile(rf"field\.position\d*|{_JOINT_STATES}position{_OF_JOINT}"), "rad"),
     # PX4, EscReport.msg
     (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_rpm"), "rpm"),
     (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_current"), "A"),

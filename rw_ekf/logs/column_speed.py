@@ -11,6 +11,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_records import Column, Guess, Line, chosen
+from rw_ekf.logs.column_time import rate_in
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 
@@ -19,6 +20,21 @@ _TURNS = (2.0 * math.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 25)), 4000
 _TURN_UNITS: dict[float | None, str] = {360.0: "deg", 2.0 * math.pi: "rad"}
 _FULL = 0.97  # of a turn, which an angle that begins anew covers
 _SAME = 0.03  # relative: a rate of an angle, and a speed, are the same
+
+
+_TIMED = r"(\d+(?:[.,]\d+)?)[ _]?([mu]?s)(?![a-z])"
+_A_ROW = r"(?:row|sample|print\w*|record|message|reading|loop|interval|update|poll|zeile|abtast\w*|intervall)"
+# Counts of one row alone: since the one before, or in its own interval of time. Lines and cycles are the encoder's too.
+SINCE_LAST = re.compile(
+    r"(?:counts?|cnts?|ticks?|inc\w*|inkr\w*|pulses|edges)\b.{0,30}?(?:"
+    rf"\b(?:since|seit)\b.{{0,12}}\b(?:last|previous|prior|letzte\w*) (?:line|{_A_ROW})\b|"
+    rf"(?:\bper|\bpro|/|\bin)[ _]?(?:the |each |last )*(?:{_A_ROW}\b|{_TIMED}))",
+    re.IGNORECASE,
+)
+_INTERVAL = re.compile(
+    rf"(?:per|pro|/|\bin|each|every|alle|of|interval|period)\W{{0,3}}(?:the )?(?:last )?{_TIMED}", re.IGNORECASE
+)
+_EVEN, _NEARLY_ALL = 0.1, 0.9  # of a step and of the steps: where rows come as evenly, their interval is one
 
 
 def find_speed(
@@ -31,7 +47,7 @@ def find_speed(
     if given is not None and given[1] is not None:
         speeds = [c for c in columns if c.number == given[1]]
     if not speeds and angles:
-        return _rate_of_angle(table, angles, told, guess)
+        return _rate_of_angle(table, columns, angles, time_s, told, guess)
     asked = len(guess.questions)
     column = chosen(speeds, "speed of the wheel", "speed_rad_s", guess)
     if column is None:
@@ -39,6 +55,8 @@ def find_speed(
             guess.ask("speed_rad_s", "no column is known to be the speed: --set speed=COLUMN.")
         return None
     told_unit = told.unit("speed_rad_s", "speed_rpm")
+    if column.said.unit is None and not told_unit and _is_since_last(column):
+        return _counts_per_interval(table, columns, column, time_s, told, guess)
     if column.said.any_of("electrical", "elec") and not told_unit:
         text = f"{column.shown} is electrical: has it been divided by the pole pairs, and by how many if not?"
         as_it_is = _speed_line(column, column.unit or "rpm", "", None, told)
@@ -136,11 +154,72 @@ def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str
     return None
 
 
-def _rate_of_angle(table: RawTable, angles: list[Column], told: Answers, guess: Guess) -> Column | None:
+def _counts_per_interval(
+    table: RawTable,
+    columns: list[Column],
+    column: Column,
+    time_s: Float64Array | None,
+    told: Answers,
+    guess: Guess,
+) -> Column:
+    """The speed of a column that has, in each row, the counts of an encoder since the row before."""
+    per, interval_s = _per_turn(table, column), _interval_s(table, column, time_s)
+    told_of = told.more.get("speed_rad_s", {})
+    per = per or told_of.get("counts_per_turn")
+    scale = None if interval_s is None else float(f"{1.0 / interval_s:.9g}")
+    line = _speed_line(
+        column, "counts/s", "", _direction(columns, column), told, counts_per_turn=per or 4096, scale=scale
+    )
+    if per is None:
+        text = f"{column.shown} counts from row to row: how many to a turn? --set speed.counts_per_turn=N."
+    elif scale is None and "scale" not in told_of:
+        text = f"{column.shown} counts from row to row: over how long? --set speed.scale=INTERVALS-A-SECOND."
+    elif not column.is_whole:
+        text = f"{column.shown} counts from row to row, and its numbers are not whole: what are they?"
+    else:
+        why = f"counts of {1.0 / float(str(line.entry['scale'])):.6g} s each, {per:g} to a turn"
+        guess.lines.append(replace(line, why=why))
+        return column
+    guess.ask("speed_rad_s", text, line)
+    return column
+
+
+def _is_since_last(column: Column) -> bool:
+    return any(SINCE_LAST.search(text.replace("_", " ")) is not None for text in (column.name, column.remark))
+
+
+def _interval_s(table: RawTable, column: Column, time_s: Float64Array | None) -> float | None:
+    """How long an encoder is counted for a row, as the file says and the clock bears out; None where they do not."""
+    said = {
+        float(match[1].replace(",", ".")) * unit.factor
+        for match in _INTERVAL.finditer(f"{column.name} {column.remark}".replace("_", " "))
+        if (unit := unit_of(match[2])) is not None
+    }
+    if not said and (rate := rate_in(table.preamble)) is not None:
+        said = {1.0 / rate[0]}
+    step = np.diff(time_s) if time_s is not None else np.empty(0)
+    usual = float(np.median(step)) if step.size else 0.0
+    if not said and usual > 0.0 and float(np.mean(np.abs(step - usual) < _EVEN * usual)) > _NEARLY_ALL:
+        return usual
+    interval = said.pop() if len(said) == 1 else None
+    fits = interval is not None and (not step.size or abs(interval - usual) < _SAME * usual)
+    return interval if fits else None
+
+
+def _rate_of_angle(
+    table: RawTable,
+    columns: list[Column],
+    angles: list[Column],
+    time_s: Float64Array | None,
+    told: Answers,
+    guess: Guess,
+) -> Column | None:
     """The speed as the rate of an angle."""
     column = chosen(angles, "angle of the wheel", "speed_rad_s", guess)
     if column is None:
         return None
+    if _is_since_last(column):
+        return _counts_per_interval(table, columns, column, time_s, told, guess)
     turn = _turn_of(column)
     unit = column.unit or told.unit("angle_rad", "speed_rad_s")
     known = unit_of(unit)

@@ -66,13 +66,15 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("angle", _TURN, per="counts_per_turn"), "counts count cnt cnts ticks tick inc increments inkremente "
         "pulses lsb steps"),
     **_all(Unit("current"), "a а amp amps ampere amperes"),
+    **_all(Unit("current"), "arms aeff apk apeak ampsrms amprms ampererms amppk ampspk amppeak ampspeak"),  # said so
+    **_all(Unit("current", 1e-3), "marms maeff mapk mapeak"),
     **_all(Unit("current", 1e-3), "ma ма milliamp milliamps milliampere milliamperes"),
     **_all(Unit("current", 1e-6), "ua µa"),
-    **_all(Unit("torque"), "nm n.m newtonmeter newtonmeters nmeter"),
+    **_all(Unit("torque"), "nm n.m n-m newton-meter newton-meters newtonmeter newtonmeters nmeter"),
     **_all(Unit("torque", 1e-3), "mnm"),
     **_all(Unit("torque", 1e-6), "unm"),
     **_all(Unit("torque", 1e-2), "ncm"),
-    **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb ftlb ftlbs ft-lbs"),
+    **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb ftlb ftlbs ft-lbs ft-lbf"),
     **_all(Unit("torque", 0.1129848290), "lbin inlb in-lb lbfin"),
     **_all(Unit("torque", 7.0615518e-3), "ozin oz-in"),
     **_all(Unit("force"), "n newton newtons"),

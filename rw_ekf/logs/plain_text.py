@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import NamedTuple
 
+from rw_ekf.logs.text_forms import who_says
 from rw_ekf.logs.text_layout import TextLayout, lines_of
 
 _NEARLY_ALL = 0.9  # of the rows are whole where a shorter one is a damaged one, and no row whose last cells are empty
@@ -54,7 +56,18 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
     said = [line for line in new if re.search(r"[^\W\d]{3}", line)]
     other = (line for line in said if _CHANGED.search(line) or _other_names(layout.filled(line), layout))
     another = next((line for line, wheel in named if wheel not in before), next(other, None))
+    if another is None and layout.form.labels:
+        another = _of_another([line for line, cells in zip(lines[layout.first_line - 1 :], rows, strict=True) if cells])
     return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another, tuple(dict.fromkeys(said))[:_SAID])
+
+
+def _of_another(lines: list[str]) -> str | None:
+    """The first of labelled lines that another program or machine says than the first, or two processes in turn."""
+    heads = [who_says(line) for line in lines]
+    turns = [head for head, _ in itertools.groupby(heads)]
+    if len({who for who, _ in turns}) > 1 or len(turns) > len(set(turns)):
+        return next(line for line, head in zip(lines, heads, strict=True) if head != heads[0])
+    return None
 
 
 def _other_names(cells: list[str], layout: TextLayout) -> bool:

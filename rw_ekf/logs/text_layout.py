@@ -30,6 +30,7 @@ _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?0[xX][0-9a-fA-F]+|[+-]?(nan|inf|infinity)|[+-]?1?\.?#(IND|QNAN|INF)0*",
     re.IGNORECASE,
 )
+_FORTRAN = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[dD]|(?=[+-]\d{3}$))([+-]?\d+)")  # 1.5D-02; 1.5-102
 _COMMA_NUMBER = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d+|)(,\d+)?([eE][+-]?\d+)?")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
@@ -41,6 +42,7 @@ _WORDS = frozenset({
     "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
     "-",
 })  # fmt: skip
+_GAPS = frozenset({"n/a", "na", "null", "none", "inf", "-inf", "+inf"})
 _ROW_KEYS = {
     "units": re.compile(r"((vertical|y) )?(units?|einheit(en)?|unités?|unidad(es)?)|y_unit_label", re.IGNORECASE),
     "names": re.compile(r"(signal|channel|trace|column|kanal)?[ _]?(names?|labels?|bezeichnung)", re.IGNORECASE),
@@ -103,7 +105,9 @@ class TextLayout:
             cell = cell.replace(",", ".")
         elif cell[:2].lower() == "0x" or cell[1:3].lower() == "0x":
             return str(int(cell, 16)) if _NUMBER.fullmatch(cell) else cell
-        elif "#" in cell or cell == "-" or cell.lower() in {"n/a", "na", "null", "none", "inf", "-inf", "+inf"}:
+        elif (fortran := _FORTRAN.fullmatch(cell)) is not None:
+            return f"{fortran[1]}e{fortran[2]}"
+        elif "#" in cell or cell in {"-", "*" * len(cell)} or cell.lower() in _GAPS:
             return "nan"
         return cell
 
@@ -112,7 +116,7 @@ def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number, or a word that stands where one may."""
     if not cell:
         return False
-    if _NUMBER.fullmatch(cell) or cell.lower() in _WORDS:
+    if _NUMBER.fullmatch(cell) or cell.lower() in _WORDS or _FORTRAN.fullmatch(cell):
         return True
     return bool(_COMMA_NUMBER.fullmatch(cell)) if decimal == "," else bool(_GROUPED.fullmatch(cell))
 
