@@ -15,7 +15,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
-from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_names import EVERY, said_by
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
 from rw_ekf.logs.column_speed import SINCE_LAST
@@ -42,7 +42,8 @@ _TURNING = (
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
 _FACTOR = re.compile(
-    r"_(?:x|div|by)_?\d+(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*[a-z]?Hz|[a-z])", re.IGNORECASE
+    r"_(?:x|div|by)_?\d+(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*(?:[a-z]?Hz|[mun]?s\b)|[a-z])",
+    re.IGNORECASE,
 )
 _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
@@ -111,7 +112,7 @@ def _doubts(
         return
     if (factor := _FACTOR.search(column.name)) is not None:
         yield f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?", (line,)
-    if (text := _unread(column.name)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
+    if (text := _unread(column)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
     contradicting = _contradicting_unit(column, table)
     if contradicting and not told.unit(line.name):
@@ -155,15 +156,15 @@ def _odd_stamp(column: Column, table: RawTable) -> str:
     """What a clock's name or cells leave open: brackets that are no unit, two numbers at a colon."""
     if not table.is_plain_number(column.number):
         return "hours and minutes, or minutes and seconds?" if not np.any(column.values % 60.0) else ""
-    return f"what does {text!r} mean?" if (text := _unread(column.name)) else ""
+    return f"what does {text!r} mean?" if (text := _unread(column)) else ""
 
 
-def _unread(name: str) -> str:
+def _unread(column: Column) -> str:
     """What stands in brackets in a name and is no unit, word or index: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`.
 
     The last unit in brackets is the column's: one before it that measures something else is asked about.
     """
-    said = said_by(name).unit
+    said, name = column.said.unit, EVERY.sub("", column.name)
     for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
         another = known is not None and said is not None and known.quantity != said.quantity
@@ -211,12 +212,14 @@ def _alternates(table: RawTable, column: Column, twice: BoolArray | None) -> boo
 
 def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:
     """Ask where speed and current are of wheels of different numbers."""
-    named = {one.line.name.split("_")[0]: one for one in taken if _INSTANCE.search(one.column.name)}
-    if {"speed", "current"} <= named.keys():
-        speed, current = named["speed"].column, named["current"].column
-        which = [
-            {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(one.name)}
-            for one in (speed, current)
-        ]
-        if not which[0] & which[1]:
+    of_wheel = {one.line.name.split("_")[0]: (one.column, which) for one in taken if (which := _instances(one.column))}
+    if {"speed", "current"} <= of_wheel.keys():
+        (speed, first), (current, second) = of_wheel["speed"], of_wheel["current"]
+        if not first & second:
             guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")
+
+
+def _instances(column: Column) -> set[str]:
+    """Which of several wheels a name says: `rw2`, `left`; the A of `current_A` is a unit."""
+    found = {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(column.name)}
+    return found - {column.said.unit_text.lower()}

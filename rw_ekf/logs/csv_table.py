@@ -85,10 +85,9 @@ def read_csv_table(
         count, first = len(written.left_out), written.left_out[0]
         lines = f"line {first}" if count == 1 else f"{count} lines, first line {first},"
         read.warnings.append(f"{name_shown}: {lines} below the first row hold no row of numbers and were left out")
-        if written.another is not None:
-            read.doubts += (
-                f"{written.another[:_SHOWN]!r} stands between the rows: are those behind it of the same wheel?",
-            )
+    if written.another is not None:
+        shown = written.another[:_SHOWN]
+        read.doubts += (f"{shown!r} stands between the rows: are those behind it of the same wheel?",)
     return read
 
 

@@ -11,6 +11,7 @@ from rw_ekf.logs.text_layout import TextLayout, lines_of
 
 _NEARLY_ALL = 0.9  # of the rows are whole where a shorter one is a damaged one, and no row whose last cells are empty
 _WHEEL = re.compile(r"\b(wheel|motor|rw|unit|serial|s/?n|rad|rueda|roue|disc|disk)\b\D{0,15}\d+", re.IGNORECASE)
+_COUNTED = re.compile(r"(?<![\w.])\d[\d.]*(?![\w.])")
 _CHANGED = re.compile(
     r"\b(second|another|other|new|changed?|from here|swapped|exchanged|put on|removed)\b", re.IGNORECASE
 )
@@ -63,11 +64,17 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
 
 def _of_another(lines: list[str]) -> str | None:
     """The first of labelled lines that another program or machine says than the first, or two processes in turn."""
-    heads = [who_says(line) for line in lines]
+    heads = [(_by_name(who), process) for who, process in map(who_says, lines)]
     turns = [head for head, _ in itertools.groupby(heads)]
     if len({who for who, _ in turns}) > 1 or len(turns) > len(set(turns)):
         return next(line for line, head in zip(lines, heads, strict=True) if head != heads[0])
     return None
+
+
+def _by_name(who: str) -> str:
+    """Who says a line without what changes from line to line: numbers, but that of a wheel."""
+    wheel = _WHEEL.search(who)
+    return f"{' '.join(_COUNTED.sub('', who).split())} {wheel[0] if wheel else ''}"
 
 
 def _other_names(cells: list[str], layout: TextLayout) -> bool:

@@ -44,7 +44,7 @@ _TERSE = re.compile(
 
 
 _PROCESS = re.compile(r"\[\d+\]:?")
-_LEVEL = re.compile(r"\b(?:debug|info|notice|warn(?:ing)?|error)\b|(?<![\w.])\d+(?![\w.])", re.IGNORECASE)
+_LEVEL = re.compile(r"\b(?:debug|info|notice|warn(?:ing)?|error)\b|^\W*\d+\.\d+", re.IGNORECASE)  # or an uptime
 
 
 class LineForm(NamedTuple):
@@ -109,9 +109,9 @@ def who_says(line: str) -> tuple[str, str]:
     stamp = _ANY_STAMP.fullmatch(line)
     rest = line if stamp is None else stamp["rest"]
     label = _TERSE.search(_PROCESS.sub(lambda match: "\0" * len(match[0]), rest))
-    head = _LEVEL.sub("", rest[: label.start()] if label else "")
+    head = rest[: label.start()] if label else ""
     process = _PROCESS.search(head)
-    return " ".join(_PROCESS.sub("", head).split()), process[0] if process else ""
+    return _LEVEL.sub("", _PROCESS.sub("", head)), process[0] if process else ""
 
 
 def _labelled(line: str) -> list[tuple[str, str, str]]:

@@ -221,7 +221,7 @@ def layout_of(
             if layout.width:
                 found.append((score, replace(layout, first_line=begins + 1), begins, count))
     labelled, rows, first = labelled_form(lines[skip_rows:_LOOKED_AT])
-    if rows > max((count for *_, count in found), default=0):
+    if rows > max((count - (score <= 0.0) for score, *_, count in found), default=0):
         layout = TextLayout(known, MARK, form=labelled, names=labelled.names, width=len(labelled.names))
         before = tuple(line for line in lines[: skip_rows + first] if line.strip())
         return replace(layout, first_line=skip_rows + first + 1, preamble=before)
