@@ -15,10 +15,10 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_counts import SINCE_LAST
 from rw_ekf.logs.column_names import EVERY, said_by
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
-from rw_ekf.logs.column_speed import SINCE_LAST
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
 
@@ -189,23 +189,22 @@ def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -
     """Ask where a column tells several wheels apart: by its name, or because rows of one time differ in it."""
     times = {_key(line) for line in guess.lines if line.name == "time_s"}
     clock = next((column for column in columns if column.key in times), None)
-    twice = None if clock is None or np.mean(np.diff(clock.values) == 0.0) < _TWICE else np.diff(clock.values) == 0.0
+    twice = np.zeros(0, dtype=np.bool_) if clock is None else np.diff(clock.values) == 0.0
+    often = twice.size > 0 and float(np.mean(twice)) >= _TWICE
     for column in columns:
         words = {word for word in column.said.words if "_" not in word} - _BESIDE_IDS
         if column.said.unit is not None:
             continue
         named = bool(words) and words <= _IDS
-        found = table.distinct(column.number, _MOST_WHEELS) if named or twice is not None else []
+        found = table.distinct(column.number, _MOST_WHEELS) if named or often else []
         if len(found) > 1 and (named or _alternates(table, column, twice)):
             shown = ", ".join(found[:8])
             text = f"{column.shown} tells {len(found)} of them apart ({shown}), and a log is of one"
             guess.ask("only", f"{text}: --set only={column.name}:{found[0]}.")
 
 
-def _alternates(table: RawTable, column: Column, twice: BoolArray | None) -> bool:
+def _alternates(table: RawTable, column: Column, twice: BoolArray) -> bool:
     """Whether rows of one time always have different values in a column of few."""
-    if twice is None:
-        return False
     held = table.cells(column.number)
     return all(a != b for a, b, same in zip(held[:-1], held[1:], twice.tolist(), strict=True) if same)
 

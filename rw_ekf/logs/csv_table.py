@@ -14,8 +14,9 @@ from rw_ekf.logs import csv_slow
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.text_cells import BLANKS, TextLayout, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
-from rw_ekf.logs.text_layout import BLANKS, TextLayout, encoding_of, is_stamp, layout_of, lines_of
+from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
 
 if TYPE_CHECKING:
     import pyarrow as pa

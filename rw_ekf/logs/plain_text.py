@@ -6,8 +6,9 @@ import itertools
 import re
 from typing import NamedTuple
 
+from rw_ekf.logs.text_cells import TextLayout
 from rw_ekf.logs.text_forms import who_says
-from rw_ekf.logs.text_layout import TextLayout, lines_of
+from rw_ekf.logs.text_layout import lines_of
 
 _NEARLY_ALL = 0.9  # of the rows are whole where a shorter one is a damaged one, and no row whose last cells are empty
 _WHEEL = re.compile(r"\b(wheel|motor|rw|unit|serial|s/?n|rad|rueda|roue|disc|disk)\b\D{0,15}\d+", re.IGNORECASE)
