@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import re
 
-import numpy as np
-
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_records import Column
 from rw_ekf.logs.column_time import rate_in
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.row_rules import is_even, usual_step
 
 _SAME = 0.03  # relative: an interval that is said, and the step of the clock, are the same
-_EVEN, _NEARLY_ALL = 0.1, 0.9  # of a step and of the steps: where rows come as evenly, their interval is one
+_EVEN = 0.1  # of a step: where rows come as evenly, their interval is one
 _TIMED = r"(\d+(?:[.,]\d+)?)[ _]?([mu]?s)(?![a-z])"
 _A_ROW = r"(?:row|sample|print\w*|record|message|reading|loop|interval|update|poll|zeile|abtast\w*|intervall)"
 # Counts of one row alone: since the one before, or in its own interval of time. Lines and cycles are the encoder's too.
@@ -57,13 +56,11 @@ def interval_of(table: RawTable, column: Column, time_s: Float64Array | None) ->
     }
     if not said and (rate := rate_in(table.preamble)) is not None:
         said = {1.0 / rate[0]}
-    step = np.diff(time_s) if time_s is not None else np.empty(0)
-    usual = float(np.median(step)) if step.size else 0.0
-    if not said and usual > 0.0 and float(np.mean(np.abs(step - usual) < _EVEN * usual)) > _NEARLY_ALL:
+    usual = 0.0 if time_s is None else usual_step(time_s)
+    if not said and time_s is not None and is_even(time_s, _EVEN):
         return usual
     interval = said.pop() if len(said) == 1 else None
-    fits = interval is not None and (not step.size or abs(interval - usual) < _SAME * usual)
-    return interval if fits else None
+    return interval if interval is not None and (not usual or abs(interval - usual) < _SAME * usual) else None
 
 
 def per_turn(table: RawTable, column: Column) -> float | None:
