@@ -16,7 +16,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import EVERY, said_by
+from rw_ekf.logs.column_names import said_by
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
 from rw_ekf.logs.column_units import unit_of
@@ -164,10 +164,12 @@ def _unread(column: Column) -> str:
 
     The last unit in brackets is the column's: one before it that measures something else is asked about.
     """
-    said, name = column.said.unit, EVERY.sub("", column.name)
+    said, name = column.said.unit, column.name
     for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
         another = known is not None and said is not None and known.quantity != said.quantity
+        if SINCE_LAST.search(text):  # counts of an interval, which are understood
+            continue
         if another or (known is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text))):
             return str(text)
     return ""
@@ -210,15 +212,18 @@ def _alternates(table: RawTable, column: Column, twice: BoolArray) -> bool:
 
 
 def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:
-    """Ask where speed and current are of wheels of different numbers."""
-    of_wheel = {one.line.name.split("_")[0]: (one.column, which) for one in taken if (which := _instances(one.column))}
-    if {"speed", "current"} <= of_wheel.keys():
-        (speed, first), (current, second) = of_wheel["speed"], of_wheel["current"]
-        if not first & second:
-            guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")
+    """Ask where speed and current are of wheels of different numbers, letters or sides."""
+    columns = {one.line.name.split("_")[0]: one.column for one in taken}
+    if not {"speed", "current"} <= columns.keys():
+        return
+    speed, current = columns["speed"], columns["current"]
+    first, second = map(_instances, (speed.name, current.name))
+    if not any(which.isalpha() and len(which) == 1 for which in first):
+        second.discard(current.said.unit_text.lower())  # the A of current_A, beside rw2: its unit
+    if first and second and not first & second:
+        guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")
 
 
-def _instances(column: Column) -> set[str]:
-    """Which of several wheels a name says: `rw2`, `left`; the A of `current_A` is a unit."""
-    found = {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(column.name)}
-    return found - {column.said.unit_text.lower()}
+def _instances(name: str) -> set[str]:
+    """Which of several wheels a name says: its number, letter or side."""
+    return {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(name)}

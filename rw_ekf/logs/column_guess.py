@@ -24,6 +24,7 @@ from rw_ekf.logs.row_rules import is_even
 _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
 )  # fmt: skip
+_WARM_DEGC = 10.0  # T_C alone is below it: a Coulomb torque, in whatever unit, or of no use to know
 _STEADY = 0.5  # of its step: so evenly goes a counter that is a clock, and not the angle of a wheel that turns
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
@@ -165,7 +166,9 @@ def _find_further(columns: list[Column], speed: Column | None, told: Answers, gu
     """Add what a log may have beside, where one column fits and says its unit."""
     for role, name in _EXTRA.items():
         best = best_of([c for c in columns if c.role == role and np.isfinite(c.values).mean() > LEAST_SHARE])
-        if len(best) == 1 and (best[0].unit or best[0].name == name) and not best[0].said.any_of(*_NOT_OF_THE_WHEEL):
+        if len(best) != 1 or (best[0].said.words == {"t"} and np.nanmedian(best[0].values) < _WARM_DEGC):
+            continue
+        if (best[0].unit or best[0].name == name) and not best[0].said.any_of(*_NOT_OF_THE_WHEEL):
             entry = told.with_more(name, best[0].entry(best[0].unit))
             guess.take(name, entry, f"its name says {best[0].unit or 'so'}")
     angles = [c for c in columns if c.role == "angle" and c.moves]

@@ -28,8 +28,9 @@ _FEW = 2  # words of a name beside which a letter may be a symbol
 _QUALIFIED = re.compile(
     r"(?P<name>.*[_ ].*)[_ ](?P<last>filt|filtered|raw|mean|avg|lp|meas|measured|act|est|med)", re.I
 )
-EVERY = re.compile(  # an interval is no unit: counts_per_100ms, [counts/100 ms]
-    r"(?:(?<![A-Za-z])(?:every|each|per|over|within|alle|je|pro)|/)[\s_]*\d+(?:[.,]\d+)?[\s_]*[mun]?s(?:ec)?(?![A-Za-z])",
+_EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a stroke only one of counts, ticks and the like
+    r"(?:(?<![A-Za-z])(?:every|each|per|over|within|alle|je|pro)|(?<=nts|unt|cnt|cks|ick|inc|ses|ges)\s*/)"
+    r"[\s_]*\d+(?:[.,]\d+)?[\s_]*[mun]?s(?:ec)?(?![A-Za-z])",
     re.IGNORECASE,
 )
 _STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
@@ -55,7 +56,7 @@ class Said(NamedTuple):
         """
         if not remark:
             return self
-        remark = EVERY.sub("", remark)
+        remark = _EVERY.sub("", remark)
         said = self.in_unit(_unit_in_prose(remark))
         if said.unit is None and (spoken := said_by(remark)).unit is not None:
             said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
@@ -82,7 +83,7 @@ class Said(NamedTuple):
 
 def said_by(name: str) -> Said:
     """Take a name apart."""
-    name = EVERY.sub("", name)
+    name = _EVERY.sub("", name)
     bare, text, unit = _split(name.strip())
     if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt
         bare, text, unit = _split(match["name"])
