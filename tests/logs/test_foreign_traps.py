@@ -398,6 +398,17 @@ def test_lines_of_two_speakers_are_asked_about(tmp_path: Path, run: rw_ekf.Log, 
     assert any("of the same wheel" in question.text for question in questions)
 
 
+@pytest.mark.parametrize(("value", "is_temperature"), [(0.002, False), (21.5, True)])
+def test_t_c_alone_is_a_temperature_where_it_is_warm(
+    tmp_path: Path, run: rw_ekf.Log, value: float, is_temperature: bool
+) -> None:
+    """`T_C` may be a Coulomb torque: what is far below any room's temperature is left alone. current_A says no wheel."""
+    text = _csv(run, "t_s,rw2_rpm,current_A,T_C", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{value}")
+    found = _guess(tmp_path / "a.csv", text)
+    assert found.is_certain
+    assert ("temperature_degC" in [line.name for line in found.guess.lines]) == is_temperature
+
+
 @pytest.mark.parametrize(
     ("header", "asked"),
     [
@@ -406,10 +417,12 @@ def test_lines_of_two_speakers_are_asked_about(tmp_path: Path, run: rw_ekf.Log, 
         ("T_C,rpm,i_A", "no column is known to be the time"),
         ("t_case,rpm,i_A", "no column is known to be the time"),
         ("t_s,rpm,T_C", "no column is known to be the current"),
+        ("t_s,rpm_B,current_A", "seem to be of two wheels"),
+        ("t_s,rw2_rpm,rw1_current_A", "seem to be of two wheels"),
     ],
 )
 def test_what_a_name_is_near_to_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, asked: str) -> None:
-    """A topic that is no JointState's, two joints of one, a temperature where the time or the drive would be."""
+    """A topic that is no JointState's, two joints of one, a temperature for a time or a drive, two wheels."""
     count = header.count(",") - 1
     text = _csv(run, header, lambda i, t, w, c: f"{t!r},{','.join([repr(w * (1 + k)) for k in range(count)])},{c!r}")
     assert any(asked in question.text for question in _guess(tmp_path / "a.csv", text).guess.questions)
