@@ -402,7 +402,7 @@ def test_lines_of_two_speakers_are_asked_about(tmp_path: Path, run: rw_ekf.Log, 
 def test_t_c_alone_is_a_temperature_where_it_is_warm(
     tmp_path: Path, run: rw_ekf.Log, value: float, is_temperature: bool
 ) -> None:
-    """`T_C` may be a Coulomb torque: what is far below any room's temperature is left alone. current_A says no wheel."""
+    """`T_C` may be a Coulomb torque: what is far below any room's temperature is left alone."""
     text = _csv(run, "t_s,rw2_rpm,current_A,T_C", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{value}")
     found = _guess(tmp_path / "a.csv", text)
     assert found.is_certain
