@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from rw_ekf.errors import BadInputError, RwEkfError
-from rw_ekf.identify.misread import left_unexplained, misreadings_and_questions
+from rw_ekf.identify.misread import motion_of
 from rw_ekf.logs.atomic import write_text
 from rw_ekf.logs.column_guess import guess_columns
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.column_records import Guess, Line
-from rw_ekf.logs.guessed_map import map_of_guess
-from rw_ekf.logs.map_text import comment, map_text
+from rw_ekf.logs.map_text import comment, map_of_guess, map_text
 from rw_ekf.logs.reader import log_of_table, read_table
 from rw_ekf.shown import Shown
 
@@ -96,8 +95,7 @@ def guessed_columns(
         return GuessedColumns(str(path), guess, layout, (), warnings)
     try:
         log = log_of_table(table, map_of_guess(guess, str(path), layout))
-        doubts, asked = misreadings_and_questions(log)
-        left = left_unexplained(log)
+        doubts, asked, left = motion_of(log)
         if not doubts and left is not None and left > _UNEXPLAINED:
             doubts = (
                 f"read like this, drive and friction explain {100.0 * (1.0 - min(left, 1.0)):.0f} % of how the speed "

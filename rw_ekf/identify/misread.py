@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,26 +52,33 @@ _CIRCLE_DEG = (350.0, 360.0001)
 _CURRENTS = ("current_A", "current_command_A")
 
 
-def misreadings_and_questions(log: WheelLog, *, described: bool = False) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Sentences, without the final stop, on what a log is not, and on whether units were mistaken.
+class Motion(NamedTuple):
+    """What the motion says of a log: sentences, without the final stop, and how much of it they are about."""
 
-    None of a log that is read as it should be. The second is asked of a log's size alone: a machine may have any, so
-    it withholds nothing, and is not asked where a configuration or a model says what machine this is (described).
+    misread: tuple[str, ...]  # what the log is not; none of a log that is read as it should be
+    asked: tuple[str, ...]  # whether units were mistaken
+    unexplained: float | None  # share of the motion over windows that no gain and friction explain; None: not driven
+
+
+def motion_of(log: WheelLog, *, described: bool = False) -> Motion:
+    """Hold the equation of motion against a log.
+
+    Units are asked of a log's size alone: a machine may have any, so that withholds nothing, and is not asked where a
+    configuration or a model says what machine this is (described).
     """
-    if log.faults:
-        return log.faults, ()
-    held = _held_against(log)
-    if held is None:
-        return (), ()
-    found = tuple(itertools.islice(_suspicions(log, *held, described=described), 1))
-    asked = () if described else itertools.islice(_units(log, held[2], driven=_is_driven(log, held[1])), 1)
-    return found, tuple(asked)
-
-
-def left_unexplained(log: WheelLog) -> float | None:
-    """Share of the motion over windows that no gain and friction explain; None of a log too short, or not driven."""
     held = None if log.faults else _held_against(log)
-    return None if held is None or not _is_driven(log, held[1]) else held[2].left
+    if held is None:
+        return Motion(log.faults, (), None)
+    course, sums, read, noise = held
+    driven = _is_driven(log, sums)
+    found = itertools.islice(_suspicions(log, course, sums, read, noise, described=described), 1)
+    asked = () if described else itertools.islice(_units(log, read, driven=driven), 1)
+    return Motion(tuple(found), tuple(asked), read.left if driven else None)
+
+
+def misreadings_and_questions(log: WheelLog, *, described: bool = False) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What a log is not, and whether units were mistaken, as in `Motion`."""
+    return motion_of(log, described=described)[:2]
 
 
 def warnings_of(misread: tuple[str, ...], asked: tuple[str, ...] = ()) -> list[str]:

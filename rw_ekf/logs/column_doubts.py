@@ -15,6 +15,7 @@ import numpy as np
 
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_counts import SINCE_LAST
 from rw_ekf.logs.column_names import said_by
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
@@ -31,7 +32,9 @@ _OTHER_MACHINES = (
     "load", "dyno", "yaw", "pitch", "roll", "pend", "pendulum", "base", "plate", "arm", "abtrieb", "abtriebsdrehzahl",
     "predicted", "simulated", "sim", "model",
 )  # fmt: skip
-_NOT_SUMMED = re.compile(r"delta|\bdiff|increments?\b|inkremente|per (row|sample)", re.IGNORECASE)
+_NOT_SUMMED = re.compile(
+    r"delta|\bdiff|increments?\b|inkremente|per (row|sample)|\b(every|each)\b|\bsince (the )?(last|prev)", re.IGNORECASE
+)
 _TURNING = (
     "rev", "revs", "turns", "rotations", "rotation", "mechanical", "mech", "n", "drehzahl", "umdrehungen", "tours",
     "giri",
@@ -39,13 +42,17 @@ _TURNING = (
 _PER_SECOND = ("1/s", "s-1", "rps")  # radians or turns, by who writes it
 _TURNS_BY_NAME = ("drehzahl", "n", "tours", "giri", "turns", "revolutions")  # which are counted in turns
 _FACTOR = re.compile(
-    r"_(?:x|div|by)_?\d+(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*[a-z]?Hz|[a-z])", re.IGNORECASE
+    r"_(?:x|div|by)_?\d+(?!\w)|[x×*·/]\s*(?:10+|0?[.,]0*1|1e-?\d+|10\^-?\d+)(?![\d.,]|\s*(?:[a-z]?Hz|[mun]?s\b)|[a-z])",
+    re.IGNORECASE,
 )
 _ODD = re.compile(r"\d|%|\u00b3|thousand|hundred|tenth", re.IGNORECASE)
 _FASTEST_RAD_S = 2.0e4  # 190,000 rpm: no wheel and no motor of one turns faster
-_LIKE_A_UNIT = re.compile(r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff)?")  # of no known meaning
+_LIKE_A_UNIT = re.compile(
+    r"[a-z]?(A|V|Amps?|Arms|Apk|Vrms|Hz|RPM)(rms|pk|peak|eff|p|pp|p-p|dc|ac)?"
+)  # of no known meaning
 _A_WORD = 3  # letters: shorter is a unit, or an axis
 _AXES = frozenset(["x", "y", "z", "q", "d", "m", "w"])
+_INDEX = re.compile(r"(?<=\w)\[\d{1,3}\]")  # r61[0], of one among several, in a name that says its unit elsewhere
 _BRACKETED = re.compile(r"[\[(<{]([^\])>}]+)[\])>}]")
 _IDS = frozenset((
     "id", "wheel", "rw", "unit", "motor", "axis", "node", "device", "dev", "serial", "sn", "name", "address", "addr",
@@ -105,11 +112,15 @@ def _doubts(
         return
     if (factor := _FACTOR.search(column.name)) is not None:
         yield f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?", (line,)
-    if (text := _unread(column.name)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
+    if (text := _unread(column)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
     contradicting = _contradicting_unit(column, table)
     if contradicting and not told.unit(line.name):
         yield f"{column.shown} says one unit, and {contradicting!r} beside it another: which?", (line,)
+    if line.entry.get("derivative_of") is not None and (
+        _NOT_SUMMED.search(f"{column.name} {column.remark}") or any(map(SINCE_LAST.search, table.preamble))
+    ):
+        yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
     if line.name.startswith("speed"):
         yield from _doubts_of_speed(one, bool(told.unit("speed_rad_s", "speed_rpm")))
 
@@ -117,8 +128,6 @@ def _doubts(
 def _doubts_of_speed(one: _Taken, unit_was_set: bool) -> Iterator[tuple[str, tuple[Line, ...]]]:
     line, column = one
     said, unit = column.said, column.said.unit
-    if line.entry.get("derivative_of") is not None and _NOT_SUMMED.search(column.name):
-        yield f"{column.shown}: counts since the row before, or since the beginning?", (line,)
     letters = [letter for letter in _LETTERS if letter in said.words and said.words & _SYMBOLS]
     per = unit is not None and bool(unit.per)
     if not per and (said.any_of(*_ELECTRICAL) or "e" in letters):
@@ -147,14 +156,21 @@ def _odd_stamp(column: Column, table: RawTable) -> str:
     """What a clock's name or cells leave open: brackets that are no unit, two numbers at a colon."""
     if not table.is_plain_number(column.number):
         return "hours and minutes, or minutes and seconds?" if not np.any(column.values % 60.0) else ""
-    return f"what does {text!r} mean?" if (text := _unread(column.name)) else ""
+    return f"what does {text!r} mean?" if (text := _unread(column)) else ""
 
 
-def _unread(name: str) -> str:
-    """What stands in brackets in a name and is no unit and no word: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`."""
-    for text in _BRACKETED.findall(name):
-        short = len(text) < _A_WORD and text.lower() not in _AXES
-        if unit_of(text) is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text)):
+def _unread(column: Column) -> str:
+    """What stands in brackets in a name and is no unit, word or index: `[0.25 rpm]`, `(thousands of rpm)`, `[%FS]`.
+
+    The last unit in brackets is the column's: one before it that measures something else is asked about.
+    """
+    said, name = column.said.unit, column.name
+    for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
+        known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
+        another = known is not None and said is not None and known.quantity != said.quantity
+        if SINCE_LAST.search(text):  # counts of an interval, which are understood
+            continue
+        if another or (known is None and (short or _ODD.search(text) or _LIKE_A_UNIT.fullmatch(text))):
             return str(text)
     return ""
 
@@ -175,35 +191,39 @@ def _ask_which_wheel(table: RawTable, columns: Sequence[Column], guess: Guess) -
     """Ask where a column tells several wheels apart: by its name, or because rows of one time differ in it."""
     times = {_key(line) for line in guess.lines if line.name == "time_s"}
     clock = next((column for column in columns if column.key in times), None)
-    twice = None if clock is None or np.mean(np.diff(clock.values) == 0.0) < _TWICE else np.diff(clock.values) == 0.0
+    twice = np.zeros(0, dtype=np.bool_) if clock is None else np.diff(clock.values) == 0.0
+    often = twice.size > 0 and float(np.mean(twice)) >= _TWICE
     for column in columns:
         words = {word for word in column.said.words if "_" not in word} - _BESIDE_IDS
         if column.said.unit is not None:
             continue
         named = bool(words) and words <= _IDS
-        found = table.distinct(column.number, _MOST_WHEELS) if named or twice is not None else []
+        found = table.distinct(column.number, _MOST_WHEELS) if named or often else []
         if len(found) > 1 and (named or _alternates(table, column, twice)):
             shown = ", ".join(found[:8])
             text = f"{column.shown} tells {len(found)} of them apart ({shown}), and a log is of one"
             guess.ask("only", f"{text}: --set only={column.name}:{found[0]}.")
 
 
-def _alternates(table: RawTable, column: Column, twice: BoolArray | None) -> bool:
+def _alternates(table: RawTable, column: Column, twice: BoolArray) -> bool:
     """Whether rows of one time always have different values in a column of few."""
-    if twice is None:
-        return False
     held = table.cells(column.number)
     return all(a != b for a, b, same in zip(held[:-1], held[1:], twice.tolist(), strict=True) if same)
 
 
 def _ask_whose_current(taken: Sequence[_Taken], guess: Guess) -> None:
-    """Ask where speed and current are of wheels of different numbers."""
-    named = {one.line.name.split("_")[0]: one for one in taken if _INSTANCE.search(one.column.name)}
-    if {"speed", "current"} <= named.keys():
-        speed, current = named["speed"].column, named["current"].column
-        which = [
-            {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(one.name)}
-            for one in (speed, current)
-        ]
-        if not which[0] & which[1]:
-            guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")
+    """Ask where speed and current are of wheels of different numbers, letters or sides."""
+    columns = {one.line.name.split("_")[0]: one.column for one in taken}
+    if not {"speed", "current"} <= columns.keys():
+        return
+    speed, current = columns["speed"], columns["current"]
+    first, second = map(_instances, (speed.name, current.name))
+    if not any(which.isalpha() and len(which) == 1 for which in first):
+        second.discard(current.said.unit_text.lower())  # the A of current_A, beside rw2: its unit
+    if first and second and not first & second:
+        guess.ask("current_A", f"{speed.shown} and {current.shown} seem to be of two wheels: do they go together?")
+
+
+def _instances(name: str) -> set[str]:
+    """Which of several wheels a name says: its number, letter or side."""
+    return {(match["side"] or match["which"]).lower() for match in _INSTANCE.finditer(name)}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
@@ -32,6 +34,7 @@ _MEASURED_WITH = (
     "normal", "weight", "soc", "humidity", "load",
 )  # fmt: skip
 _NO_TORQUE_OF_DRIVE = ("reaction", "disturbance", "friction", "drag", "brake", "load", "external", "reibung")
+_KIND_OF_AMPERE = re.compile(r"rms|eff|pk|peak", re.IGNORECASE)
 _HARDLY = 0.05  # of itself: a supply's voltage moves by so much under load
 _FULL_SHARE = 1.05  # of a drive: more is a count of something
 _HALF_PERCENT = 40.0  # never below it: a bridge whose zero is at 50 %
@@ -133,6 +136,8 @@ def _take_current(column: Column, name: str, told: Answers, guess: Guess) -> Non
             text = f"{column.shown} has no unit, and goes to {column.top:.4g}: mA or A?"
             guess.ask(name, text, *(Line(name, column.entry(unit), "") for unit in ("mA", "A")))
             return
+    if _KIND_OF_AMPERE.search(unit):
+        guess.notes.append(f"{column.shown}: motor_gain is then per ampere of that kind ({unit})")
     unit = "" if unit_of(unit) == unit_of("A") else unit
     guess.take(name, told.with_more(name, column.entry(unit)), why, assumed=assumed)
 

@@ -19,13 +19,19 @@ from rw_ekf.logs.column_speed import find_speed
 from rw_ekf.logs.column_time import Clock, clock_of, rate_in, ticks_a_second
 from rw_ekf.logs.column_units import Unit
 from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.row_rules import is_even
 
 _COUNTERS_CALLED = (
     "tick", "ticks", "counter", "timer", "cnt", "clk", "clock", "cycle", "cycles", "count", "takt",
 )  # fmt: skip
+_WARM_DEGC = 10.0  # T_C alone is below it: a Coulomb torque, in whatever unit, or of no use to know
+_STEADY = 0.5  # of its step: so evenly goes a counter that is a clock, and not the angle of a wheel that turns
 _DATES = (6.3e8, 2.3e9)  # 1990 to 2042, in seconds since 1970
 _OF_AN_ANGLE = ("encoder", "enc", "hall", "pos", "position", "angle", "theta", "motor", "wheel", "rev")
-_NOT_OF_THE_WHEEL = ("cpu", "ambient", "barometric", "set", "setpoint", "yaw", "pitch", "roll", "pendulum", "pend")
+_NOT_OF_THE_WHEEL = (
+    "cpu", "mcu", "pcb", "board", "ambient", "amb", "room", "raum", "env", "chamber", "delta", "rise", "barometric",
+    "set", "setpoint", "yaw", "pitch", "roll", "pendulum", "pend",
+)  # fmt: skip
 _EXTRA = {"temperature": "temperature_degC", "pressure": "pressure_Pa", "bus_voltage": "bus_voltage_V"}
 
 
@@ -113,13 +119,6 @@ def _of_two_signals(one: Clock, other: Clock, columns: list[Column]) -> bool:
     return apart and not np.allclose(one.time_s, other.time_s, rtol=0.0, atol=1.0e-3)
 
 
-def _is_even(clock: Clock) -> bool:
-    """Whether a counter goes on by much the same from row to row, as a clock does and a wheel that turns does not."""
-    step = np.diff(clock.time_s)
-    usual = float(np.median(step))
-    return usual > 0.0 and float(np.mean(np.abs(step - usual) < 0.5 * usual)) > 0.9
-
-
 def _holds_dates(table: RawTable, column: Column) -> bool:
     """Whether all its cells are dates or times of day, as text or as seconds since 1970, that do not fall."""
     values = column.values
@@ -134,7 +133,9 @@ def _counter(table: RawTable, columns: list[Column]) -> tuple[Clock, float, str]
     counters = [c for c in columns if c.role in ("count", "angle", "time") and c.said.any_of(*_COUNTERS_CALLED)]
     counters = [c for c in counters if not c.said.any_of(*_OF_AN_ANGLE)]
     found = [(c, clock_of(c.number, c.name, c.said, c.values, "s", stamps=False)) for c in counters]
-    rising = [(c, clock) for c, clock in found if clock is not None and not clock.restarts and _is_even(clock)]
+    rising = [
+        (c, clock) for c, clock in found if clock is not None and not clock.restarts and is_even(clock.time_s, _STEADY)
+    ]
     if len(rising) != 1:
         return None
     column, clock = rising[0]
@@ -165,7 +166,9 @@ def _find_further(columns: list[Column], speed: Column | None, told: Answers, gu
     """Add what a log may have beside, where one column fits and says its unit."""
     for role, name in _EXTRA.items():
         best = best_of([c for c in columns if c.role == role and np.isfinite(c.values).mean() > LEAST_SHARE])
-        if len(best) == 1 and (best[0].unit or best[0].name == name) and not best[0].said.any_of(*_NOT_OF_THE_WHEEL):
+        if len(best) != 1 or (best[0].said.words == {"t"} and np.nanmedian(best[0].values) < _WARM_DEGC):
+            continue
+        if (best[0].unit or best[0].name == name) and not best[0].said.any_of(*_NOT_OF_THE_WHEEL):
             entry = told.with_more(name, best[0].entry(best[0].unit))
             guess.take(name, entry, f"its name says {best[0].unit or 'so'}")
     angles = [c for c in columns if c.role == "angle" and c.moves]

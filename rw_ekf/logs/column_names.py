@@ -28,6 +28,11 @@ _FEW = 2  # words of a name beside which a letter may be a symbol
 _QUALIFIED = re.compile(
     r"(?P<name>.*[_ ].*)[_ ](?P<last>filt|filtered|raw|mean|avg|lp|meas|measured|act|est|med)", re.I
 )
+_EVERY = re.compile(  # an interval is no unit: counts_per_100ms; behind a stroke only one of counts, ticks and the like
+    r"(?:(?<![A-Za-z])(?:every|each|per|over|within|alle|je|pro)|(?<=nts|unt|cnt|cks|ick|inc|ses|ges)\s*/)"
+    r"[\s_]*\d+(?:[.,]\d+)?[\s_]*[mun]?s(?:ec)?(?![A-Za-z])",
+    re.IGNORECASE,
+)
 _STARRED = re.compile(r"(\w)\*(?!\w)")  # n*: what is wanted, in the notation of drives
 _CUT = re.compile(r"([a-z0-9])([A-Z])")
 
@@ -51,6 +56,7 @@ class Said(NamedTuple):
         """
         if not remark:
             return self
+        remark = _EVERY.sub("", remark)
         said = self.in_unit(_unit_in_prose(remark))
         if said.unit is None and (spoken := said_by(remark)).unit is not None:
             said = self._replace(unit_text=spoken.unit_text, unit=spoken.unit)
@@ -66,7 +72,7 @@ class Said(NamedTuple):
     @property
     def says_time(self) -> bool:
         """Whether one of the words is a time's, in one piece or at its end: Laufzeit, runtime."""
-        letter = "t" in self.words and not self.has("machine", "derived", "supply", "bus")  # else a temperature's
+        letter = "t" in self.words and not self.has("machine", "derived", "supply", "bus", "place")  # of a temperature
         spelt = self.words & (WORDS["time"] - {"t"})
         return letter or bool(spelt) or any(word.endswith(("zeit", "time")) for word in self.words)
 
@@ -77,6 +83,7 @@ class Said(NamedTuple):
 
 def said_by(name: str) -> Said:
     """Take a name apart."""
+    name = _EVERY.sub("", name)
     bare, text, unit = _split(name.strip())
     if unit is None and (match := _QUALIFIED.fullmatch(name.strip())) is not None:  # omega_deg_s_filt
         bare, text, unit = _split(match["name"])
@@ -102,7 +109,7 @@ def _unit_in_prose(text: str) -> str:
 
 def _split(name: str) -> tuple[str, str, Unit | None]:
     """Name, unit as written, unit."""
-    for match in (*_IN_BRACKETS.finditer(name), _SPOKEN.match(name)):
+    for match in (*reversed([*_IN_BRACKETS.finditer(name)]), _SPOKEN.match(name)):
         if match and match["unit"] and (unit := unit_of(match["unit"])) is not None:
             rest = "" if match.re is _SPOKEN else name[match.end() :]
             before = match["name"] if match.re is _SPOKEN else name[: match.start()]
@@ -111,7 +118,8 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
         tail = name[cut.end() :]
         for spelt in (tail.replace("_", "/"), tail, tail.replace("per", "/").replace("_", "")):
             unit = unit_of(spelt) if not spelt[:1].isdigit() or spelt == tail else None
-            if unit is not None and (len(plain_spelling(spelt)) > 1 or spelt in {"s", "A", "V", "N"}):
+            known = len(plain_spelling(spelt)) > 1 or spelt in {"s", "A", "V", "N"}
+            if unit is not None and spelt != "arms" and (known or _is_degree(name[: cut.start()], spelt)):
                 return name[: cut.start()], spelt, unit
     if (unit := unit_of(name)) is not None and (len(plain_spelling(name)) > 1 or name == "A"):
         return name, name, unit
@@ -128,6 +136,13 @@ def _split(name: str) -> tuple[str, str, Unit | None]:
     if glued and (unit := unit_of(glued[2])) is not None:
         return glued[1], glued[2], unit
     return name, "", None
+
+
+def _is_degree(name: str, letter: str) -> bool:
+    """Whether a letter behind a name is a temperature's unit: T_C, t_case_C, Tcase_K, temp_F; not T_F of a friction."""
+    words = set(_words(name))
+    of_t = ("t" in words and (letter != "F" or len(words) > 1)) or re.search(r"(?<![A-Za-z])T[a-z]{2,}$", name)
+    return letter in {"C", "K", "F"} and bool(of_t or words & WORDS["temperature"])
 
 
 def _words(text: str) -> list[str]:

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.errors import LogError
-from rw_ekf.logs.column_habits import habitual_unit
 from rw_ekf.logs.column_names import Role, Said, role_of, said_by
+from rw_ekf.logs.column_units import habitual_unit
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
@@ -154,10 +153,7 @@ def columns_of(table: RawTable) -> list[Column]:
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
         said = said_by(name).in_unit(units.get(name) or habitual_unit(name)).with_remark(remarks.get(name, ""))
-        try:
-            values = table.floats(number, stamps=True)
-        except LogError:
-            values = np.full(table.rows, np.nan)
+        values = table.numbers(number, stamps=True)
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
         role = role_of(said) if name else "other"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_answers import Answers
+from rw_ekf.logs.column_counts import interval_of, is_since_last, per_turn, pole_pairs
 from rw_ekf.logs.column_records import Column, Guess, Line, chosen
 from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.raw_table import RawTable
@@ -30,15 +30,24 @@ def find_speed(
     angles = [c for c in columns if c.role == "angle" and c.moves]
     if given is not None and given[1] is not None:
         speeds = [c for c in columns if c.number == given[1]]
-    if not speeds and angles:
-        return _rate_of_angle(table, angles, told, guess)
+    candidates, what = (angles, "angle") if angles and not speeds else (speeds, "speed")
     asked = len(guess.questions)
-    column = chosen(speeds, "speed of the wheel", "speed_rad_s", guess)
+    column = chosen(candidates, f"{what} of the wheel", "speed_rad_s", guess)
     if column is None:
         if len(guess.questions) == asked:
             guess.ask("speed_rad_s", "no column is known to be the speed: --set speed=COLUMN.")
         return None
-    told_unit = told.unit("speed_rad_s", "speed_rpm")
+    told_unit, sign = told.unit("speed_rad_s", "speed_rpm"), _direction(columns, column)
+    if not told_unit and (column.unit == "" or what == "angle") and is_since_last(column):
+        per = per_turn(table, column) or told.more.get("speed_rad_s", {}).get("counts_per_turn")
+        line, text = _counts_line(column, per, interval_of(table, column, time_s), sign, told)
+        if text:
+            guess.ask("speed_rad_s", f"{column.shown} counts from row to row: {text}", line)
+        else:
+            guess.lines.append(line)
+        return column
+    if what == "angle":
+        return _rate_of_angle(table, column, told, guess)
     if column.said.any_of("electrical", "elec") and not told_unit:
         text = f"{column.shown} is electrical: has it been divided by the pole pairs, and by how many if not?"
         as_it_is = _speed_line(column, column.unit or "rpm", "", None, told)
@@ -47,7 +56,6 @@ def find_speed(
     told_unit = told_unit or ("rpm" if given and given[0] == "speed_rpm" else "")
     unit, why = _speed_unit(column, angles, time_s, told_unit)
     assumed = unit is not None and not (told_unit or (column.unit and not column.by_habit) or _unit_in_words(column))
-    sign = _direction(columns, column)
     if unit is None:
         text = f"{column.shown} has no unit, and goes to {column.top:.4g}: rpm, rad/s or deg/s?"
         guess.ask(
@@ -56,7 +64,7 @@ def find_speed(
         return column
     known, more = unit_of(unit), {}
     if known is not None and known.per and known.per not in told.more.get("speed_rad_s", {}):
-        per = (_per_turn if known.per == "counts_per_turn" else _pole_pairs)(table, column)
+        per = (per_turn if known.per == "counts_per_turn" else pole_pairs)(table, column)
         if per is None:
             text = f"{column.shown} is in {unit}: how many {known.per.replace('_', ' ')}? --set speed.{known.per}=N."
             guess.ask("speed_rad_s", text, _speed_line(column, unit, "", sign, told))
@@ -136,18 +144,29 @@ def _by_angle(column: Column, angle: Column, time_s: Float64Array | None) -> str
     return None
 
 
-def _rate_of_angle(table: RawTable, angles: list[Column], told: Answers, guess: Guess) -> Column | None:
+def _counts_line(
+    column: Column, per: object, interval_s: float | None, sign: Column | None, told: Answers
+) -> tuple[Line, str]:
+    """The line of a column that has, in each row, an encoder's counts since the row before; and what is open of it."""
+    scale = None if interval_s is None else float(f"{1.0 / interval_s:.9g}")
+    why = "counts from row to row"
+    line = _speed_line(column, "counts/s", why, sign, told, counts_per_turn=per or 4096, scale=scale)
+    if not per:
+        return line, "how many to a turn? --set speed.counts_per_turn=N."
+    if "scale" not in line.entry:
+        return line, "over how long? --set speed.scale=INTERVALS-A-SECOND."
+    return line, "" if column.is_whole else "its numbers are not whole: what are they?"
+
+
+def _rate_of_angle(table: RawTable, column: Column, told: Answers, guess: Guess) -> Column:
     """The speed as the rate of an angle."""
-    column = chosen(angles, "angle of the wheel", "speed_rad_s", guess)
-    if column is None:
-        return None
     turn = _turn_of(column)
     unit = column.unit or told.unit("angle_rad", "speed_rad_s")
     known = unit_of(unit)
     more = told.more.get("speed_rad_s", {})
     entry: dict[str, object] = {"derivative_of": column.key}
     if known is not None and known.per:
-        per = _per_turn(table, column) or more.get(known.per) or turn
+        per = per_turn(table, column) or more.get(known.per) or turn
         entry |= {"unit": unit, known.per: per or 4096}
         if per is None:
             text = f"{column.shown} is in {unit}: how many to a turn? --set speed.counts_per_turn=N."
@@ -181,43 +200,6 @@ def _turn_of(column: Column) -> float | None:
         if _FULL * turn <= spread <= turn * (1.0 + 1.0e-9) and jumps.any():
             return turn
     return None
-
-
-_PER_TURN = tuple(
-    re.compile(pattern, re.IGNORECASE)
-    for pattern in (
-        r"(\d{2,8})\s*(?:counts?|cpr|ppr|ticks?|inc\w*|pulses|lines|steps)?\s*(?:/|per\s|pro\s)\s*(?:turn|rev|u\b|umdr)",
-        r"(?:cpr|ppr|(?:counts?|ticks|inc\w*|steps|pulses)[ _-]*(?:per|pro|/)[ _-]*(?:turn|rev\w*|umdr\w*))"
-        r"\D{0,4}(\d{2,8})",
-        r"(\d{2,8})\s*(?:cpr|ppr)\b",
-        r"(\d{2,8})\W{0,3}(?:\w+ ){0,2}(?:counts?|ticks?|inc\w*|pulses|lines|steps) (?:per|pro) (?:turn|rev|umdr)",
-    )
-)
-
-
-_PAIRS = re.compile(r"pole[_ ]?pairs?\W{0,4}(\d{1,3})(?![\d.])|(?<![\d.])(\d{1,3}) ?pole[_ ]?pairs?", re.IGNORECASE)
-_COUNTS = re.compile(r"(\d{2,8})\s*(?:counts?|cnts?|inc\w*)\s*(?:/|per\s|pro\s)\s*(?:turn|rev|u\b|umdr)", re.IGNORECASE)
-_QUADRATURE = re.compile(
-    r"quadratur|\b(x4|4x)\b|\blines?\b|\bppr\b|\d+ppr\b|\bslots?\b|strich|cycles per", re.IGNORECASE
-)
-
-
-def _per_turn(table: RawTable, column: Column) -> float | None:
-    """How many counts a turn has, where a name or a line above the names says so."""
-    texts = (column.name, column.remark, *table.preamble, *table.names)
-    told = next((found for text in texts if (found := _COUNTS.search(text))), None)
-    if told is None and any(_QUADRATURE.search(text) for text in texts):
-        return None  # lines of a disc, or their four edges?
-    patterns = (_COUNTS,) if told is not None else _PER_TURN
-    found_numbers = {float(found[1]) for text in texts for pattern in patterns for found in pattern.finditer(text)}
-    return found_numbers.pop() if len(found_numbers) == 1 else None  # several are of several encoders
-
-
-def _pole_pairs(table: RawTable, column: Column) -> float | None:
-    """How many pole pairs the motor has, where the file says one number."""
-    texts = (column.name, column.remark, *table.preamble)
-    found = {float(match[1] or match[2]) for text in texts for match in _PAIRS.finditer(text)}
-    return found.pop() if len(found) == 1 else None
 
 
 def _direction(columns: list[Column], speed: Column) -> Column | None:

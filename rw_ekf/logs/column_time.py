@@ -12,7 +12,7 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.logs.column_names import Said
 from rw_ekf.logs.column_units import unit_of
-from rw_ekf.logs.row_rules import restarted, unwrapped
+from rw_ekf.logs.row_rules import restarted, unwrapped, usual_step
 
 _EPOCHS = ((1.0e9, 2.3e9, "s"), (1.0e12, 2.3e12, "ms"), (1.0e15, 2.3e15, "us"), (1.0e18, 2.3e18, "ns"))
 _SERIAL_DAYS = ((3.0e4, 6.5e4, "Excel"), (6.9e5, 7.8e5, "MATLAB"))  # from 1900 and from year 0
@@ -62,7 +62,7 @@ def clock_of(number: int, name: str, said: Said, values: Float64Array, told: str
         return None
     wrap = _wrap(values)
     raw = unwrapped(values, wrap or 0.0)
-    usual = _usual_step(raw)
+    usual = usual_step(raw)
     said_unit = _unit(name, said, raw, told, stamps, usual)
     unit, asks, why = _by_steps(raw, usual) if said_unit is None else said_unit
     known = unit_of(unit) if unit else None
@@ -101,18 +101,12 @@ def _wrap(values: Float64Array) -> float | None:
     falls = step < 0.0
     if not falls.any() or not np.all(values == np.round(values)):
         return None
-    usual = _usual_step(values)
+    usual = usual_step(values)
     for turn in _COUNTERS:
         mended = step[falls] + turn
         if float(values.max()) < turn and np.all((mended > 0.0) & (mended < max(10.0 * usual, 1.0))):
             return turn
     return None
-
-
-def _usual_step(values: Float64Array) -> float:
-    """The median of the steps forth; 0 where there are none."""
-    step = np.diff(values)
-    return float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
 
 
 def _unit(

@@ -66,13 +66,15 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("angle", _TURN, per="counts_per_turn"), "counts count cnt cnts ticks tick inc increments inkremente "
         "pulses lsb steps"),
     **_all(Unit("current"), "a а amp amps ampere amperes"),
+    **_all(Unit("current"), "arms aeff apk apeak ampsrms amprms ampererms amppk ampspk amppeak ampspeak"),  # said so
+    **_all(Unit("current", 1e-3), "marms maeff mapk mapeak"),
     **_all(Unit("current", 1e-3), "ma ма milliamp milliamps milliampere milliamperes"),
     **_all(Unit("current", 1e-6), "ua µa"),
-    **_all(Unit("torque"), "nm n.m newtonmeter newtonmeters nmeter"),
+    **_all(Unit("torque"), "nm n.m n-m newton-meter newton-meters newtonmeter newtonmeters nmeter"),
     **_all(Unit("torque", 1e-3), "mnm"),
     **_all(Unit("torque", 1e-6), "unm"),
     **_all(Unit("torque", 1e-2), "ncm"),
-    **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb ftlb ftlbs ft-lbs"),
+    **_all(Unit("torque", 1.3558179483), "lbft lbfft ft-lb ftlb ftlbs ft-lbs ft-lbf"),
     **_all(Unit("torque", 0.1129848290), "lbin inlb in-lb lbfin"),
     **_all(Unit("torque", 7.0615518e-3), "ozin oz-in"),
     **_all(Unit("force"), "n newton newtons"),
@@ -100,6 +102,26 @@ _SPELLINGS: dict[str, Unit] = {
     **_all(Unit("other"), "w kw mw kg gf kgf j wh ah mah ohm ohms mohm db khz mhz kv kq utc gmt kgm2 kg.m2 nm/a s2 "
         "none - n/a"),
 }  # fmt: skip
+
+# What programs publish for the columns of their own logs, which these do not repeat, each with where it is published.
+_JOINT_STATES, _OF_JOINT = r"(?:.*/)?joint_states?[/.](?:.+[/.])?", r"(?:[/.\[].*)?"
+_PUBLISHED = (
+    # ODrive, firmware 0.5 and later (docs.odriverobotics.com, "Upgrading to 0.5": turns in place of counts)
+    (re.compile(r"(.*[._])?(vel_estimate|vel_setpoint|input_vel)"), "turns/s"),
+    (re.compile(r"(.*[._])?(pos_estimate|pos_setpoint|input_pos)"), "turns"),
+    (re.compile(r"(.*[._])?i[qd]_(measured|setpoint)", re.IGNORECASE), "A"),
+    # VESC Tool, real-time data: the position in sixths of an electrical turn, the speed in electrical turns a minute
+    (re.compile(r"tacho(meter)?(_value|_abs(_value)?)?"), "steps"),
+    (re.compile(r"(.*[._])?erpm"), "erpm"),
+    # ROS, sensor_msgs/JointState of a joint that turns, as `rostopic echo -p` names its columns
+    # and PlotJuggler its curves
+    (re.compile(rf"field\.velocity\d*|{_JOINT_STATES}velocity{_OF_JOINT}"), "rad/s"),
+    (re.compile(rf"field\.effort\d*|{_JOINT_STATES}effort{_OF_JOINT}"), "N m"),
+    (re.compile(rf"field\.position\d*|{_JOINT_STATES}position{_OF_JOINT}"), "rad"),
+    # PX4, EscReport.msg
+    (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_rpm"), "rpm"),
+    (re.compile(r"(.*\.)?(esc\[\d+\]\.)?esc_current"), "A"),
+)
 
 # The log's own columns, by what a unit measures.
 OF_COLUMN: dict[str, tuple[Quantity, ...]] = {
@@ -131,6 +153,14 @@ def plain_spelling(spelling: str) -> str:
     """A unit without what people write in different ways."""
     text = spelling.strip().lower().translate(_PLAIN)
     return re.sub(r"[\s*·⋅×^_\[\](){}<>\"']|\*\*", "", text).rstrip(".")
+
+
+def habitual_unit(name: str) -> str:
+    """The unit that a program publishes for what it calls so; empty for none.
+
+    A name is compared from its end, in whole words of a path: `axis0.encoder.vel_estimate` and `vel_estimate` are one.
+    """
+    return next((unit for pattern, unit in _PUBLISHED if pattern.fullmatch(name)), "")
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -47,6 +47,9 @@ WORDS: dict[str, frozenset[str]] = {
         "temperature": """
             bearingtemp lagertemperatur motortemp sicaklik t_motor temp temperatur temperatura temperature
             temperatuur temps_c teplota tmot tmotor tmp """,
+        "place": """
+            ambient amb bearing brg case coil fet gehaeuse heatsink housing lager magnet mosfet pcb raum room shell
+            stator winding wicklung """,
         "pressure": """
             druck presion press pression pressure vacuum """,
         "direction": """

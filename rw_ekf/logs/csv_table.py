@@ -14,8 +14,9 @@ from rw_ekf.logs import csv_slow
 from rw_ekf.logs.log_text import HEAD_BYTES, LogText, check_head
 from rw_ekf.logs.plain_text import rewritten
 from rw_ekf.logs.raw_table import RawTable, number_or_none
+from rw_ekf.logs.text_cells import BLANKS, TextLayout, is_stamp
 from rw_ekf.logs.text_forms import stamped_form
-from rw_ekf.logs.text_layout import BLANKS, TextLayout, encoding_of, is_stamp, layout_of, lines_of
+from rw_ekf.logs.text_layout import encoding_of, layout_of, lines_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -85,10 +86,9 @@ def read_csv_table(
         count, first = len(written.left_out), written.left_out[0]
         lines = f"line {first}" if count == 1 else f"{count} lines, first line {first},"
         read.warnings.append(f"{name_shown}: {lines} below the first row hold no row of numbers and were left out")
-        if written.another is not None:
-            read.doubts += (
-                f"{written.another[:_SHOWN]!r} stands between the rows: are those behind it of the same wheel?",
-            )
+    if written.another is not None:
+        shown = written.another[:_SHOWN]
+        read.doubts += (f"{shown!r} stands between the rows: are those behind it of the same wheel?",)
     return read
 
 

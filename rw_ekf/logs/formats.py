@@ -39,10 +39,7 @@ _FOREIGN = (
     (b"BZh", "compressed with bzip2: unpack it first"),
     (b"\xfd7zXZ", "compressed with xz: unpack it first"),
     (b"PK\x03\x04", "a zip archive: unpack it first, or save the sheet as CSV if it is a spreadsheet"),
-    (
-        b"\xa3\x95\x80",
-        "a binary DataFlash log of ArduPilot: write it as text, with mavlogdump.py",
-    ),
+    (b"\xa3\x95\x80", "a binary DataFlash log of ArduPilot: write it as text, with mavlogdump.py"),
     (b"FEA1", "a Feather file of version 1: save it as Feather 2, Parquet or CSV"),
 )
 

@@ -7,25 +7,28 @@ frequent. Nothing is interpolated, and nothing known later stands beside what wa
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
-from rw_ekf.errors import LogError
 from rw_ekf.logs.column_names import role_of, said_by
-from rw_ekf.logs.raw_table import RawTable
+from rw_ekf.logs.raw_table import RawTable, taken
 
 _MOST_KINDS = 60  # signals of one file
 _LEAST_ROWS = 10  # of a signal, on average
 _VALUE = frozenset(["value", "val", "values", "wert", "valeur", "valor", "measurement", "reading", "data"])
 
 
+def has_speed(names: Iterable[str]) -> bool:
+    """Whether one of these is a speed's name."""
+    return any(role_of(said_by(name)) == "speed" for name in names)
+
+
 def base_kind(names: Mapping[str, Sequence[str]], rows: Mapping[str, int]) -> str:
     """Which kind of rows the others are put beside. names: what each kind holds; rows: how many there are of each."""
-    return max(rows, key=lambda kind: (any(role_of(said_by(name)) == "speed" for name in names[kind]), rows[kind]))
+    return max(rows, key=lambda kind: (has_speed(names[kind]), rows[kind]))
 
 
 def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[str, Any]], list[int]]:
@@ -35,12 +38,11 @@ def held(records: Sequence[tuple[str, Mapping[str, Any]]]) -> tuple[list[dict[st
     for kind, record in records:
         kinds.setdefault(kind, {}).update(dict.fromkeys(record))
     base = base_kind({kind: list(names) for kind, names in kinds.items()}, rows)
-    speed = any(role_of(said_by(name)) == "speed" for name in kinds[base])
     alike = {  # a row that lacks a value is one of the base all the same
         kind
         for kind, names in kinds.items()
         if names.keys() <= kinds[base].keys()
-        and any(role_of(said_by(name)) == "speed" for name in names) == speed
+        and has_speed(names) == has_speed(kinds[base])
         and 2 * len(names) > len(kinds[base])
     }
     others: dict[str, Any] = {}
@@ -65,20 +67,18 @@ def widened(table: RawTable) -> RawTable | None:
     if len(named) != 1:
         return None
     number, cells = next(iter(named.items()))
-    try:
-        value = table.floats(values[0])
-    except LogError:
+    value = table.numbers(values[0])
+    if np.isnan(value).all():
         return None
     kinds = list(dict.fromkeys(cells))
     counts = Counter(cells)
     base = base_kind({kind: [kind] for kind in kinds}, counts)
     rows = np.flatnonzero([cell == base for cell in cells]).astype(np.int64)
     rest = [column for column in range(len(table.names)) if column not in (number, values[0])]
-    columns = [_taken(table.columns[column], rows) for column in rest]
+    columns = [taken(table.columns[column], rows) for column in rest]
     columns += [value[rows] if kind == base else _last(cells, kind, value, rows) for kind in kinds]
     names = (*(table.names[column] for column in rest), *map(str, kinds))
-    place = table.place
-    wide = replace(table, names=names, columns=columns, rows=len(rows), place=lambda row: place(int(rows[row])))
+    wide = table.at_rows(rows, names, columns)
     wide.warnings = [
         *table.warnings,
         f"{table.path}: has a row for each of {len(kinds)} signals ({', '.join(map(str, kinds[:8]))}): put beside each "
@@ -91,10 +91,6 @@ def _are_signals(cells: list[Any], rows: int) -> bool:
     counts = Counter(cells)
     speeds = any(role_of(said_by(str(cell))) in ("speed", "angle") for cell in counts)
     return None not in counts and 1 < len(counts) <= _MOST_KINDS and rows >= _LEAST_ROWS * len(counts) and speeds
-
-
-def _taken(column: Any, rows: Int64Array) -> Any:
-    return column[rows] if isinstance(column, np.ndarray) else column.take(rows)
 
 
 def _last(cells: list[Any], kind: Any, value: Float64Array, rows: Int64Array) -> Float64Array:

@@ -6,8 +6,9 @@ A file of variables (MATLAB, HDF5, numpy, JSON) says what its numbers are in var
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,21 @@ def labelled_matrix(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
     if len(lists) > 1 and any(names):
         names = list(map(with_unit, names, lists[-1] if _units_among(lists[-1]) else [""] * width))
     return list(zip(names, columns, strict=True))
+
+
+def are_units(cells: Sequence[str]) -> bool:
+    """Whether a row holds units: most cells are known ones, and not of one kind with names, or all are in brackets."""
+    filled = [cell for cell in cells if cell]
+    known = [unit for cell in filled if (unit := unit_of(cell)) is not None]
+    if filled and all(cell[0] in "[({" and cell[-1] in "])}" for cell in filled):
+        return True
+    return len(known) > 0.5 * len(filled) and any(unit != unit_of("rpm") for unit in known)
+
+
+def held_to_the_right(cells: Sequence[str]) -> tuple[str, ...]:
+    """What a row above the names says of several columns each: `;set-point;;measured`; nothing where it is a title."""
+    several = sum(map(bool, cells)) > 1
+    return tuple(itertools.accumulate(cells, lambda before, cell: cell or before)) if several else ()
 
 
 def _units_among(texts: list[str]) -> int:

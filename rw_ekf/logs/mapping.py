@@ -10,12 +10,20 @@ import numpy as np
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
 from rw_ekf.logs.column_map import ColumnMap, Source
-from rw_ekf.logs.direction import signs_of
 from rw_ekf.logs.odd_columns import faults_of_column
 from rw_ekf.logs.raw_table import RawTable
 from rw_ekf.logs.row_rules import segment_ids, unwrapped
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 from rw_ekf.units import rad_s_from_rpm
+
+_FORWARD = frozenset({
+    "+", "+1", "1", "cw", "f", "fwd", "forward", "forwards", "pos", "positive", "right", "r", "rechts", "vor",
+    "vorwaerts", "vorwärts", "true", "up", "avant", "horaire",
+})  # fmt: skip
+_BACKWARD = frozenset({
+    "-", "-1", "0", "ccw", "b", "back", "backward", "backwards", "rev", "reverse", "neg", "negative", "left", "l",
+    "links", "zurueck", "rückwärts", "false", "down", "arriere", "antihoraire",
+})  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -113,7 +121,29 @@ def _signed(table: RawTable, source: Source, values: Float64Array, used: set[int
         return values
     index = _find(table, replace(source, column=source.sign_of))
     used.add(index)
-    return np.asarray(np.copysign(1.0, source.scale) * np.abs(values) * signs_of(table, index))
+    return np.asarray(np.copysign(1.0, source.scale) * np.abs(values) * _signs_of(table, index))
+
+
+def _signs_of(table: RawTable, index: int) -> Float64Array:
+    """Signs (n,) of directions: of numbers (of two that are not negative, the lower is -1), or of words.
+
+    Raises LogError for what is neither.
+    """
+    if not table.is_text(index):
+        values = table.floats(index)
+        known = np.unique(values[np.isfinite(values)])
+        if known.size == 2 and known[0] >= 0.0:
+            return np.where(np.isnan(values), np.nan, np.where(values == known[1], 1.0, -1.0))
+        return np.asarray(np.sign(values))
+    words = [None if value is None else str(value).strip().lower() for value in table.columns[index].to_pylist()]
+    signs = {word: 1.0 if word in _FORWARD else -1.0 for word in set(words) if word in _FORWARD | _BACKWARD}
+    odd = next((word for word in words if word and word not in signs), None)
+    if odd is not None:
+        raise LogError(
+            f"{table.path}: column '{table.names[index]}' is to be a direction and says {odd!r}: "
+            "forward or reverse, CW or CCW, 1 or -1"
+        )
+    return np.array([np.nan if not word else signs[word] for word in words])
 
 
 def _take_by_own_name(table: RawTable, columns: ColumnMap, mapped: MappedColumns, used: set[int]) -> None:

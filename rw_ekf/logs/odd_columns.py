@@ -7,23 +7,17 @@ and is differentiated; a clock that was set back. What only the motion shows is 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 
 import numpy as np
 
 from rw_ekf.arrays import Float64Array, Int64Array
 from rw_ekf.logs.column_map import Source
-from rw_ekf.logs.column_units import unit_of
+from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_units import OF_COLUMN, unit_of
 from rw_ekf.units import RAD_S_PER_RPM
 
-# What a name ends in that says its unit: of speed_rad_s and of angle_rad unless said otherwise.
-_UNITS: dict[str, tuple[str, ...]] = {
-    "time_s": ("ms", "msec", "us", "usec", "ns", "min", "minutes"),
-    "current": ("ma", "milliamps", "ua"),
-    "speed": ("rpm", "deg_s", "deg/s", "dps", "rps", "rad_s", "rad/s"),
-    "angle_rad": ("deg", "degrees", "turns"),
-}
+_SPEEDS = {"speed_rpm": unit_of("rpm"), "speed_rad_s": unit_of("rad/s")}  # whose name says the unit
 _SAME = 1.05  # a scale that agrees with the name
 _COUNTERS = (2.0**16, 2.0**32)
 _STEPS = (1.0, 0.1, 0.01, 1e-3, 1e-4)  # of a counter that was written in another unit
@@ -59,25 +53,20 @@ def _unit_in_name(header: str, name: str, source: Source) -> str | None:
     """A unit that the header says and the map does not; a map that gives a scale has thought of it."""
     if source.says_scale or source.scale != 1.0 or not header:
         return None
-    group = "angle_rad" if source.kind == "derivative" else name
-    units = _UNITS.get(group) or _UNITS[group.split("_")[0]]
-    words = re.split(r"[\s(){}\[\]]+", header.strip().lower().rstrip(")]}"))
-    for unit in units:
-        if words[-1] != unit and not words[-1].endswith(f"_{unit}"):
-            continue
-        known = unit_of(unit.replace("_", "/"))
-        assert known is not None
-        size = known.factor / (RAD_S_PER_RPM if name == "speed_rpm" else 1.0)
-        if max(size, 1.0 / size) < _SAME:
-            return None
-        line = source.line(name, scale=float(f"{size:.6g}"))
-        if group == "speed" or name.startswith("speed"):
-            if unit == "rpm" and source.kind == "column":
-                line = source.line("speed_rpm")
-            elif unit in {"rad_s", "rad/s"}:
-                line = source.line("speed_rad_s")
-        return f"column '{header}' is taken for {name} as it stands, and its name says {unit}: {line}"
-    return None
+    of_angle = source.kind == "derivative"
+    said = said_by(header)
+    known = said.unit
+    column = "angle_rad" if of_angle else "speed_rad_s" if name.startswith("speed") else name
+    if known is None or known.per or known.offset or known.quantity != OF_COLUMN[column][0]:
+        return None
+    size = known.factor / (RAD_S_PER_RPM if name == "speed_rpm" else 1.0)
+    if max(size, 1.0 / size) < _SAME:
+        return None
+    line = source.line(name, scale=float(f"{size:.6g}"))
+    other = next((other for other, unit in _SPEEDS.items() if known == unit), None)
+    if other is not None:
+        line = source.line(other)
+    return f"column '{header}' is taken for {name} as it stands, and its name says {said.unit_text}: {line}"
 
 
 def _unsigned_counter(name: str, source: Source, values: Float64Array) -> str | None:
@@ -106,9 +95,8 @@ def _begins_anew(name: str, source: Source, values: Float64Array) -> str | None:
     spread = float(np.ptp(values))
     change = np.diff(values)
     for turn in _TURNS:
-        fits = _FULL * turn <= spread <= turn * (1.0 + 1.0e-9)
         jumps = np.abs(change) > 0.5 * turn
-        if not fits or not jumps.any():
+        if not (_FULL * turn <= spread <= turn * (1.0 + 1.0e-9) and jumps.any()):
             continue
         mended = change - turn * np.round(change / turn)
         fast = float(np.quantile(np.abs(mended), 0.99)) > 0.4 * turn

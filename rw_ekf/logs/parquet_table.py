@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rw_ekf.errors import LogError
+from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.format import LogFormat, noting_suffix
 from rw_ekf.logs.raw_table import RawTable
 
@@ -24,40 +24,26 @@ def read_parquet_table(path: Path, name: str) -> RawTable:
         raise LogError(
             f"{name}: is a damaged or incomplete Parquet file ({reason}): write it again, or give the CSV"
         ) from None
+    return of_arrow(table, name)
+
+
+def of_arrow(table: Any, name: str) -> RawTable:
+    """An arrow table with what its schema says of its columns. Raises EmptyLogError if it has no rows."""
     if table.num_rows == 0:
-        raise LogError(f"{name}: has columns but no rows: nothing was logged")
+        raise EmptyLogError(f"{name}: has columns but no rows: nothing was logged")
     names = tuple(str(column).strip() for column in table.column_names)
-    held = list(table.columns)
-    read = RawTable(name, names, held, table.num_rows, lambda row: f"row {row + 1}")
-    read.units, read.remarks = units_in(table.schema), remarks_in(table.schema)
+    read = RawTable(name, names, list(table.columns), table.num_rows, lambda row: f"row {row + 1}")
+    for column, field in zip(names, table.schema, strict=True):
+        remarks = []
+        for said in (field.metadata or {}).items():
+            key, text = (part.decode("utf-8", "replace") for part in said)
+            if key.lower() in ("unit", "units"):
+                read.units[column] = text
+            elif key.lower() != "parquet:field_id":
+                remarks.append(f"{key}: {text}")
+        if remarks:
+            read.remarks[column] = "; ".join(remarks)
     return read
-
-
-def units_in(schema: Any) -> dict[str, str]:
-    """Units by name of column, where the fields of a schema have one as metadata."""
-    found = {field.name.strip(): (field.metadata or {}) for field in schema}
-    return {
-        name: said.decode("utf-8", "replace")
-        for name, metadata in found.items()
-        for key, said in metadata.items()
-        if key.lower() in (b"unit", b"units")
-    }
-
-
-def remarks_in(schema: Any) -> dict[str, str]:
-    """What else the fields of a schema say as metadata, by name of column: `scale: 0.1`."""
-    found = {}
-    for field in schema:
-        said = {
-            key.decode("utf-8", "replace"): text.decode("utf-8", "replace")
-            for key, text in (field.metadata or {}).items()
-        }
-        rest = [
-            f"{key}: {text}" for key, text in said.items() if key.lower() not in ("unit", "units", "parquet:field_id")
-        ]
-        if rest:
-            found[field.name.strip()] = "; ".join(rest)
-    return found
 
 
 FORMAT = LogFormat(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import NamedTuple
 
-from rw_ekf.logs.text_layout import TextLayout, lines_of
+from rw_ekf.logs.text_cells import TextLayout
+from rw_ekf.logs.text_forms import who_says
+from rw_ekf.logs.text_layout import lines_of
 
 _NEARLY_ALL = 0.9  # of the rows are whole where a shorter one is a damaged one, and no row whose last cells are empty
 _WHEEL = re.compile(r"\b(wheel|motor|rw|unit|serial|s/?n|rad|rueda|roue|disc|disk)\b\D{0,15}\d+", re.IGNORECASE)
+_COUNTED = re.compile(r"(?<![\w.])\d[\d.]*(?![\w.])")
 _CHANGED = re.compile(
     r"\b(second|another|other|new|changed?|from here|swapped|exchanged|put on|removed)\b", re.IGNORECASE
 )
@@ -54,7 +58,24 @@ def rewritten(text: bytes, layout: TextLayout) -> PlainText:
     said = [line for line in new if re.search(r"[^\W\d]{3}", line)]
     other = (line for line in said if _CHANGED.search(line) or _other_names(layout.filled(line), layout))
     another = next((line for line, wheel in named if wheel not in before), next(other, None))
+    if another is None and layout.form.labels:
+        another = _of_another([line for line, cells in zip(lines[layout.first_line - 1 :], rows, strict=True) if cells])
     return PlainText(("\n".join(out) + ended).encode(), tuple(left_out), another, tuple(dict.fromkeys(said))[:_SAID])
+
+
+def _of_another(lines: list[str]) -> str | None:
+    """The first of labelled lines that another program or machine says than the first, or two processes in turn."""
+    heads = [(_by_name(who), process) for who, process in map(who_says, lines)]
+    turns = [head for head, _ in itertools.groupby(heads)]
+    if len({who for who, _ in turns}) > 1 or len(turns) > len(set(turns)):
+        return next(line for line, head in zip(lines, heads, strict=True) if head != heads[0])
+    return None
+
+
+def _by_name(who: str) -> str:
+    """Who says a line without what changes from line to line: numbers, but that of a wheel."""
+    wheel = _WHEEL.search(who)
+    return f"{' '.join(_COUNTED.sub('', who).split())} {wheel[0] if wheel else ''}"
 
 
 def _other_names(cells: list[str], layout: TextLayout) -> bool:

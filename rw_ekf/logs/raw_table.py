@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import LogError
@@ -85,6 +86,13 @@ class RawTable:
         chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
         return np.concatenate([np.empty(0), *map(_float64_of, chunks)])
 
+    def numbers(self, index: int, *, stamps: bool = False) -> Float64Array:
+        """The same, and NaN throughout where it is not numeric."""
+        try:
+            return self.floats(index, stamps=stamps)
+        except LogError:
+            return np.full(self.rows, np.nan)
+
     def is_text(self, index: int) -> bool:
         """Whether the column at `index` holds words."""
         column = self.columns[index]
@@ -125,9 +133,16 @@ class RawTable:
         if not rows.size:
             known = ", ".join(self.distinct(index, MAX_NAMES_SHOWN)) or "others"
             raise LogError(f"{self.path}: no row has {value!r} in column {key!r}, which holds {known}")
-        columns = [column[rows] if isinstance(column, np.ndarray) else column.take(rows) for column in self.columns]
-        place = self.place
-        return replace(self, columns=columns, rows=len(rows), place=lambda row: place(int(rows[row])))
+        return self.at_rows(rows)
+
+    def at_rows(
+        self, rows: NDArray[np.intp], names: tuple[str, ...] | None = None, columns: list[Any] | None = None
+    ) -> RawTable:
+        """The rows at these places (m,) alone; with other names and columns (m,) where these are given."""
+        held = [taken(column, rows) for column in self.columns] if columns is None else columns
+        return replace(
+            self, names=names or self.names, columns=held, rows=len(rows), place=lambda row: self.place(int(rows[row]))
+        )
 
     def begin_segment(self, number: int) -> None:
         """Set the segments apart from those of other tables, where there are any: rows are missing before the first."""
@@ -137,8 +152,7 @@ class RawTable:
 
     def reversed(self) -> RawTable:
         """The rows from the last to the first."""
-        columns = [column[::-1] if isinstance(column, np.ndarray) else _backward(column) for column in self.columns]
-        return replace(self, columns=columns, place=lambda row: self.place(self.rows - 1 - row))
+        return self.at_rows(np.arange(self.rows - 1, -1, -1))
 
     def described_columns(self) -> str:
         """Describe the columns for a message: `time, v, (unnamed)`."""
@@ -201,8 +215,9 @@ def _float64_of(chunk: Any) -> Float64Array:
     return np.where(known, values, np.nan)
 
 
-def _backward(column: Any) -> Any:
-    return column.take(np.arange(len(column) - 1, -1, -1))
+def taken(column: Any, rows: NDArray[np.intp]) -> Any:
+    """The values (m,) of a column at some rows (m,)."""
+    return column[rows] if isinstance(column, np.ndarray) else column.take(rows)
 
 
 def _stacked_column(parts: list[Any]) -> Any:

@@ -16,8 +16,8 @@ from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_guess import needs_guess
 from rw_ekf.logs.column_map import ColumnMap, load_column_map
 from rw_ekf.logs.formats import format_of
-from rw_ekf.logs.guessed_map import UncertainColumnsError, guessed_map
 from rw_ekf.logs.interleaved import widened
+from rw_ekf.logs.map_text import UncertainColumnsError, guessed_map
 from rw_ekf.logs.mapping import MappedColumns, map_columns
 from rw_ekf.logs.odd_columns import clock_set_back
 from rw_ekf.logs.packing import packed_path

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from rw_ekf.arrays import BoolArray, Float64Array, Int64Array
 
+_NEARLY_ALL = 0.9  # of the rows: some are lost, or late
 _LANDS = 10.0  # usual steps: so near to its beginning is a clock that begins anew
 
 
@@ -26,11 +27,21 @@ def unwrapped(time_s: Float64Array, wrap: float) -> Float64Array:
     return np.asarray(time_s + wrap * turns)
 
 
+def usual_step(values: Float64Array) -> float:
+    """The median of the steps forth of values (n,); 0 where there are none."""
+    step = np.diff(values)
+    return float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
+
+
+def is_even(values: Float64Array, within: float) -> bool:
+    """Whether values (n,) rise by the usual step from row to row, within a part of it, in nine rows of ten."""
+    usual = usual_step(values)
+    return bool(np.mean(np.abs(np.diff(values) - usual) < within * usual) > _NEARLY_ALL)
+
+
 def restarted(time_s: Float64Array) -> Float64Array:
     """Number of the run (n,) where one file holds several: one more wherever time falls back to near where it began."""
-    step = np.diff(time_s)
-    forth = step[step > 0.0]
-    usual = float(np.median(forth)) if forth.size else 0.0
+    step, usual = np.diff(time_s), usual_step(time_s)
     run = np.zeros(len(time_s))
     begin = 0
     for row in np.flatnonzero(step < 0.0) + 1:

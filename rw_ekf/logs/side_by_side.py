@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.errors import LogError
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.foreign.groups import held_at
+from rw_ekf.logs.interleaved import has_speed
 from rw_ekf.logs.raw_table import RawTable
 
 _SECONDS = re.compile(r"(.*?)(sec(s|onds?)?|tv_sec|s)", re.IGNORECASE)
@@ -37,8 +37,8 @@ def with_whole_time(table: RawTable) -> RawTable:
                 part = pattern.fullmatch(other)
                 if part is None or part[1] != whole[1]:
                     continue
-                seconds, rest = _numbers(table, first), _numbers(table, second)
-                if seconds is None or rest is None or not _is_part(seconds, factor * rest):
+                seconds, rest = table.numbers(first), table.numbers(second)
+                if not _is_part(seconds, factor * rest):
                     continue
                 held = seconds + factor * rest  # of an epoch to a quarter of a microsecond, as any float has it
                 return replace(table, names=(*table.names, f"{name} + {other} [s]"), columns=[*table.columns, held])
@@ -53,13 +53,6 @@ def _is_part(seconds: Float64Array, part_s: Float64Array) -> bool:
     return within and float(np.mean(np.diff(seconds + part_s) < 0.0)) < 0.01
 
 
-def _numbers(table: RawTable, column: int) -> Float64Array | None:
-    try:
-        return table.floats(column)
-    except LogError:
-        return None
-
-
 def beside_each_other(table: RawTable) -> RawTable | None:
     """Several tables beside each other as one; None for any other table."""
     clocks = [number for number, name in enumerate(table.names) if name and role_of(said_by(name)) == "time"]
@@ -70,13 +63,13 @@ def beside_each_other(table: RawTable) -> RawTable | None:
     blocks = [[column for column in block if table.names[column]] for block in blocks]
     if any(len(block) < 2 for block in blocks):
         return None
-    times = [_numbers(table, block[0]) for block in blocks]
-    if any(time is None or not _rises(time) for time in times):
+    times = [table.numbers(block[0]) for block in blocks]
+    if not all(map(_rises, times)):
         return None
     named = [[re.sub(r"[ _.]?\d+$", "", table.names[column]) for column in block] for block in blocks]
     if all(names == named[0] for names in named):
         return _stacked(table, blocks)
-    return _on_one_clock(table, blocks, [time for time in times if time is not None])
+    return _on_one_clock(table, blocks, times)
 
 
 def _rises(time: Float64Array) -> bool:
@@ -86,27 +79,21 @@ def _rises(time: Float64Array) -> bool:
 
 def _stacked(table: RawTable, blocks: list[list[int]]) -> RawTable:
     """Blocks with the same names as runs under each other, each a segment."""
-    rows = [np.flatnonzero(np.isfinite(_known(table, block[0]))) for block in blocks]
+    rows = [np.flatnonzero(np.isfinite(table.numbers(block[0]))) for block in blocks]
     held: list[Any] = [
-        np.concatenate([_known(table, block[at])[kept] for block, kept in zip(blocks, rows, strict=True)])
+        np.concatenate([table.numbers(block[at])[kept] for block, kept in zip(blocks, rows, strict=True)])
         for at in range(len(blocks[0]))
     ]
     held.append(np.repeat(np.arange(len(blocks), dtype=np.float64), [len(kept) for kept in rows]))
-    places, place = np.concatenate(rows), table.place
     names = (*(table.names[column] for column in blocks[0]), "segment")
-    stacked = replace(table, names=names, columns=held, rows=len(places), place=lambda row: place(int(places[row])))
+    stacked = table.at_rows(np.concatenate(rows), names, held)
     stacked.warnings = [*table.warnings, f"{table.path}: has {len(blocks)} tables side by side: each is a run"]
     return stacked
 
 
-def _known(table: RawTable, column: int) -> Float64Array:
-    found = _numbers(table, column)
-    return np.full(table.rows, np.nan) if found is None else found
-
-
 def _on_one_clock(table: RawTable, blocks: list[list[int]], times: list[Float64Array]) -> RawTable:
     """All columns on the times of the block that has the speed; only where the times differ is anything moved."""
-    speeds = [any(role_of(said_by(table.names[column])) == "speed" for column in block) for block in blocks]
+    speeds = [has_speed(table.names[column] for column in block) for block in blocks]
     base = speeds.index(True) if any(speeds) else 0
     kept = np.flatnonzero(np.isfinite(times[base]))
     at = times[base][kept]
@@ -115,8 +102,7 @@ def _on_one_clock(table: RawTable, blocks: list[list[int]], times: list[Float64A
         known = np.isfinite(time)
         same = len(time[known]) == len(at) and bool(np.array_equal(time[known], at))
         for column in block[1:]:
-            values = _known(table, column)
+            values = table.numbers(column)
             columns.append(values[kept] if same else held_at(at, time[known], values[known]))
             names.append(table.names[column])
-    place = table.place
-    return replace(table, names=tuple(names), columns=columns, rows=len(kept), place=lambda row: place(int(kept[row])))
+    return table.at_rows(kept, tuple(names), columns)

@@ -24,8 +24,13 @@ _OFTEN = 0.5  # of the labelled lines have a label that becomes a column
 _DAY = r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T _]"
 _TIME = r"\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?"
 _IN_FRONT = re.compile(rf"\s*\[?(?P<stamp>(?:{_DAY})?{_TIME}Z?)(?:\]|\]?\s*(?:->|=>|>{{1,3}}|\||:))\s*(?P<rest>\S.*)")
-_ANY_STAMP = re.compile(rf"\s*[\[(]?(?P<stamp>(?:{_DAY})?{_TIME}Z?)[\])]?\s*(?:->|>|\||:|,|-)?\s+(?P<rest>\S.*)")
+_ZONE = r"(?:Z| ?[+-]\d{2}:?\d{2})?"
+_SYSLOG = r"(?:<\d{1,3}>\d?\s*)?(?:[A-Z][a-z]{2} +\d{1,2} +)?"  # a priority; month and day without a year
+_ANY_STAMP = re.compile(
+    rf"\s*{_SYSLOG}[\[(]?(?P<stamp>(?:{_DAY})?{_TIME}{_ZONE})[\])]?\s*(?:->|>|\||:|,|-)?\s+(?P<rest>\S.*)"
+)
 _NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|NaN|None|null"
+_WAY = r"c?cw|fwd|rev|forward|reverse|on|off|true|false"  # words that stand where a number may
 _DECIMAL_COMMA = re.compile(r"([=:][+-]?\d+),(?=\d)")
 _COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")
 _DURATION = re.compile(r"(?<![^,;\t])(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?) sec(?![^,;\t])")
@@ -33,9 +38,13 @@ _PIECES = re.compile(r"[,;|\t{}]|\s{2,}")
 _UNIT = r"[A-Za-zµ°%][\w/%°^.\-]*"
 _SPOKEN = re.compile(rf"\W*(?P<key>[^\W\d][^=:]*?)[\"']?\s*[=:]\s*(?P<value>{_NUMBER})\s*(?P<unit>{_UNIT})?\s*")
 _TERSE = re.compile(
-    rf"(?P<key>[^\W\d][\w.%/°\[\]()\-]*)\s*[=:]\s*(?P<value>{_NUMBER})"
+    rf"(?P<key>[^\W\d][\w.%/°\[\]()\-]*)\s*[=:]\s*(?P<value>{_NUMBER}|(?i:{_WAY}))"
     rf"(?:\s?(?P<unit>{_UNIT})(?![\w.]*\s*[=:]))?(?![\w.]|[-:/]\d)"
 )
+
+
+_PROCESS = re.compile(r"\[\d+\]:?")
+_LEVEL = re.compile(r"\b(?:debug|info|notice|warn(?:ing)?|error)\b|^\W*\d+\.\d+", re.IGNORECASE)  # or an uptime
 
 
 class LineForm(NamedTuple):
@@ -93,6 +102,16 @@ def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:
     units = {label: unit for (label, unit), _ in reversed(said.most_common())}
     names = tuple(with_unit(label, units[label] if unit_of(units[label]) else "") for label in labels)
     return LineForm(labels=labels, names=names), len(rows), rows[0][0]
+
+
+def who_says(line: str) -> tuple[str, str]:
+    """What stands between the time and the first label of a line: who says it, and which process of that is."""
+    stamp = _ANY_STAMP.fullmatch(line)
+    rest = line if stamp is None else stamp["rest"]
+    label = _TERSE.search(_PROCESS.sub(lambda match: "\0" * len(match[0]), rest))
+    head = rest[: label.start()] if label else ""
+    process = _PROCESS.search(head)
+    return _LEVEL.sub("", _PROCESS.sub("", head)), process[0] if process else ""
 
 
 def _labelled(line: str) -> list[tuple[str, str, str]]:

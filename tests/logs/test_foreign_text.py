@@ -106,6 +106,32 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "t_s,speed_rpm,current_A",
         lambda i, t, w, c: ("t_s,speed_rpm,current_A\n" if i == 100 else "") + f"{t!r},{w * RPM!r},{c!r}",
     ).encode(),
+    "lines of syslog": lambda r: _table(
+        r, "2026-03-29T23:59:29+01:00 b3 systemd[1]: Started the wheel's daemon.",
+        lambda i, t, w, c: f"{_at(t).isoformat(timespec='microseconds')} b3 rwd[{812 + i // 300}]: TLM seq={i} "
+        f"rpm={abs(w) * RPM!r} dir={'CW' if w >= 0.0 else 'CCW'} iq_mA={c * MA!r} temp_C=28.5 err=0x00",
+    ).encode(),
+    "lines of Python's logging": lambda r: _table(
+        r, "starting", lambda i, t, w, c: f"{_at(t).strftime('%Y-%m-%d %H:%M:%S,%f')[:-3]} - rw - "
+        f"{'WARNING' if i % 7 == 0 else 'INFO'} - rpm={w * RPM!r} i_mA={c * MA!r}",
+    ).encode(),
+    "a table of Fortran": lambda r: _table(
+        r, " RUN   1   MOMENTUM WHEEL SN 004   JW = 1.270D-02 KG-M**2\n"
+        f"{'TIME':>22s}{'WHEEL RATE':>22s}{'CURRENT':>22s}\n{'(S)':>22s}{'(RAD/S)':>22s}{'(AMPS)':>22s}",
+        lambda i, t, w, c: "".join(f"{x:22.13E}" for x in (t, w, c)).replace("E", "D"),
+    ).encode(),
+    "indices and kinds of amperes in brackets": lambda r: _table(
+        r, "Time [ms];DRIVE.r61[0] Speed actual value, encoder [rpm];DRIVE.r78[0] Current, torque-generating [Arms]",
+        lambda i, t, w, c: f'"{_comma(t * MA)}";"{_comma(w * RPM)}";"{_comma(c)}"',
+    ).encode(),
+    "topics of a JointState": lambda r: _table(
+        r, "__time,/rw1/joint_states/wheel/velocity,/driver/motor_current_A,/driver/temperature",
+        lambda i, t, w, c: f"{1774828790.0 + t:.9f},{w!r},{c!r},{'25' if i % 9 == 0 else ''}",
+    ).encode(),
+    "temperatures called T and t": lambda r: _table(
+        r, "T_C,t_case_C,t_housing,t,rpm,i_A",
+        lambda i, t, w, c: f"{20 + 0.01 * t:.1f},{21 + 0.01 * t:.2f},{22 + 0.01 * t},{t!r},{w * RPM!r},{c!r}",
+    ).encode(),
     "magnitude and direction": lambda r: _table(
         r, "time_ms,rpm,dir,current_A",
         lambda i, t, w, c: f"{1e3 * t!r},{abs(w) * RPM!r},{'CW' if w > 0 else 'CCW'},{c!r}"

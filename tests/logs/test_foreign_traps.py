@@ -227,11 +227,12 @@ def test_a_point_that_may_be_between_thousands_is_asked_about(tmp_path: Path, ru
     t [cs],rpm,current_A        t_s,rpm,current_limit_A     t_s,rpm,I_mon [V]       t_s,rpm,ACS712 [V]
     t_s,rpm,humidity [%]        t_s,rpm,axial load [N]      t_s,rpm,reaction torque [mNm]
     t_s,motor speed (Hz),current_A      t_s,n* [rpm],current_A      t_s,yaw_rate_rad_s,rw_current_A
+    t_s,n(A) [rpm],i_A
     t_s,rpm1,current2_A     t_s,left_rpm,right_current_A        ,Load machine,Wheel motor|t_s,n [rpm],I [A]
     ;Sollwert;Istwert|t_s;n [rpm];i [A]     # speed scale factor 0.1, not yet applied|t_s,rpm,current_A
     # eRPM read directly from the ESC, 14 poles|t_s,rpm,current_A       # resolution 0.125 rpm per bit|t_s,rpm,current_A
     # speed in tenths of rpm|t_s,rpm,current_A      # all channels: value x 100|t_s,rpm,current_A
-    # all currents in mA|t_s,rpm,current       t_s,rpm,I [Arms]        t_s,speed_cmd_V,current_limit_A
+    # all currents in mA|t_s,rpm,current       t_s,rpm,I [App]        t_s,speed_cmd_V,current_limit_A
     # current: zero offset 0.06 A, not subtracted|t_s,rpm,current_A     t_s,wheel vibration [mV],speed command (%)
     # speed channel is delayed by 0.5 s against the current|t_s,rpm,current_A
     """.strip()
@@ -355,6 +356,76 @@ def test_counts_of_each_row_are_asked_about(tmp_path: Path, run: rw_ekf.Log) -> 
     head = "# 4096 counts per turn\nt_s,delta_counts,current_A"
     text = _csv(run, head, lambda i, t, w, c: f"{t!r},{round(65 * w)},{c!r}")
     assert "speed_rad_s" in [question.name for question in _guess(tmp_path / "a.csv", text).guess.questions]
+
+
+@pytest.mark.parametrize(
+    ("told", "name", "asked"),
+    [
+        ("2048 counts/rev|dcnt = encoder counts since previous line, every 100 ms", "dcnt", ""),
+        ("2048 counts/rev|dcnt: encoder counts per sample", "dcnt", ""),
+        ("2048 counts/rev", "enc_counts_per_100ms", ""),
+        ("2048 counts/rev", "enc [counts/100 ms]", ""),
+        ("dcnt = encoder counts since previous line", "dcnt", "how many to a turn"),
+        ("2048 lines/rev, quadrature|dcnt = encoder counts since previous line", "dcnt", "how many to a turn"),
+        ("2048 counts/rev|dcnt = encoder counts since previous line, every 20 ms", "dcnt", "over how long"),
+        ("2048 counts/rev|cnt = encoder counts, every 100 ms", "cnt", "since the beginning"),
+    ],
+)
+def test_counts_of_an_interval_are_a_speed_where_the_file_says_all(
+    tmp_path: Path, run: rw_ekf.Log, told: str, name: str, asked: str
+) -> None:
+    """Counts of a turn, the interval and that they are of one row alone: what is not said, or not so, is asked."""
+    turns = np.concatenate([[0.0], np.cumsum(run.speed_rad_s[1:] * np.diff(run.time_s))]) / (2.0 * math.pi)
+    counts = np.diff(np.round(2048.0 * turns), prepend=0.0).astype(int)
+    told = told.replace("|", "\n")
+    text = _csv(run, f"{told}\nt_ms,{name},I_A", lambda i, t, w, c: f"{1000 * t:.0f},{counts[i]},{c!r}")
+    found = _guess(tmp_path / "a.csv", text)
+    assert any(asked in question.text for question in found.guess.questions) == bool(asked)
+    if not asked:
+        quantum = 2.0 * math.pi / 2048.0 / 0.1
+        log = rw_ekf.read(tmp_path / "a.csv")
+        assert log.speed_rad_s[1:] == pytest.approx(run.speed_rad_s[1:], abs=1.01 * quantum)
+
+
+@pytest.mark.parametrize("other", ["b3 rwd[813]:", "b4 rwd[812]:", "b3 rwd[812]: wheel 2"])
+def test_lines_of_two_speakers_are_asked_about(tmp_path: Path, run: rw_ekf.Log, other: str) -> None:
+    """Two daemons, machines or wheels whose lines come in turn have the same labels, and may be of two wheels."""
+    first = "b3 rwd[812]: wheel 1" if "wheel" in other else "b3 rwd[812]:"
+    line = "2026-03-29T10:00:{:06.3f}Z {} rpm={} i_A={}"
+    rows = zip(run.time_s.tolist(), run.speed_rad_s.tolist(), run.current_A.tolist(), strict=True)
+    text = "".join(line.format(t % 60.0, who, w, c) + "\n" for t, w, c in rows for who in (first, other) if t < 60.0)
+    questions = _guess(tmp_path / "a.log", text).guess.questions
+    assert any("of the same wheel" in question.text for question in questions)
+
+
+@pytest.mark.parametrize(("value", "is_temperature"), [(0.002, False), (21.5, True)])
+def test_t_c_alone_is_a_temperature_where_it_is_warm(
+    tmp_path: Path, run: rw_ekf.Log, value: float, is_temperature: bool
+) -> None:
+    """`T_C` may be a Coulomb torque: what is far below any room's temperature is left alone."""
+    text = _csv(run, "t_s,rw2_rpm,current_A,T_C", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r},{value}")
+    found = _guess(tmp_path / "a.csv", text)
+    assert found.is_certain
+    assert ("temperature_degC" in [line.name for line in found.guess.lines]) == is_temperature
+
+
+@pytest.mark.parametrize(
+    ("header", "asked"),
+    [
+        ("__time,/state/rw/velocity,/driver/current_A", "rpm, rad/s or deg/s"),
+        ("__time,/joint_states/rw1/velocity,/joint_states/rw2/velocity,/driver/current_A", "which of them"),
+        ("T_C,rpm,i_A", "no column is known to be the time"),
+        ("t_case,rpm,i_A", "no column is known to be the time"),
+        ("t_s,rpm,T_C", "no column is known to be the current"),
+        ("t_s,rpm_B,current_A", "seem to be of two wheels"),
+        ("t_s,rw2_rpm,rw1_current_A", "seem to be of two wheels"),
+    ],
+)
+def test_what_a_name_is_near_to_is_asked(tmp_path: Path, run: rw_ekf.Log, header: str, asked: str) -> None:
+    """A topic that is no JointState's, two joints of one, a temperature for a time or a drive, two wheels."""
+    count = header.count(",") - 1
+    text = _csv(run, header, lambda i, t, w, c: f"{t!r},{','.join([repr(w * (1 + k)) for k in range(count)])},{c!r}")
+    assert any(asked in question.text for question in _guess(tmp_path / "a.csv", text).guess.questions)
 
 
 def test_a_coast_down_that_was_none_is_asked_about(tmp_path: Path) -> None:

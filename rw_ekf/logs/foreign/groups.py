@@ -13,6 +13,7 @@ from rw_ekf.arrays import Float64Array
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
 from rw_ekf.logs.raw_table import MAX_NAMES_SHOWN, RawTable
+from rw_ekf.logs.row_rules import usual_step
 from rw_ekf.logs.vectors import vector_of
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
@@ -100,9 +101,7 @@ def held_at(at_s: Float64Array, time_s: Float64Array, values: Any) -> Float64Arr
     messages one after the other.
     """
     order = np.argsort(time_s, kind="stable")
-    step_s = np.diff(at_s)
-    turn_s = _SAME_TURN * float(np.median(step_s[step_s > 0.0])) if (step_s > 0.0).any() else 0.0
-    index = np.searchsorted(time_s[order], at_s + turn_s, side="right") - 1
+    index = np.searchsorted(time_s[order], at_s + _SAME_TURN * usual_step(at_s), side="right") - 1
     held = np.asarray(values, dtype=np.float64)[order[np.maximum(index, 0)]]
     held[index < 0] = np.nan
     return held

@@ -10,8 +10,9 @@ import numpy as np
 
 from rw_ekf.errors import EmptyLogError, LogError
 from rw_ekf.logs.column_map import ColumnMap
-from rw_ekf.logs.column_units import unit_of, with_unit
+from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.foreign.guard import Library, foreign_format
+from rw_ekf.logs.labels import are_units, held_to_the_right
 from rw_ekf.logs.raw_table import RawTable, number_or_none
 from rw_ekf.logs.wheel_log import READABLE_COLUMNS
 
@@ -97,10 +98,7 @@ def _table(rows: list[tuple[int, list[Any]]], name: str, columns: ColumnMap) -> 
     groups = [
         str(_cell(row, column)).strip() for _, row in rows[first - of_names - 1 : first - of_names] for column in filled
     ]
-    if sum(map(bool, groups)) > 1:  # a row above the names, of which each cell is for those to its right too
-        for at in range(1, len(groups)):
-            groups[at] = groups[at] or groups[at - 1]
-        table.remarks = dict(zip(kept, groups, strict=True))
+    table.remarks = dict(zip(kept, held_to_the_right(groups), strict=False))
     return table
 
 
@@ -113,19 +111,9 @@ def _names(above: list[tuple[int, list[Any]]], width: int, columns: ColumnMap) -
         return [""] * width, 0
     last = texts[-1]
     upper = texts[0] if len(texts) == 2 else [""] * width
-    if _are_units(upper, last):
+    if are_units(last) and all(name for name, unit in zip(upper, last, strict=True) if unit):
         return list(map(with_unit, upper, last)), 2
     return last, 1
-
-
-def _are_units(names: list[str], units: list[str]) -> bool:
-    """Whether a row has the units to the names in the row above it: all known or in brackets, under a name each."""
-    filled = [unit for unit in units if unit]
-    bracketed = all(unit[0] in "[(" and unit[-1] in "])" for unit in filled)
-    known = sum(unit_of(unit.strip("[]()")) is not None for unit in filled)
-    return all(name for name, unit in zip(names, units, strict=True) if unit) and (
-        bracketed or known > 0.6 * len(filled)
-    )
 
 
 def _cell(row: list[Any], column: int) -> Any:

@@ -1,0 +1,175 @@
+"""What stands above the rows of a text: names, units and remarks of its columns, and lines that are neither."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from dataclasses import replace
+
+from rw_ekf.logs.column_units import with_unit
+from rw_ekf.logs.labels import are_units, held_to_the_right
+from rw_ekf.logs.text_cells import BLANKS, MOSTLY, STAMP, TextLayout, split_cells, without_trailing
+
+_HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
+_ROW_KEYS = {
+    "units": re.compile(r"((vertical|y) )?(units?|einheit(en)?|unités?|unidad(es)?)|y_unit_label", re.IGNORECASE),
+    "names": re.compile(r"(signal|channel|trace|column|kanal)?[ _]?(names?|labels?|bezeichnung)", re.IGNORECASE),
+    "remarks": re.compile(r"desc\w*|comments?|remarks?|kommentar|beschreibung|long[ _]?names?", re.IGNORECASE),
+}
+_SAMPLED = re.compile(r"sample ?time ?\[(\w+)\]", re.IGNORECASE)  # TwinCAT Scope
+_LABEL = re.compile(r"^\s*(columns?|spalten|colonnes|fields?|names?|header|format)\s*:\s*", re.IGNORECASE)
+_COMMENT = re.compile(r"^\s*(#+|%+|//+|--+|;+|!)\s*")
+
+
+def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows: int) -> TextLayout:
+    """Add the names and units that stand above the rows."""
+    described = _described(before[skip_rows:], layout)
+    above = [(i, line) for i, line in enumerate(before) if i >= skip_rows and _COMMENT.sub("", line).strip()]
+    units: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    taken = len(above)
+    if above and (cells := _header_cells(above[-1][1], layout)) and are_units(cells) and len(above) > 1:
+        units = tuple(cells)
+        taken -= 1
+    if taken and (cells := _header_cells(above[taken - 1][1], layout)) and _are_names(cells, layout):
+        names = tuple(cells)
+        taken -= 1
+    if described.get("names") and (not names or any(key.fullmatch(names[0]) for key in _ROW_KEYS.values())):
+        names, units = described["names"], described.get("units", units)
+    if units and not names:
+        names, units = units, ()
+    columned = _by_position(before[skip_rows:], rows, layout)
+    if columned is not None:
+        names, units = columned
+        taken = max(0, len(above) - 1)
+    if described and not units:
+        units = described.get("units", ())
+    remarks = described.get("remarks", ())
+    if described and names != described.get("names"):
+        remarks = remarks or described.get("names", ())
+    groups = layout.cells(above[taken - 1][1]) if names and taken else []
+    if not remarks and len(groups) == len(names) and not any(map(layout.is_value, groups)):
+        remarks = held_to_the_right(groups)
+    preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
+    layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
+    ragged = _shift(names, rows, layout)
+    doubts = layout.doubts if ragged or not names else (*layout.doubts, *_odd_header(names, rows, layout))
+    if ragged:
+        names, units = ("", *names), ("", *units) if units else ()
+    names, units = _fitted(names, layout.width), _fitted(units, layout.width)
+    if units:
+        names = tuple(map(with_unit, names, units))
+    return replace(layout, names=names, preamble=preamble, remarks=remarks, doubts=doubts)
+
+
+def _by_position(
+    before: list[str], rows: list[str], layout: TextLayout
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Names and units over columns of a fixed width, each above its own, over several lines; None where none are."""
+    if layout.delimiter != BLANKS:
+        return None
+    ends = {tuple(match.end() for match in re.finditer(r"\S+", line)) for line in rows[:20] if line.strip()}
+    if len(ends) != 1 or len(at := next(iter(ends))) != layout.width:
+        return None
+    lines: list[list[str]] = []
+    for line in reversed(before[-_HEADER_LINES:]):
+        bare = line.expandtabs()
+        if not re.search(r"\w", bare):
+            if lines:
+                break
+            continue
+        if any(bare[end - 1 : end + 1].strip() and " " not in bare[end - 1 : end + 1] for end in at if end < len(bare)):
+            break
+        lines.insert(0, [bare[begin:end].strip() for begin, end in zip((0, *at[:-1]), at, strict=True)])
+    units = lines.pop() if lines and are_units(lines[-1]) else []
+    names = tuple(" ".join(filter(None, parts)) for parts in zip(*lines, strict=True)) if lines else ()
+    return (names, tuple(units)) if len(names) > 1 and all(names) else None
+
+
+def _described(before: list[str], layout: TextLayout) -> dict[str, tuple[str, ...]]:
+    """Rows above the data that begin with what they have of each column: its unit, its name, a remark."""
+    found: dict[str, tuple[str, ...]] = {}
+    for line in before:
+        cells = layout.filled(line)
+        if not 1 < len(cells) <= layout.width + 1:
+            continue
+        key = next((kind for kind, words in _ROW_KEYS.items() if words.fullmatch(cells[0].strip(" #%:"))), "")
+        if key and not (key == "names" and key in found):
+            found[key] = ("", *cells[1:])
+        elsewhere = len(cells) > 2  # the key stands above each time, of which there may be several: Name, a, b, Name, c
+        if elsewhere and key and len(cells) >= len(found.get(key, ())):
+            found[key] = tuple("" if cell == cells[0] else cell for cell in cells)
+        elif elsewhere and (sampled := _SAMPLED.fullmatch(cells[0])):
+            found["times"] = tuple(f"time [{sampled[1]}]" if cell == cells[0] else "" for cell in cells)
+    if "times" in found and "names" in found:
+        found["names"] = tuple(
+            map(_either, _fitted(found.pop("times"), layout.width), _fitted(found["names"], layout.width))
+        )
+    return found
+
+
+def _either(first: str, second: str) -> str:
+    return first or second
+
+
+def _widest(rows: list[str], layout: TextLayout) -> int:
+    """Cells of the longest row: one whose last column is nearly always empty has more than is usual."""
+    rows_of_data = (cells for line in rows if layout.is_data(cells := layout.filled(line)))
+    return max(map(len, rows_of_data), default=0)
+
+
+def _fitted(cells: tuple[str, ...], width: int) -> tuple[str, ...]:
+    return (*cells, *[""] * (width - len(cells)))[:width] if cells else ()
+
+
+def _header_cells(line: str, layout: TextLayout) -> list[str]:
+    """The names in a line above the rows: cut as these are, or as it is usual behind a comment's mark."""
+    bare = _COMMENT.sub("", line) if not (layout.delimiter == ";" and line.startswith(";")) else line
+    bare = _LABEL.sub("", bare)
+    best: list[str] = []
+    for mark in dict.fromkeys((layout.delimiter, "\t", ";", ",", "|", BLANKS)):
+        cells = split_cells(bare, mark)
+        if mark == BLANKS:
+            wide = [cell for cell in re.split(r"\s{2,}|\t", bare.strip()) if cell]
+            cells = wide if abs(len(wide) - layout.width) < abs(len(cells) - layout.width) else cells
+        cells = without_trailing(cells)
+        if len(cells) in (layout.width, layout.width - 1) or (
+            mark == layout.delimiter and len(cells) > layout.width > 1
+        ):
+            return cells
+        if not best or abs(len(cells) - layout.width) < abs(len(best) - layout.width):
+            best = cells
+    return best if len(best) > 1 and abs(len(best) - layout.width) <= max(2, layout.width // 2) else []
+
+
+def _are_names(cells: list[str], layout: TextLayout) -> bool:
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and sum(map(layout.is_value, filled)) < MOSTLY * len(filled)
+
+
+def _odd_header(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> tuple[str, ...]:
+    """A sentence where the names are more or fewer than a row's cells; a date behind the names is none of them."""
+    count = len(names)
+    while count and (not names[count - 1] or layout.is_value(names[count - 1]) or STAMP.fullmatch(names[count - 1])):
+        count -= 1
+    widths = Counter(
+        (len(cells), len(without_trailing(list(cells)))) for line in rows if layout.is_data(cells := layout.cells(line))
+    )
+    if not count or any(filled <= count <= whole for whole, filled in widths):
+        return ()
+    (_, usual), _ = widths.most_common(1)[0]
+    lacks = "cell" if count > usual else "name"
+    return (f"The names are {count} and a row has {usual} cells: which of them has no {lacks}?",)
+
+
+def _shift(names: tuple[str, ...], rows: list[str], layout: TextLayout) -> bool:
+    """Whether the first column has no name: one name fewer than cells, above a count of the rows (pandas, R)."""
+    if len(names) != layout.width - 1:
+        return False
+    try:
+        first = [layout.cells(line)[0] for line in rows[:20] if line.strip()]
+        numbers = [int(cell) for cell in first]
+    except (ValueError, IndexError):
+        return False
+    return all(b - a == 1 for a, b in itertools.pairwise(numbers))

@@ -1,0 +1,123 @@
+"""The cells of a text: how its lines are cut, which cells are numbers or stamps, and what plain numbers they are."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rw_ekf.logs.text_forms import NO_FORM, LineForm
+
+BLANKS = " "  # as a delimiter: any run of blanks and tabs
+MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
+_NUMBER = re.compile(
+    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?0[xX][0-9a-fA-F]+|[+-]?(nan|inf|infinity)|[+-]?1?\.?#(IND|QNAN|INF)0*",
+    re.IGNORECASE,
+)
+_FORTRAN = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[dD]|(?=[+-]\d{3}$))([+-]?\d+)")  # 1.5D-02; 1.5-102
+_COMMA_NUMBER = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d+|)(,\d+)?([eE][+-]?\d+)?")
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
+STAMP = re.compile(
+    r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|\d{1,2}[- ]?[A-Za-z]{3}[- ]?\d{2,4})?[T ]?"
+    r"(\d{1,3}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[AaPp][Mm])?)?(Z| ?[+-]\d{2}:?\d{2}| ?UTC)?"
+)
+_WORDS = frozenset({
+    "true", "false", "on", "off", "ok", "cw", "ccw", "fwd", "rev", "forward", "reverse", "n/a", "null", "none", "na",
+    "-",
+})  # fmt: skip
+_GAPS = frozenset({"n/a", "na", "null", "none", "inf", "-inf", "+inf"})
+
+
+@dataclass(frozen=True)
+class TextLayout:
+    """What it takes to cut a text into cells, and cells into numbers."""
+
+    encoding: str = "utf-8-sig"
+    delimiter: str = ","
+    decimal: str = "."
+    thousands: bool = False  # a mark between thousands was seen
+    names: tuple[str, ...] = ()  # with their units, where a row below has these; empty where no row has names
+    first_line: int = 1  # physical line (from 1) where the data begin
+    width: int = 0  # cells of a row of data
+    preamble: tuple[str, ...] = ()  # lines before the names
+    remarks: tuple[str, ...] = ()  # of each column, where a row above has them
+    form: LineForm = NO_FORM  # what makes its lines rows of cells
+    begins_with_value: bool = False  # whether each row does
+    doubts: tuple[str, ...] = ()  # what of it could be otherwise
+    seconds: str = ""  # which column has durations in s, by its cells
+
+    @property
+    def grouping(self) -> tuple[str, re.Pattern[str]]:
+        """The mark that would stand between thousands, and a number that may have it."""
+        return (".", _COMMA_NUMBER) if self.decimal == "," else (",", _GROUPED)
+
+    def cells(self, line: str) -> list[str]:
+        """The cells of a line, without the blanks around them; none of what cannot be cut."""
+        return split_cells(self.form.row(line, self.delimiter), self.delimiter)
+
+    def filled(self, line: str) -> list[str]:
+        """The same up to the last that is not empty."""
+        return without_trailing(self.cells(line))
+
+    def is_data(self, cells: Sequence[str]) -> bool:
+        """Whether most of what stands in a line is numbers or stamps."""
+        if self.begins_with_value and cells and not self.is_value(cells[0]):
+            return False  # a setting: `Horizontal Scale,20`; `Date;12.03.2022`
+        filled = [cell for cell in cells if cell]
+        values = sum(map(self.is_value, filled))
+        return values > 0 and values >= MOSTLY * len(filled)
+
+    def is_value(self, cell: str) -> bool:
+        """Whether a cell is a number or a stamp."""
+        return is_number(cell, self.decimal) or is_stamp(cell)
+
+    def number(self, cell: str) -> str:
+        """A cell's number as the readers of plain text take it; what is none stays as it is."""
+        mark, grouped = self.grouping
+        if (self.thousands or ("." in cell and "," in cell)) and grouped.fullmatch(cell):
+            cell = cell.replace(mark, "")
+        if self.decimal == "," and "," in cell and _COMMA_NUMBER.fullmatch(cell):
+            cell = cell.replace(",", ".")
+        elif cell[:2].lower() == "0x" or cell[1:3].lower() == "0x":
+            return str(int(cell, 16)) if _NUMBER.fullmatch(cell) else cell
+        elif (fortran := _FORTRAN.fullmatch(cell)) is not None:
+            return f"{fortran[1]}e{fortran[2]}"
+        elif "#" in cell or cell in {"-", "*" * len(cell)} or cell.lower() in _GAPS:
+            return "nan"
+        return cell
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number, or a word that stands where one may."""
+    if not cell:
+        return False
+    if _NUMBER.fullmatch(cell) or cell.lower() in _WORDS or _FORTRAN.fullmatch(cell):
+        return True
+    return bool(_COMMA_NUMBER.fullmatch(cell)) if decimal == "," else bool(_GROUPED.fullmatch(cell))
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is a date or a time of day."""
+    return len(cell) > 3 and bool(STAMP.fullmatch(cell)) and not cell.replace(".", "").isdigit()
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """Cut a line at its delimiters; no cells of what cannot be cut."""
+    if delimiter == BLANKS:
+        if '"' not in line:
+            return line.split()
+        line = re.sub(r"[ \t]+", " ", line.strip())
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    except csv.Error:
+        return []
+
+
+def without_trailing(cells: list[str]) -> list[str]:
+    """Cells up to the last that is not empty."""
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
