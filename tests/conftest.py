@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 
 import pytest
@@ -34,6 +35,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     missing = cold(DIAGNOSIS)
     if missing:
         compile_in_children(missing, lambda done: None)
+
+
+def pytest_collection_finish() -> None:
+    """What the collection made stays to the end: no collection of garbage looks through it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

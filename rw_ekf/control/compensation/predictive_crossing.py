@@ -142,7 +142,7 @@ def guess(begin: float, target: float, period_s: float, parameters: FrictionPara
             begin, parameters.viscous, parameters.coulomb, parameters.static, stribeck.omega_s, stribeck.law
         )
     else:
-        friction = math.copysign(parameters.static, target)
+        friction = math.copysign(parameters.static, target or begin)
     return ((target - begin) / period_s + friction) / parameters.motor_gain
 
 
