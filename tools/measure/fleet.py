@@ -1,18 +1,21 @@
 """What a fleet costs and what it finds, as ratios from one run.
 
-    python -m tools.measure.fleet [--what overhead dask memory trends rate]
+    python -m tools.measure.fleet [--what overhead dask many memory trends remaining rate]
 
 overhead: wall time of `run_fleet` with two worker processes over that of a plain loop of the same replays, halved.
 dask: processor time of a Dask cluster of two workers, client and scheduler included, over that of the plain loop.
+many: most resident memory of a Dask scheduler, and of the client, over 10,000 wheels with a log of a minute each.
 memory: resident memory of a worker after 50 and after 500 parts.
 trends: ageing wheels (Coulomb friction +0.5 % a month over a year) among 200 that are found, healthy ones that are
 accused, at the level of daily estimates; and how wide the bands of the rates are against what they miss by.
+remaining: how often a limit is reached before and after the band of nine in ten, where wheels wear and wander.
 rate: samples a second from Parquet, 2 workers, logs of a day at 10 Hz.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 import subprocess
@@ -37,6 +40,7 @@ from rw_ekf.fleet.fleet_run import run_fleet
 from rw_ekf.fleet.folder import FleetFolder
 from rw_ekf.fleet.index import FleetIndex, built_index
 from rw_ekf.fleet.plan import FleetSettings, plan_of
+from rw_ekf.fleet.remaining import limits_of
 from rw_ekf.fleet.simulation import FIRST_DAY, FleetShape, name_of, truth_by_day, truth_of, write_days
 from rw_ekf.fleet.task import Task, work
 from rw_ekf.fleet.wheel_trends import trends_of
@@ -48,6 +52,7 @@ from rw_ekf.one_thread import ask_for_one_thread, one_thread
 
 _WHEELS, _DAYS = 10, 10  # of the runs that are timed: the plain loop takes some 15 s
 _FLEETS, _AGEING = 4, 10  # of 200 wheels, and how many of them age
+_MANY = 10_000  # wheels
 _STDS = {"motor_gain": 0.004, "viscous": 1.2e-5, "coulomb": 0.0013, "static": 0.0036}  # of a day: results of `run`
 
 
@@ -55,7 +60,15 @@ def main() -> None:
     """Measure what was asked for."""
     ask_for_one_thread()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    what = {"overhead": _overhead, "dask": _dask, "memory": _memory, "trends": _trends, "rate": _rate}
+    what = {
+        "overhead": _overhead,
+        "dask": _dask,
+        "many": _many,
+        "memory": _memory,
+        "trends": _trends,
+        "remaining": _remaining,
+        "rate": _rate,
+    }
     parser.add_argument("--what", nargs="+", choices=list(what), default=list(what))
     for name in parser.parse_args().what:
         with tempfile.TemporaryDirectory() as place:
@@ -95,6 +108,57 @@ def _dask(place: Path) -> None:
     finally:
         cluster.close()
     print(f"dask: {spent_s:.1f} s of processor for {plain_s:.1f} s of the plain loop: {spent_s / plain_s:.2f}")
+
+
+def _many(place: Path) -> None:
+    """A scheduler and two workers, each a process of its own, as on several machines."""
+    log = place / "one.parquet"
+    simulate("P1", seed=1, duration_s=60.0).save(log)
+    for number in range(_MANY):
+        folder = place / "logs" / f"wheel={name_of(number)}"
+        folder.mkdir(parents=True)
+        os.link(log, folder / "2026-01-01.parquet")
+    told = place / "scheduler.json"
+    scheduler = _dask_process("scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(told))
+    while not told.is_file():
+        time.sleep(0.1)
+    worker = _dask_process("worker", "--scheduler-file", str(told), "--nworkers", "2", "--nthreads", "1")
+    probe = (
+        "import sys, rw_ekf; done = rw_ekf.fleet.run(sys.argv[1], scheduler=sys.argv[2]); assert done.whole; "
+        "print(len(done.entries), done.seconds)"
+    )
+    try:
+        address = json.loads(told.read_text())["address"]
+        command = [sys.executable, "-c", probe, str(place / "logs"), address]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as client:
+            most_mb = 0.0
+            while client.poll() is None:
+                most_mb = max(most_mb, _peak_mb(client.pid) or 0.0)
+                time.sleep(0.2)
+            assert client.stdout is not None
+            said = client.stdout.read().decode().strip()
+        print(
+            f"many: wheels and seconds {said}: scheduler {_peak_mb(scheduler.pid):.0f} MB at its most, "
+            f"client {most_mb:.0f} MB"
+        )
+    finally:
+        for process in (worker, scheduler):
+            process.terminate()
+            process.wait()
+
+
+def _dask_process(kind: str, *options: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *options]
+    return subprocess.Popen(command, stderr=subprocess.DEVNULL)
+
+
+def _peak_mb(pid: int) -> float | None:
+    """The largest resident memory of a process so far; None where it has gone."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return None
+    return next((int(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")), None)
 
 
 def _memory(place: Path) -> None:
@@ -142,6 +206,39 @@ def _trends(place: Path) -> None:
         f"({100.0 * accused / healthy:.2f} %); where frictions walk by 0, 1 and 3 % a year rates miss by "
         f"{', '.join(f'{miss:.2f}' for miss in misses)} sigma rms"
     )
+
+
+def _remaining(place: Path) -> None:
+    """A year of days of wheels that wear by 5 to 40 % a year and wander, their courses drawn on for forty years."""
+    del place
+    days, after, base = 365, 14_600, 0.59
+    for walk in (0.0, 0.01, 0.03, 0.06):
+        rng = np.random.default_rng(17)
+        wheels, courses = [], []
+        for number in range(200):
+            years = np.arange(days + after) / 365.25
+            wander = walk * np.cumsum(rng.standard_normal(days + after)) / np.sqrt(365.25)
+            course = base * (1.0 + rng.uniform(0.05, 0.4) * years + wander)
+            seen = course[:days] * (1.0 + 0.004 * rng.standard_normal(days))
+            estimates = daily_estimates(FleetShape(200, days, seed=17), number, 0.0)
+            wheels.append(
+                replace(
+                    estimates,
+                    values={**estimates.values, "coulomb": seen},
+                    temperature_degC=np.full(days, np.nan),
+                )
+            )
+            courses.append(course[days:])
+        with one_thread():
+            found = trends_of(wheels, limits_of(["coulomb=+50%"])).wheels
+        early = late = 0
+        for wheel, course in zip(found, courses, strict=True):
+            left = wheel.parameters["coulomb"].remaining
+            assert left is not None
+            reached_y = float(np.argmax(course >= left.limit) + 1) / 365.25
+            early += reached_y < left.years_05
+            late += reached_y > left.years_95
+        print(f"remaining: walk {100.0 * walk:.0f} % a year: {early} of 200 earlier than 5 %, {late} later than 95 %")
 
 
 def daily_estimates(shape: FleetShape, number: int, percent_per_month: float, walk: float = 0.0) -> WheelDays:
