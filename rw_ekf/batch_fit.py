@@ -252,7 +252,7 @@ def _least_squares(
     effects = setup.effects.with_values(free_run.coefficients, free_run.std[len(free_run.parameters) :])
     found = fit_log(
         course, setup.constants, setup.prior, free_run.parameters, effects,
-        stribeck_speed_std=setup.stribeck_speed_std, until_still=True, advance=advance,
+        stribeck_speed_std=setup.stribeck_speed_std, effort="most", advance=advance,
     )  # fmt: skip
     covariance = 0.5 * (found.covariance + found.covariance.T)
     if not np.isfinite(covariance).all() or np.linalg.eigvalsh(covariance).min() <= 0.0:

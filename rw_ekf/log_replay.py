@@ -300,7 +300,7 @@ def judge_log(course: Course, setup: FilterSetup, belief: Belief, most_samples: 
             mean[dry], covariance[dry, dry] = setup.prior.mean[dry], setup.prior.covariance[dry, dry]
         run = filter_log(head, without_drift(setup.constants)._replace(dry_walk=walk), mean, covariance, setup.effects)
         return consistency_of(run.innovation_rad_s, run.innovation_variance, run.outcome == decisions.UPDATED)
-    near = fit_log(head, setup.constants, setup.prior.core, found, along_filter=False)
+    near = fit_log(head, setup.constants, setup.prior.core, found, effort="least")
     judged = consistency_of_fit(near, setup.constants)
     if judged.is_noise:
         return judged

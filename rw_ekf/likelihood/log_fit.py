@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -34,6 +35,8 @@ from rw_ekf.model.effect import Term
 from rw_ekf.model.friction import FAST_STRIBECK_SPEEDS
 from rw_ekf.model.state import PARAMETER_COUNT, FrictionParameters
 from rw_ekf.wheel.effect_table import NO_EFFECTS, EffectSet
+
+Effort = Literal["least", "usual", "most"]
 
 _SETTLED = 0.5  # standard deviations: the ratio that the last step integrates over is not the one it began with
 
@@ -79,8 +82,7 @@ def fit_log(
     effects: EffectSet = NO_EFFECTS,
     *,
     stribeck_speed_std: float = 0.0,
-    until_still: bool = False,
-    along_filter: bool = True,
+    effort: Effort = "usual",
     advance: Callable[[], object] = lambda: None,
 ) -> LogFit:
     """Fit the four parameters to all of `course` from `start`; constants give R to begin with and the Stribeck curve.
@@ -89,9 +91,8 @@ def fit_log(
     model with them. Their shapes stay.
     stribeck_speed_std: where the Stribeck speed is a guess, how far it may be off [rad/s]; it is then fitted too, and
     what is not known of it is in the parameters' covariance. The readings must not be all missing.
-    until_still: go on where the steps have not vanished yet; the noises alone can do without.
-    along_filter: fit along the path of the filter with the start's parameters too, and keep the likelier; False: only
-    along the readings, which no torque noise has been told to.
+    effort: "least" fits along the readings alone, "usual" along the path of the filter with the start's parameters too,
+    and keeps the likelier, "most" goes on where the steps have not vanished yet; the noises alone can do without.
     """
     noise = float(np.sqrt(constants.speed_variance))
     everything = np.ones(course.samples, dtype=bool)
@@ -108,12 +109,12 @@ def fit_log(
     advance()
     seen = bare.base if effects.table().hidden else bare
     paths = [read_trajectory(course, noise)]
-    if along_filter:
+    if effort != "least":
         paths.append(smoothed_by_filter(course, everything, seen, constants, noise))
     fit = robust_fit(record, model, known, noise, paths)
     advance()
     noises = noise_posterior(fit)
-    if until_still and not _is_small(noises):
+    if effort == "most" and not _is_small(noises):
         fit = at_standstill(fit)
         noises = noise_posterior(fit)
     found = fit.model.vector + fit.model.limited(noises.correction)

@@ -48,7 +48,7 @@ def both_fits(course: Course, effects: EffectSet) -> tuple[LeastSquaresResult, L
     constants, prior = constants_for(), prior_of(effects)
     first = least_squares(course, constants, prior, effects)
     start = effects.with_values(first.coefficients, first.std[4:])
-    return first, fit_log(course, constants, prior, first.parameters, start, until_still=True)
+    return first, fit_log(course, constants, prior, first.parameters, start, effort="most")
 
 
 @pytest.mark.parametrize("effect", CASES)
