@@ -96,14 +96,17 @@ def diagnose_windows(
     folder: FleetFolder, index: FleetIndex, settings: FleetSettings, asked: tuple[Sequence[Window], int],
     executor: Executor, tick: Callable[[int], object] = lambda n: None,
 ) -> Diagnoses:  # fmt: skip
-    """Diagnose the windows that have no diagnosis yet. asked: as `windows_of` gives them.
+    """Diagnose the windows that have no diagnosis yet.
+
+    asked: as `windows_of` gives them; what is of a log that the index
+    no longer has is passed over, as `fleet run` will forget its results.
 
     tick(n): n windows more are done. Raises BadInputError where the folder cannot be written, RwEkfError where the
     executor is lost.
     """
     began_s = time.perf_counter()
-    windows, left_out = asked
     logs = {(log.wheel, log.log): log for log in index.logs}
+    windows, left_out = [window for window in asked[0] if (window.wheel, window.log) in logs], asked[1]
     tasks = {window: _task(folder, index, settings, logs[window.wheel, window.log], window) for window in windows}
     missing = {task.path: task for task in tasks.values() if _document(task.path) is None}
     tick(len(windows) - len(missing))

@@ -9,12 +9,13 @@ import numpy as np
 from scipy.special import bdtrc
 
 from rw_ekf.filter.consistency import FALSE_ALARM
-from rw_ekf.fleet.findings import finding_kinds, rows_about, sentence_of
+from rw_ekf.fleet.findings import finding_kinds, rows_about
 from rw_ekf.fleet.wheel_trends import WheelTrend
 
 # Chance that a wheel whose residual is noise is looked at for it, over its whole record. A tenth or ten times of it
 # moves the count of days that asks by one: at 365 days it takes four (FALSE_ALARM of each).
 _BY_CHANCE = 1e-3
+_SAYS = {"ages": "ages", "unlike": "is unlike its siblings'"}
 
 
 @dataclass(frozen=True)
@@ -51,11 +52,12 @@ def _reasons(wheel: WheelTrend) -> Iterator[tuple[int, str]]:
     good = np.flatnonzero(days.ok)
     if not good.size:
         return
-    found = [(kind, name, about) for kind, name, about in finding_kinds(wheel) if kind in ("ages", "changed", "unlike")]
+    found = [each for each in finding_kinds(wheel) if each[0] in ("changed", *_SAYS)]
     for kind, name, about in found:
-        newest = rows_about(wheel.parameters[name], about.before)[1] if kind == "changed" else int(good[-1])
-        place = "the first day after" if kind == "changed" else "the newest day"
-        yield newest, f"{place}: {sentence_of(wheel, kind, name, about)}"
+        if kind == "changed":
+            yield rows_about(wheel.parameters[name], about.before)[1], f"the first day after a step of {name}"
+        else:
+            yield int(good[-1]), f"the newest day: its {name} {_SAYS[kind]}"
     for name, trend in wheel.parameters.items():
         for row in trend.course.known.far_off[::-1]:
             yield int(row), f"{name} is far off the days around it"
@@ -67,7 +69,6 @@ def _reasons(wheel: WheelTrend) -> Iterator[tuple[int, str]]:
         yield int(unlike_noise[-1]), f"its residual is no noise, as on {unlike_noise.size} of {good.size} days"
     for kind, name, about in found:  # what it was like before stands beside it
         if kind == "changed":
-            before = rows_about(wheel.parameters[name], about.before)[0]
-            yield before, f"the last day before: {sentence_of(wheel, kind, name, about)}"
+            yield rows_about(wheel.parameters[name], about.before)[0], f"the last day before a step of {name}"
         elif kind == "ages":
-            yield int(good[0]), f"the oldest day: {sentence_of(wheel, kind, name, about)}"
+            yield int(good[0]), f"the oldest day: its {name} {_SAYS[kind]}"
