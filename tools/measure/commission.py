@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from rw_ekf.attach import load_protocol
+from rw_ekf.attach.wire import load_protocol
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commissioning.dialogue import Stopped
 from rw_ekf.commissioning.map_copy import write_corrected_map

@@ -1,16 +1,19 @@
 """Measure how fast the filter is: an online tick, and the compiled pass over a million samples of several courses.
 
     python -m tools.measure.speed
+    python -m tools.measure.speed --against ../before    whole commands, by turns with the code of another folder
 
 Online and compiled are held against each other on the way. Exit status 1 if they differ.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
 import platform
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +27,7 @@ from rw_ekf.filter.estimator import Estimator
 from rw_ekf.filter.log_filter import filter_log
 from rw_ekf.records import IssuedCommand, WheelSample
 from rw_ekf.units import RAD_S_PER_RPM
+from tools.measure.against import show_against
 from tools.measure.estimator import run_of
 from tools.measure.runs import constants_for, free_run_of
 from tools.measure.table import Row, at_most, show
@@ -85,6 +89,15 @@ def measure_kernel(advance: tqdm[Any]) -> list[Row]:
 
 def main() -> int:
     """Measure and print; exit status 1 if a mark is missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--against", metavar="DIR", type=Path, help="root of another checkout")
+    parser.add_argument("--turns", type=int, default=5, help="of each command beside another checkout; default 5")
+    options = parser.parse_args()
+    if options.against is not None:
+        if not (options.against / "rw_ekf").is_dir():
+            parser.error(f"{options.against}: no checkout (it has no folder rw_ekf): give its root to --against")
+        show_against(options.against, options.turns)
+        return 0
     with tqdm(total=2 + len(COURSES), unit="run", file=sys.stderr) as advance:
         rows = [*measure_online(advance), *measure_kernel(advance)]
     print(f"Python {platform.python_version()}\n")

@@ -1,0 +1,69 @@
+"""What whole commands cost beside another checkout: `python -m tools.measure.speed --against ../before`.
+
+Each command is run by both in turn, the order turned round each time, and what is told is the processor time (user and
+system, its children's too) of each, as a median, and the median and spread of the ratios of the turns: a machine's
+seconds drift with what else it does, ratios of one turn hardly do. The logs are simulated once, for both.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+
+from tqdm import tqdm
+
+from rw_ekf.log_simulation import simulate
+from tools.measure.processor import processor_s
+
+_HERE = Path(__file__).resolve().parents[2]
+_LONG_ROWS = 400_000
+
+
+def show_against(other: Path, turns: int) -> None:
+    """Print a line for each command: this tree, the other, and the ratio."""
+    trees = (_HERE, other.resolve())
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {turns} turns; processor time, this / other\n")
+    with tempfile.TemporaryDirectory() as place:
+        for what, command, per in tqdm(_commands(Path(place)), leave=False):
+            whole = (sys.executable, "-m", "rw_ekf", *command)
+            found: tuple[list[float], list[float]] = ([], [])
+            for tree in trees:  # the first run of a checkout compiles, and is not counted
+                processor_s(whole, tree)
+            for turn in range(turns):
+                for at in (0, 1) if turn % 2 else (1, 0):
+                    found[at].append(processor_s(whole, trees[at]))
+            ratios = sorted(mine / its for mine, its in zip(*found, strict=True))
+            mine, its = (statistics.median(times) for times in found)
+            unit = "s" if per == 1 else "us a row"
+            scale = 1.0 if per == 1 else 1e6 / per
+            tqdm.write(
+                f"{what:<36}{scale * mine:>8.2f} / {scale * its:<8.2f}{unit:<9} ratio {statistics.median(ratios):.2f} "
+                f"({ratios[0]:.2f} to {ratios[-1]:.2f})"
+            )
+
+
+def _commands(place: Path) -> list[tuple[str, tuple[str, ...], int]]:
+    """(what it is, arguments, rows that its time is told for, or 1)."""
+    short, healthy, long = place / "short.csv", place / "healthy.csv", place / "long.csv"
+    simulate("identification", effects=["viscous_temperature"], seed=3).save(short)
+    simulate("identification", seed=4).save(healthy)
+    simulate("P1", seed=5, duration_s=0.1 * _LONG_ROWS).save(long)
+    runs = place / "runs"
+    runs.mkdir()
+    for number in range(5):
+        simulate("P1", seed=number, duration_s=600.0).save(runs / f"run-{number}.csv")
+    told = ("--config", "simulated")
+    return [
+        ("stop --help", ("stop", "--help"), 1),
+        ("replay, 600 s", ("replay", str(healthy)), 1),
+        ("replay, 600 s, a configuration", ("replay", str(healthy), *told), 1),
+        ("replay, 5 logs of 600 s", ("replay", *map(str, sorted(runs.iterdir())), *told), 1),
+        (f"replay, {_LONG_ROWS} rows", ("replay", str(long)), _LONG_ROWS),
+        (f"replay, {_LONG_ROWS} rows, a configuration", ("replay", str(long), *told), _LONG_ROWS),
+        ("fit, 600 s", ("fit", str(short)), 1),
+        ("diagnose, 600 s, healthy", ("diagnose", str(healthy)), 1),
+        ("diagnose, 600 s, with an effect", ("diagnose", str(short)), 1),
+    ]
