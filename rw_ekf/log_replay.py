@@ -392,7 +392,7 @@ def _values_of(law: Law, course: Course) -> Float64Array | None:
 
 def _online(log: WheelLog, setup: FilterSetup, advance: Callable[[int], object]) -> FilterRun:
     """Run the daemon's loop over the log and collect what the compiled pass would have left."""
-    from rw_ekf.attach import replay_wheel
+    from rw_ekf.attach.opening import replay_wheel
     from rw_ekf.filter.estimator import Estimator
     from rw_ekf.live.loop import command_of_record, readings_of_record, run_loop
     from rw_ekf.sinks.array_sink import ArraySink

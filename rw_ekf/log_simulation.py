@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rw_ekf.attach import simulated_plant, simulated_record, with_own_formulas
+from rw_ekf.attach.simulated import simulated_plant, simulated_record, with_own_formulas
 from rw_ekf.checking.effect_file import read_effect_file
 from rw_ekf.control.profiles import make_profile
 from rw_ekf.effects.catalogue import CATALOGUE_IDS

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rw_ekf.arrays import Float64Array
-from rw_ekf.attach import simulated_wheel
+from rw_ekf.attach.simulated import simulated_wheel
 from rw_ekf.attitude_bench.attitude import AttitudePid, Gyroscope, PidGains
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.attitude_bench.single_axis import Axis, AxisState, FlexibleMode

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rw_ekf.attach import simulated_plant, simulated_record
+from rw_ekf.attach.simulated import simulated_plant, simulated_record
 from rw_ekf.attitude_bench.scenario import Scenario
 from rw_ekf.control.profiles import make_profile, sample_profile
 from rw_ekf.course.course import Course

@@ -54,7 +54,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _of_maps(document: YamlDocument) -> list[str]:
     """What is wrong in the wire maps of a configuration that cannot be used as it is."""
-    from rw_ekf.attach import load_protocol
+    from rw_ekf.attach.wire import load_protocol
     from rw_ekf.errors import ConfigError
     from rw_ekf.settings.load import protocols_named
 
@@ -69,7 +69,8 @@ def _of_maps(document: YamlDocument) -> list[str]:
 
 def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
     """What is wrong with one wheel that only its wire map, its model or the effects' catalogue can tell."""
-    from rw_ekf.attach import beyond_wire, plant_of, spoken_by
+    from rw_ekf.attach.simulated import plant_of
+    from rw_ekf.attach.wire import beyond_wire, spoken_by
     from rw_ekf.errors import BadInputError, ConfigError
 
     found = []
@@ -97,7 +98,7 @@ def _beyond(document: YamlDocument, configuration: Configuration) -> list[str]:
 
 def _together(wheels: list[tuple[YamlDocument, Configuration]]) -> list[str]:
     """What keeps several wheels from sharing their line, at this rate."""
-    from rw_ekf.attach import beyond_line, beyond_rate, spoken_by
+    from rw_ekf.attach.wire import beyond_line, beyond_rate, spoken_by
 
     if len(wheels) == 1:
         return []

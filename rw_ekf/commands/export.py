@@ -55,7 +55,7 @@ def _export_map(args: argparse.Namespace) -> int:
     from collections import Counter
     from pathlib import Path
 
-    from rw_ekf.attach import load_protocol
+    from rw_ekf.attach.wire import load_protocol
     from rw_ekf.commands.inputs import refuse_to_overwrite
     from rw_ekf.driver import DescribedProtocol
     from rw_ekf.errors import BadInputError

@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the verb; raises RwEkfError."""
-    from rw_ekf.attach import SharedLine, checked_protocol
+    from rw_ekf.attach.opening import SharedLine
+    from rw_ekf.attach.wire import checked_protocol
     from rw_ekf.clock import SystemClock
     from rw_ekf.json_output import print_json
     from rw_ekf.live.port_name import aliases_of, device_of, own_name

@@ -145,7 +145,7 @@ def run_and_report(
     with claimed(configuration.wheel.port, heartbeat) as at:
         if at is None:
             return 0
-        from rw_ekf.attach import checked_protocol
+        from rw_ekf.attach.wire import checked_protocol
         from rw_ekf.commands.inputs import given_model
         from rw_ekf.commands.run_report import exit_status, report_document, report_text, warnings_of
         from rw_ekf.console import logger

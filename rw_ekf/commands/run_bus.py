@@ -28,7 +28,8 @@ def run_bus(
     with claimed(configurations[0].wheel.port, heartbeat) as at:
         if at is None:
             return 0
-        from rw_ekf.attach import SharedLine, checked_protocol
+        from rw_ekf.attach.opening import SharedLine
+        from rw_ekf.attach.wire import checked_protocol
         from rw_ekf.commands.inputs import given_model
         from rw_ekf.console import logger
         from rw_ekf.live.bus import Bus, BusWheel

@@ -60,7 +60,7 @@ def claimed(port: str, heartbeat: Heartbeat | None) -> Iterator[Claimed | None]:
 
 def supervised(configurations: tuple[Configuration, ...], args: argparse.Namespace, run: Run) -> int:
     """The supervisor; and each run that it starts, which comes here too, in a process of its own."""
-    from rw_ekf.attach import checked_protocol
+    from rw_ekf.attach.wire import checked_protocol
     from rw_ekf.console import logger
     from rw_ekf.errors import BadInputError, RwEkfError
     from rw_ekf.live.supervisor import Patience, Supervisor

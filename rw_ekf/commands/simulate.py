@@ -114,7 +114,8 @@ def _fleet(args: argparse.Namespace) -> int:
 
 
 def _wheel(args: argparse.Namespace) -> int:
-    from rw_ekf.attach import load_protocol, plant_of, spoken_by, with_own_formulas
+    from rw_ekf.attach.simulated import plant_of, with_own_formulas
+    from rw_ekf.attach.wire import load_protocol, spoken_by
     from rw_ekf.commands.inputs import read_own_formulas
     from rw_ekf.drivers.sim.fault_text import parse_faults
     from rw_ekf.errors import BadInputError
@@ -192,7 +193,8 @@ def _noise(configuration: Configuration | None) -> PlantNoise:
 
 def _bus(args: argparse.Namespace, configurations: tuple[Configuration, ...]) -> int:
     """All wheels of a configuration behind one tty, each with a noise of its own."""
-    from rw_ekf.attach import beyond_line, plant_of, serve_bus, spoken_by, with_own_formulas
+    from rw_ekf.attach.simulated import plant_of, serve_bus, with_own_formulas
+    from rw_ekf.attach.wire import beyond_line, spoken_by
     from rw_ekf.commands.inputs import read_own_formulas
     from rw_ekf.drivers.sim.fault_text import parse_bus_faults
     from rw_ekf.errors import ConfigError

@@ -79,7 +79,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _not_told_apart(line: LineConfiguration) -> list[str]:
     """Wheels of the line that one zero may have been for two of."""
-    from rw_ekf.attach import beyond_line, spoken_by
+    from rw_ekf.attach.wire import beyond_line, spoken_by
 
     if len(line.wheels) < 2:
         return []
@@ -97,7 +97,8 @@ def _zero(line: LineConfiguration, report: HolderReport, clock: Clock) -> list[b
 
     Raises RwEkfError with what was done.
     """
-    from rw_ekf.attach import opener, spoken_by
+    from rw_ekf.attach.opening import opener
+    from rw_ekf.attach.wire import spoken_by
     from rw_ekf.errors import ConfigError, DriverError
     from rw_ekf.live.guard import zero_each
     from rw_ekf.live.holder import others_with

@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-from rw_ekf.attach import opener
+from rw_ekf.attach.opening import opener
 from rw_ekf.clock import Clock
 from rw_ekf.commissioning.dialogue import RefusedError, Stopped
 from rw_ekf.driver import WheelProtocol

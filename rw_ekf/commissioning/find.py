@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rw_ekf.attach import load_protocol
+from rw_ekf.attach.wire import load_protocol
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.clock import Clock
 from rw_ekf.commissioning.dialogue import Dialogue, RefusedError, Stopped

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from rw_ekf.attach import beyond_wire, load_protocol
+from rw_ekf.attach.wire import beyond_wire, load_protocol
 from rw_ekf.clock import Clock
 from rw_ekf.commissioning.bench import Bench
 from rw_ekf.commissioning.dialogue import Dialogue, RefusedError

@@ -156,7 +156,7 @@ def truth_by_day(shape: FleetShape, truth: WheelTruth, number: int) -> dict[str,
 
 def write_days(job: tuple[str, FleetShape, int, tuple[int, int]]) -> tuple[int, int]:
     """Simulate and write some days of a wheel; how many logs and samples they are."""
-    from rw_ekf.attach import simulated_plant, simulated_record
+    from rw_ekf.attach.simulated import simulated_plant, simulated_record
     from rw_ekf.control.profiles import make_profile
     from rw_ekf.logs.tables import write_table
 

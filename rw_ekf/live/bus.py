@@ -26,7 +26,7 @@ from rw_ekf.live.stop_signal import StopSignal, resume_signal_of
 from rw_ekf.records import RunState, StateNow
 
 if TYPE_CHECKING:
-    from rw_ekf.attach import SharedLine
+    from rw_ekf.attach.opening import SharedLine
     from rw_ekf.settings.schema import Configuration
 
 _FIRST_ANSWER_S = 2.0  # as long as a wheel of its own may be silent when its port is opened

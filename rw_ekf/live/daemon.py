@@ -61,7 +61,7 @@ def run_daemon(
     Zero current is sent on every way out; `stop` ends the run in order. oversight: who is told of completed turns.
     claim: of the port, where the caller has made it already.
     """
-    from rw_ekf.attach import opener
+    from rw_ekf.attach.opening import opener
 
     place = Place(opener(configuration, protocol, clock))
     with claim or PortClaim(configuration.wheel.port, clock):

@@ -282,7 +282,7 @@ class Supervisor:
 
     def _zero(self, *, exclusive: bool = True) -> bool:
         """Write zero over a line of our own; True if every wheel confirmed it, or if this run never writes."""
-        from rw_ekf.attach import opener
+        from rw_ekf.attach.opening import opener
 
         openers = [
             (opener(configuration, protocol, self.clock, probe=False, exclusive=exclusive), configuration.limits)

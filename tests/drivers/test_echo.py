@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rw_ekf.attach import checked_protocol, opener
+from rw_ekf.attach.opening import opener
+from rw_ekf.attach.wire import checked_protocol
 from rw_ekf.clock import SystemClock, VirtualClock
 from rw_ekf.driver import WheelDriver
 from rw_ekf.drivers.line.echo import EchoCheck, EchoError

@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 import serial
 
-from rw_ekf.attach import SharedLine, checked_protocol
+from rw_ekf.attach.opening import SharedLine
+from rw_ekf.attach.wire import checked_protocol
 from rw_ekf.clock import SystemClock, VirtualClock
 from rw_ekf.drivers.sim.fault_text import parse_faults
 from rw_ekf.errors import DriverError

@@ -17,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from rw_ekf.attach import checked_protocol
+from rw_ekf.attach.wire import checked_protocol
 from rw_ekf.checking.yaml_loader import load_yaml
 from rw_ekf.drivers.line.framing import Frame
 from rw_ekf.drivers.line.register_protocol import RegisterProtocol

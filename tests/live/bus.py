@@ -11,7 +11,8 @@ from typing import Any
 
 import yaml
 
-from rw_ekf.attach import SharedLine, checked_protocol
+from rw_ekf.attach.opening import SharedLine
+from rw_ekf.attach.wire import checked_protocol
 from rw_ekf.clock import VirtualClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.drivers.line.framing import Frame

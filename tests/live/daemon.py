@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from rw_ekf.attach import checked_protocol
+from rw_ekf.attach.wire import checked_protocol
 from rw_ekf.clock import SystemClock
 from rw_ekf.commands.inputs import read_wheel_model
 from rw_ekf.learning.run_start import GivenModel

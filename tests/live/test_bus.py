@@ -217,6 +217,6 @@ def test_the_rate_that_is_allowed_is_one_that_the_line_carries(
     for name in NAMES:
         assert ran.outcome(name).timing.overruns == 0
         assert ran.outcome(name).statistics.missing == 0
-    monkeypatch.setattr("rw_ekf.attach.beyond_rate", lambda *_: [])
+    monkeypatch.setattr("rw_ekf.attach.opening.beyond_rate", lambda *_: [])
     ran = run_bus(at(1.5 * most_hz), 10.0)
     assert sum(ran.outcome(name).timing.overruns for name in NAMES) > 10

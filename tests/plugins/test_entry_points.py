@@ -88,7 +88,7 @@ def test_its_scheme_and_its_protocol_are_taken_by_a_configuration(site: Path) ->
     done = command(site, "check-config", "bad.yaml")
     assert done.returncode == 2
     assert "acme_viscous" in done.stderr
-    baud = "from rw_ekf.attach import load_protocol; print(load_protocol('acme.yaml').wire_map.link.baud)"
+    baud = "from rw_ekf.attach.wire import load_protocol; print(load_protocol('acme.yaml').wire_map.link.baud)"
     assert python(site, baud) == "115200"
     entry = "from rw_ekf.control.compensation.schemes import SCHEMES; print(SCHEMES['acme_viscous'].source)"
     assert python(site, entry) == "a lab's own"

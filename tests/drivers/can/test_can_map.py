@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from rw_ekf.attach import checked_protocol, load_protocol
+from rw_ekf.attach.wire import checked_protocol, load_protocol
 from rw_ekf.cli import main
 from rw_ekf.clock import SystemClock
 from rw_ekf.drivers.can.can_file import CanFile

@@ -1,27 +1,20 @@
-"""What a run is attached to; the only module that picks a driver: a wheel on a line, a record, a simulated wheel."""
+"""What a wheel speaks, and whether its wire, or a line that several share, carries what a configuration asks for."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from rw_ekf.clock import Clock, Slot
-from rw_ekf.driver import ControlLines, WheelDriver, WheelProtocol, WireLimits
+from rw_ekf.driver import WheelProtocol, WireLimits
 from rw_ekf.errors import ConfigError
-from rw_ekf.records import IssuedCommand, WheelSample
-from rw_ekf.units import rad_s_from_rpm, rpm_from_rad_s
+from rw_ekf.units import rpm_from_rad_s
 
 if TYPE_CHECKING:
-    from rw_ekf.arrays import Float64Array
-    from rw_ekf.checking.effect_file import OwnFormula
-    from rw_ekf.drivers.sim.plant_batch import PlantRun
-    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
-    from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
-    from rw_ekf.model.state import FrictionParameters
     from rw_ekf.settings.schema import Configuration
 
-_CAN = "can:"  # a port of these is no serial line
+
+CAN_PORT = "can:"  # a port of these is no serial line
 
 
 def load_protocol(name: str) -> WheelProtocol:
@@ -75,7 +68,7 @@ def beyond_wire(configuration: Configuration, wire: WireLimits) -> list[tuple[tu
         )
         found.append((("limits",), f"{text}Give limits.slew_A_per_s in {wire.current_unit} per second."))
     found += _too_slow(configuration, wire, the_map)
-    if configuration.wheel.echo and (wire.telemetry_s is not None or configuration.wheel.port.startswith(_CAN)):
+    if configuration.wheel.echo and (wire.telemetry_s is not None or configuration.wheel.port.startswith(CAN_PORT)):
         text = f"wheel.echo is true, but {configuration.wheel.port} and {the_map} are of no serial line: drop it."
         found.append((("wheel", "echo"), text))
     if not configuration.command.writes and not wire.tells_current:
@@ -188,203 +181,3 @@ def beyond_rate(
     text = f"loop.rate_hz is {rate_hz:g}, but the bytes of a turn of each of {len(configurations)} wheels take the line"
     most_hz = math.floor(100.0 / took_s) / 100.0
     return [(0, ("loop", "rate_hz"), f"{text} {1e3 * took_s:.3g} ms: give at most {most_hz:g}, or a faster line.")]
-
-
-class SharedLine:
-    """One line for several wheels, each with a slot of the loop's period in which it may be asked."""
-
-    def __init__(
-        self, configurations: Sequence[Configuration], protocols: Sequence[WheelProtocol], clock: Clock
-    ) -> None:
-        """Nothing is opened yet. Raises ConfigError where the wheels could not be told apart, or asked so often."""
-        from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
-        from rw_ekf.drivers.line.shared_port import SharedPort
-
-        found = beyond_line(configurations, protocols) or beyond_rate(configurations, protocols)
-        if found:
-            raise ConfigError([text for _, _, text in found])
-        spoken = [protocol for protocol in protocols if isinstance(protocol, AddressedRegisterProtocol)]
-        period_s = 1.0 / configurations[0].loop.rate_hz
-        self._clock = clock
-        self._configurations = configurations
-        self._port = SharedPort(spoken[0].open_port, clock, echoes=configurations[0].wheel.echo, keeps=True)
-        self.slots = [Slot(clock, period_s, period_s * index / len(spoken)) for index in range(len(spoken))]
-        self.protocols = [
-            protocol.over(self._port.end(slot)) for protocol, slot in zip(spoken, self.slots, strict=True)
-        ]
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the port is there, as far as is known."""
-        return self._port.is_open
-
-    def close(self) -> None:
-        """Release the port."""
-        self._port.fail()
-
-    def opener(self, index: int, *, probe: bool = True) -> Callable[[WheelDriver | None], WheelDriver]:
-        """What opens the line of one wheel, as `opener`; with a probe that asks once and does not wait."""
-        configuration = self._configurations[index]
-        return _opener(configuration, self.protocols[index], self._clock, probe=probe)
-
-
-def opener(
-    configuration: Configuration, protocol: WheelProtocol, clock: Clock, *, probe: bool = True, exclusive: bool = True
-) -> Callable[[WheelDriver | None], WheelDriver]:
-    """Return what opens the wheel's line; given the wheel that was lost, its clock and counters go on.
-
-    probe: the first time, wait until the wheel answers. Never for a wheel that was lost: zero must reach it first, even
-    where its answers do not come through. exclusive: False writes beside a process that has locked the port.
-    """
-    from rw_ekf.drivers.line.register_protocol import RegisterProtocol
-    from rw_ekf.drivers.line.shared_port import SharedPort
-
-    serial = protocol.limits.telemetry_s is None and not configuration.wheel.port.startswith(_CAN)
-    if configuration.wheel.echo and serial and isinstance(protocol, RegisterProtocol):
-        protocol = protocol.over(SharedPort(protocol.open_port, clock, echoes=True).end())
-    return _opener(configuration, protocol, clock, probe=probe, exclusive=exclusive)
-
-
-def _opener(
-    configuration: Configuration, protocol: WheelProtocol, clock: Clock, *, probe: bool = True, exclusive: bool = True
-) -> Callable[[WheelDriver | None], WheelDriver]:
-    """The same over the protocol as it is."""
-
-    def open_wheel(lost: WheelDriver | None) -> WheelDriver:
-        return protocol.open_wheel(
-            configuration.wheel.port,
-            clock,
-            1e-3 * configuration.loop.reply_timeout_ms,
-            baud=configuration.wheel.baud,
-            probe=probe and lost is None,
-            exclusive=exclusive,
-            control=ControlLines(configuration.wheel.dtr, configuration.wheel.rts),
-            previous=lost,
-        )
-
-    return open_wheel
-
-
-def serve_bus(
-    wheels: Sequence[tuple[WheelProtocol, PlantParameters, dict[str, Any]]],
-    link_path: str,
-    faults: Sequence[Any] = (),
-    seed: int = 0,
-    baud: int | None = None,
-    **options: Any,
-) -> None:
-    """Serve simulated wheels behind one pseudo-terminal until a signal, as `WheelProtocol.serve` one.
-
-    wheels: what each speaks, its truth, and its options (seed, noise, faults, ...). faults: of the line; baud: its
-    speed, None: the wire map's. Raises DriverError where the link cannot be made.
-    """
-    from rw_ekf.drivers.line.register_protocol import AddressedRegisterProtocol
-    from rw_ekf.drivers.sim.bus_electronics import BusElectronics
-    from rw_ekf.drivers.sim.faults import FaultInjector
-    from rw_ekf.drivers.sim.pty_server import serve_electronics
-
-    made = [
-        protocol.simulated(plant, **own)
-        for protocol, plant, own in wheels
-        if isinstance(protocol, AddressedRegisterProtocol)
-    ]
-    serve_electronics(BusElectronics(made, FaultInjector(faults, seed), baud), link_path, **options)
-
-
-def replay_wheel(rows: Iterable[tuple[WheelSample, IssuedCommand]], name: str) -> WheelDriver:
-    """Return a logged run as a wheel."""
-    from rw_ekf.drivers.replay_wheel import ReplayWheel
-
-    return ReplayWheel(rows, name)
-
-
-def plant_of(configuration: Configuration | None, effects: list[str]) -> PlantParameters:
-    """Truth of the simulated wheel: the configuration's `simulation` and `wheel`, then effects ("ID:name=value")."""
-    from rw_ekf.drivers.sim.plant_effect_text import parse_effects
-    from rw_ekf.drivers.sim.plant_parameters import STRIBECK_LAWS, PlantParameters
-
-    plant = PlantParameters()
-    listed: list[str] = []
-    if configuration is not None:
-        truth = configuration.simulation
-        plant = plant._replace(
-            motor_gain=truth.motor_gain,
-            viscous=truth.viscous,
-            coulomb=truth.coulomb,
-            static=truth.static,
-            ambient_degC=truth.ambient_degC,
-            stribeck_speed_rad_s=rad_s_from_rpm(configuration.wheel.stribeck_speed_rpm),
-            stribeck_law=STRIBECK_LAWS[configuration.wheel.stribeck_law],
-        )
-        listed = list(truth.effects)
-    return parse_effects([*listed, *effects], plant)
-
-
-def simulated_plant(parameters: FrictionParameters, stribeck_speed_rad_s: float, effects: list[str]) -> PlantParameters:
-    """Truth of a simulated wheel: its parameters, then effects ("ID:name=value")."""
-    from rw_ekf.drivers.sim.plant_effect_text import parse_effects
-    from rw_ekf.drivers.sim.plant_parameters import PlantParameters
-
-    base = PlantParameters(**parameters._asdict(), stribeck_speed_rad_s=stribeck_speed_rad_s)
-    return parse_effects(effects, base)
-
-
-def simulated_wheel(
-    plant: PlantParameters,
-    clock: Clock,
-    *,
-    speed_noise_rad_s: float,
-    torque_noise: float,
-    first_speed_rad_s: float,
-    **options: Any,
-) -> SimulatedWheel:
-    """Return a wheel in this process, on a clock, by the compiled plant; torque_noise: [rad/s per sqrt(s)]."""
-    from rw_ekf.drivers.sim.plant_batch import compiled_advance
-    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
-    from rw_ekf.drivers.sim.simulated_wheel import SimulatedWheel
-
-    noise = PlantNoise(speed_noise_rad_s, torque_noise)
-    return SimulatedWheel(
-        plant, noise=noise, initial_speed_rad_s=first_speed_rad_s, clock=clock, law=compiled_advance, **options
-    )
-
-
-def with_own_formulas(
-    effects: list[str], formulas: Sequence[OwnFormula], *, compiled: bool = False
-) -> tuple[list[str], dict[str, Any], dict[str, dict[str, float]]]:
-    """Effects ("ID:name=value") that are no formula, options of what runs a plant with those that are, their numbers.
-
-    compiled: for `simulated_record`; else for a protocol that serves a wheel.
-    """
-    from rw_ekf.drivers.sim.plant import advance
-    from rw_ekf.drivers.sim.plant_formula import split_formulas, with_formulas
-
-    rest, own = split_formulas(effects, formulas)
-    if not own:
-        return rest, {}, {}
-    numbers = {item.formula.id: item.numbers for item in own}
-    if not compiled:
-        return rest, {"law": with_formulas(advance, own)}, numbers
-    from rw_ekf.drivers.sim.plant_batch import compiled_advance, run_by
-
-    return rest, {"run": run_by(with_formulas(compiled_advance, own))}, numbers
-
-
-def simulated_record(
-    plant: PlantParameters,
-    current_A: Float64Array,
-    times_s: Float64Array,
-    *,
-    speed_noise_rad_s: float,
-    torque_noise: float,
-    seed: int,
-    **options: Any,
-) -> PlantRun:
-    """Return a run of a simulated wheel under given currents (n,) at sample times (n,), compiled.
-
-    options: those of `with_own_formulas`, where it has any.
-    """
-    from rw_ekf.drivers.sim.plant_batch import simulate_run
-    from rw_ekf.drivers.sim.plant_parameters import PlantNoise
-
-    return simulate_run(plant, current_A, times_s, PlantNoise(speed_noise_rad_s, torque_noise), seed=seed, **options)
