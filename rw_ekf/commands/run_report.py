@@ -34,7 +34,7 @@ def _said_while_running(outcome: RunOutcome) -> list[str]:
 def warnings_of(outcome: RunOutcome) -> list[str]:
     """Judge the last hour of the run; a run's own numbers never fail because of this."""
     from rw_ekf.errors import RwEkfError
-    from rw_ekf.log_replay import consistency_now
+    from rw_ekf.residual_judgement import consistency_now
 
     found = _said_while_running(outcome)
     if outcome.lost:

@@ -16,7 +16,7 @@ from rw_ekf import compile_ahead
 from rw_ekf.arrays import Float64Array
 from rw_ekf.compiled import interpreted
 from rw_ekf.course.course import Course
-from rw_ekf.log_replay import consistency_now, judge_log
+from rw_ekf.residual_judgement import consistency_now, judge_log
 from rw_ekf.starting_point import setup_of_record
 from tests.commands.logs import write_log
 from tests.diagnosis.simulated import simulated
