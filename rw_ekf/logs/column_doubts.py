@@ -164,7 +164,7 @@ def _unread(column: Column) -> str:
 
     The last unit in brackets is the column's: one before it that measures something else is asked about.
     """
-    said, name = column.said.unit, column.name
+    said, name = column.said.unit, column.bare_name or column.name
     for text in _BRACKETED.findall(name if said is None else _INDEX.sub("", name)):
         known, short = unit_of(text), len(text) < _A_WORD and text.lower() not in _AXES
         another = known is not None and said is not None and known.quantity != said.quantity

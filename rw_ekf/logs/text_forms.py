@@ -33,7 +33,6 @@ _NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|
 _WAY = r"c?cw|fwd|rev|forward|reverse|on|off|true|false"  # words that stand where a number may
 _DECIMAL_COMMA = re.compile(r"([=:][+-]?\d+),(?=\d)")
 _COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")
-_DURATION = re.compile(r"(?<![^,;\t])(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?) sec(?![^,;\t])")
 _PIECES = re.compile(r"[,;|\t{}]|\s{2,}")
 _UNIT = r"[A-Za-zµ°%][\w/%°^.\-]*"
 _SPOKEN = re.compile(rf"\W*(?P<key>[^\W\d][^=:]*?)[\"']?\s*[=:]\s*(?P<value>{_NUMBER})\s*(?P<unit>{_UNIT})?\s*")
@@ -51,7 +50,6 @@ class LineForm(NamedTuple):
     """How lines become rows of cells."""
 
     stamped: bool = False
-    lasting: bool = False  # durations stand as `0.01 sec`, as MATLAB writes a timetable
     labels: tuple[str, ...] = ()
     names: tuple[str, ...] = ()  # the labels with their units
 
@@ -61,8 +59,6 @@ class LineForm(NamedTuple):
             found = {label: value for label, value, _ in _labelled(line)}
             held = [found.get(label, "") for label in self.labels]
             return MARK.join(held) if sum(map(bool, held)) > 0.5 * len(held) else ""
-        if self.lasting:
-            return _DURATION.sub(r"\1", line)
         match = _IN_FRONT.fullmatch(line) if self.stamped else None
         if match is None:
             return line
@@ -78,15 +74,6 @@ def stamped_form(lines: Sequence[str]) -> LineForm:
     filled = [line for line in lines if line.strip()]
     count = sum(_IN_FRONT.fullmatch(line) is not None for line in filled)
     return LineForm(stamped=count >= max(_LEAST, _MOSTLY * len(filled)))
-
-
-def lasting_form(lines: Sequence[str]) -> tuple[LineForm, int]:
-    """Whether most lines have a duration with its unit in one of their cells, and in which."""
-    found = [match.start() for line in lines if (match := _DURATION.search(line))]
-    if len(found) < max(_LEAST, _MOSTLY * sum(bool(line.strip()) for line in lines)):
-        return NO_FORM, 0
-    line, at = next((line, match.start()) for line in lines if (match := _DURATION.search(line)))
-    return LineForm(lasting=True), len(re.findall(r"[,;\t]", line[: at + 1]))
 
 
 def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:

@@ -224,6 +224,37 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         "BitMask\t0xFF\t0xFF\tBitMask\t0xFF\nUnit\t\u00b0/s\tmA\tUnit\t\u00b0C\n",
         lambda i, t, w, c: f"{1e3 * t!r}\t{math.degrees(w)!r}\t{c * MA!r}\t{1e3 * t!r}\t20",
     ).encode(),
+    "levels of pandas, the index below them": lambda r: _table(
+        r, "group,wheel,motor,motor\nsignal,speed,current,current_cmd\nunit,deg/s,mA,mA\nt [ms],,,",
+        lambda i, t, w, c: f"{1e3 * t!r},{math.degrees(w)!r},{c * MA!r},0.0",
+    ).encode(),
+    "two levels of pandas without names of their own": lambda r: _table(
+        r, ",omega,iq\n,rad/s,A\ntime_s,,", lambda i, t, w, c: f"{t!r},{w!r},{c!r}"
+    ).encode(),
+    "remarks below the units": lambda r: _table(
+        r, "Time\tWheel speed\tMotor current\ns\trpm\tmA\nrun 7, 2e-5 mbar\tHall, signed\tLEM LTS 6-NP",
+        lambda i, t, w, c: f"{t!r}\t{w * RPM!r}\t{c * MA!r}", "\r\n",
+    ).encode(),
+    "a key at each cell": lambda r: _table(
+        r, "time,Wheel speed,Motor current\n,Unit: deg/s,Unit: mA\n,Type: double,Type: double\n"
+        ",BlockPath: rig/Enc,BlockPath: rig/ADC\n,PortIndex: 1,PortIndex: 2",
+        lambda i, t, w, c: f"{t!r},{math.degrees(w)!r},{c * MA!r}",
+    ).encode(),
+    "units in the cells, of another size in each row": lambda r: _table(
+        r, '"Time","RW1 wheel speed","RW1 motor current"',
+        lambda i, t, w, c: f"{_at(t).isoformat(sep=' ', timespec='milliseconds')[:23]},{w * RPM!r} rpm,"
+        + (f"{c * 1e6!r} µA" if abs(c) < 1e-3 else f"{c * MA!r} mA" if abs(c) < 0.1 else f"{c!r} A"),
+    ).encode(),
+    "units in the cells, decimal comma": lambda r: _table(
+        r, "Zeit;Drehzahl;Strom",
+        lambda i, t, w, c: f"{_comma(t)} s;{_comma(w * RPM)} 1/min;{_comma(c, 12)} A" if abs(c) > 0.1
+        else f"{_comma(t)} s;{_comma(w * RPM)} 1/min;{_comma(c * MA)} mA",
+    ).encode(),
+    "counts beside what they are converted to": lambda r: _table(
+        r, "TARGET,TIMEFORMATTED,SEQ,RW1_SPEED(RAW),RW1_SPEED(U),RW1_MOT_CUR(RAW),RW1_MOT_CUR(U),RW1_MODE",
+        lambda i, t, w, c: f"SIM,{_at(t).strftime('%Y/%m/%d %H:%M:%S.%f')[:-3]},{i},{round(w * RPM * 5)},"
+        f"{w * RPM!r} RPM,{round(2048 + c * 2000)},{c!r} A,IDLE",
+    ).encode(),
     "set-point beside it": lambda r: _table(
         r, "t [s],speed_ref [rpm],speed [rpm],i_ref [A],i_q [A],i_d [A],v_bus [V],status",
         lambda i, t, w, c: f"{t!r},{w * RPM + 3!r},{w * RPM!r},{c!r},{c!r},0.01,24.1,0",

@@ -308,6 +308,48 @@ def test_durations_with_their_unit_in_the_cells_are_times(tmp_path: Path, run: r
     assert log.time_s == pytest.approx(run.time_s)
 
 
+@pytest.mark.parametrize(
+    ("cell", "asked"),
+    [
+        ("{x!r} mA|{x!r}", "no column is known to be the current"),  # a number without a unit among others
+        ("{x!r} mA|{x!r} V", "no column is known to be the current"),
+        ("{x!r} furlongs|{x!r} furlongs", "no column is known to be the current"),
+    ],
+)
+def test_cells_whose_units_do_not_fit_each_other_are_no_numbers(
+    tmp_path: Path, run: rw_ekf.Log, cell: str, asked: str
+) -> None:
+    """One unit for all of a column, or of one quantity: else what it measures is not known."""
+    kinds = cell.split("|")
+    found = _guess(tmp_path / "a.csv", _csv(
+        run, "Time,speed,current", lambda i, t, w, c: f"{t!r} s,{w!r} rad/s," + kinds[i % 2].format(x=1e3 * c + 1.0)
+    ))  # fmt: skip
+    assert [question.text.startswith(asked) for question in found.guess.questions] == [True]
+
+
+def test_a_unit_in_a_cell_speaks_louder_than_the_one_above(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """`current [A]` over `12.3 mA`: the cells are in mA."""
+    found = _guess(
+        tmp_path / "a.csv", _csv(run, "t [s],n,I [A]", lambda i, t, w, c: f"{t!r} s,{w * RPM!r} rpm,{1e3 * c!r} mA")
+    )
+    log = rw_ekf.read(tmp_path / "a.csv", columns=found.column_map)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
+@pytest.mark.parametrize(
+    "header", ["X,Y1,Y2\nA,V,C\nt [s],speed [rpm],current [mA]", "t [s],speed [rpm],current [mA]\nDrive:,,"]
+)
+def test_names_are_not_lost_below_what_looks_like_units_or_above_a_heading(
+    tmp_path: Path, run: rw_ekf.Log, header: str
+) -> None:
+    """The letters of a sheet's columns are no units of the names below them, a heading is no name of the first."""
+    found = _guess(tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}"))
+    if found.is_certain:
+        log = rw_ekf.read(tmp_path / "a.csv", columns=found.column_map)
+        assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
+        assert log.current_A == pytest.approx(run.current_A)
+
+
 def test_a_line_that_names_another_wheel_between_the_rows_is_asked_about(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Two logs put under each other, each with its wheel's number above it."""
     one = _csv(run, "t_s,rpm,current_A", lambda i, t, w, c: f"{t!r},{w * RPM!r},{c!r}")
