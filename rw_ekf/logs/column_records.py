@@ -156,14 +156,15 @@ def columns_of(table: RawTable) -> list[Column]:
     units = {**_columns_of_units(table), **table.units}
     repeated = {name for name in table.names if table.names.count(name) > 1}
     for number, name in enumerate(table.names):
-        said = said_by(name).in_unit(units.get(name) or habitual_unit(name)).with_remark(remarks.get(name, ""))
+        habit = habitual_unit(name, table.names)
+        said = said_by(name).in_unit(units.get(name) or habit).with_remark(remarks.get(name, ""))
         values = table.numbers(number, stamps=True)
         key: str | int = name if name and name not in repeated else number
         remark = remarks.get(name, "")
         role = role_of(said) if name else "other"
         if role == "speed" and said.unit is None and _counts_rows(values):
             role = "count"
-        by_habit = said_by(name).unit is None and not units.get(name) and bool(habitual_unit(name))
+        by_habit = said_by(name).unit is None and not units.get(name) and bool(habit)
         found.append(Column(number, name, said, role, values, key, remark, by_habit))
     return _without_raw(found)
 

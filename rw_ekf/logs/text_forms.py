@@ -33,6 +33,8 @@ _NUMBER = r"[+-]?(?:0[xX][0-9A-Fa-f]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|nan|
 _WAY = r"c?cw|fwd|rev|forward|reverse|on|off|true|false"  # words that stand where a number may
 _DECIMAL_COMMA = re.compile(r"([=:][+-]?\d+),(?=\d)")
 _COUNTED = re.compile(rf"\s*(?:[A-Z] )?[\[(]\s*(?P<value>{_NUMBER})\s*(?P<unit>[mun]?s|sec)?\s*[\])]\s*(?P<rest>.*)")
+_ESP_IDF = re.compile(r"([EWIDV] \(\d+)(\) [\w.-]+: )")  # its levels, and ms since the start, without a unit
+_COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
 _PIECES = re.compile(r"[,;|\t{}]|\s{2,}")
 _UNIT = r"[A-Za-zµ°%][\w/%°^.\-]*"
 _SPOKEN = re.compile(rf"\W*(?P<key>[^\W\d][^=:]*?)[\"']?\s*[=:]\s*(?P<value>{_NUMBER})\s*(?P<unit>{_UNIT})?\s*")
@@ -93,6 +95,7 @@ def labelled_form(lines: Sequence[str]) -> tuple[LineForm, int, int]:
 
 def who_says(line: str) -> tuple[str, str]:
     """What stands between the time and the first label of a line: who says it, and which process of that is."""
+    line = _ESP_IDF.sub(r"\2", _COLOUR.sub("", line), 1)
     stamp = _ANY_STAMP.fullmatch(line)
     rest = line if stamp is None else stamp["rest"]
     label = _TERSE.search(_PROCESS.sub(lambda match: "\0" * len(match[0]), rest))
@@ -104,6 +107,9 @@ def who_says(line: str) -> tuple[str, str]:
 def _labelled(line: str) -> list[tuple[str, str, str]]:
     """Label, number and unit of what a line says; its time in front goes by `time` or `received`."""
     found: list[tuple[str, str, str]] = []
+    line = _COLOUR.sub("", line)
+    if (match := _ESP_IDF.match(line)) is not None:
+        line = f"{match[1]} ms{line[match.end(1) :]}"
     stamp = _ANY_STAMP.fullmatch(line)
     if stamp is not None:
         found.append((_RECEIVED, stamp["stamp"], ""))

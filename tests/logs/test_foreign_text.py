@@ -111,6 +111,11 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         lambda i, t, w, c: f"{_at(t).isoformat(timespec='microseconds')} b3 rwd[{812 + i // 300}]: TLM seq={i} "
         f"rpm={abs(w) * RPM!r} dir={'CW' if w >= 0.0 else 'CCW'} iq_mA={c * MA!r} temp_C=28.5 err=0x00",
     ).encode(),
+    "lines of ESP-IDF, in colours": lambda r: _table(
+        r, "ets Jul 29 2019 12:21:46\n\x1b[0;33mW (355) rw: no calibration\x1b[0m",
+        lambda i, t, w, c: f"\x1b[0;3{2 + i % 2}m{'IW'[i % 2]} ({1402 + round(1e3 * t)}) rw: w={w!r} rad/s "
+        f"i={c * MA!r} mA T=23.9 C\x1b[0m" + "\nI (13910) wifi: bcn_timout" * (i == 99),
+    ).encode(),
     "lines of Python's logging": lambda r: _table(
         r, "starting", lambda i, t, w, c: f"{_at(t).strftime('%Y-%m-%d %H:%M:%S,%f')[:-3]} - rw - "
         f"{'WARNING' if i % 7 == 0 else 'INFO'} - rpm={w * RPM!r} i_mA={c * MA!r}",
@@ -209,6 +214,13 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         "units": {"t": "s", "speed": "rpm", "i": "A"}, "data": {
             "t": [row[0] for row in r], "speed": [row[1] * RPM for row in r], "i": [row[2] for row in r]}
     }).encode(),
+    "a range that Prometheus answers": lambda r: json.dumps({"status": "success", "data": {"resultType": "matrix",
+        "result": [
+            {"metric": {"__name__": name, "job": "rw"}, "values": [[1700491320.0 + row[0], value(*row)] for row in r]}
+            for name, value in (("rw_wheel_speed_rpm", lambda t, w, c: repr(w * RPM)),
+                                ("rw_motor_current_amperes", lambda t, w, c: repr(c)),
+                                ("rw_housing_temperature_celsius", lambda t, w, c: "23.96"))]}}
+    ).encode(),
     "pandas, split": lambda r: json.dumps({
         "columns": ["time_s", "omega (rad/s)", "iq (A)"], "index": list(range(len(r))),
         "data": [list(row) for row in r]
@@ -468,17 +480,21 @@ def test_a_damaged_row_gives_no_value_to_another_column(tmp_path: Path) -> None:
     ("header", "factor"),
     [
         ("%time,field.header.stamp,field.velocity0,field.effort0", 1.0),
+        (
+            "timestamp,fault,velocity,q_current,mode,position,torque,d_current,voltage,temperature",
+            0.5 / math.pi,
+        ),
         ("t_ns,t2_ns,axis0.encoder.vel_estimate,axis0.motor.current_control.Iq_measured", 0.5 / math.pi),
     ],
 )
 def test_a_program_s_own_names_have_the_units_that_it_publishes(
     tmp_path: Path, run: rw_ekf.Log, header: str, factor: float
 ) -> None:
-    """ROS's JointState as `rostopic echo -p` prints it, ODrive's estimates in turns a second."""
+    """ROS's JointState as `rostopic echo -p` prints it, moteus's registers and ODrive's estimates in turns a second."""
 
     def line(i: int, t: float, w: float, c: float) -> str:
         stamp = 1652967301000000000 + round(1e9 * t)
-        return f"{stamp},{stamp},{factor * w!r},{c!r}"
+        return f"{stamp},{stamp},{factor * w!r},{c!r}" + ",10,0.5,0,0,24,28" * ("fault" in header)
 
     (tmp_path / "a.csv").write_text(_table(_rows(run), header, line))
     log = rw_ekf.read(tmp_path / "a.csv")
