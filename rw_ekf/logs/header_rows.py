@@ -87,14 +87,17 @@ def _by_position(
         return None
     lines: list[list[str]] = []
     for line in reversed(before[-_HEADER_LINES:]):
-        bare = line.expandtabs()
+        bare = _COMMENT.sub(lambda mark: " " * len(mark[0]), line.expandtabs())
         if not re.search(r"\w", bare):
             if lines:
                 break
             continue
         if any(bare[end - 1 : end + 1].strip() and " " not in bare[end - 1 : end + 1] for end in at if end < len(bare)):
             break
-        lines.insert(0, [bare[begin:end].strip() for begin, end in zip((0, *at[:-1]), at, strict=True)])
+        cells = [bare[begin:end].strip() for begin, end in zip((0, *at[:-1]), at, strict=True)]
+        if bare != line.expandtabs() and not all(cells):  # a comment on the run, and not on its columns
+            break
+        lines.insert(0, cells)
     units = lines.pop() if lines and are_units(lines[-1]) else []
     names = tuple(" ".join(filter(None, parts)) for parts in zip(*lines, strict=True)) if lines else ()
     return (names, tuple(units)) if len(names) > 1 and all(names) else None

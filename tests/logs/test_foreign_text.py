@@ -120,6 +120,11 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "starting", lambda i, t, w, c: f"{_at(t).strftime('%Y-%m-%d %H:%M:%S,%f')[:-3]} - rw - "
         f"{'WARNING' if i % 7 == 0 else 'INFO'} - rpm={w * RPM!r} i_mA={c * MA!r}",
     ).encode(),
+    "runs of gnuplot, a comment above each": lambda r: "\n\n\n".join(
+        f"# disc, bearing cleaned\n# Run {n}\n# t/s{'n/min^-1':>27s}{'I/A':>20s}\n"
+        + "".join(f"{t - part[0][0]:9.2f}{w * RPM:24.12f}{c:22.14f}\n" for t, w, c in part)
+        for n, part in enumerate((r[:201], r[201:]))
+    ).encode(),
     "a table of Fortran": lambda r: _table(
         r, " RUN   1   MOMENTUM WHEEL SN 004   JW = 1.270D-02 KG-M**2\n"
         f"{'TIME':>22s}{'WHEEL RATE':>22s}{'CURRENT':>22s}\n{'(S)':>22s}{'(RAD/S)':>22s}{'(AMPS)':>22s}",
