@@ -1,4 +1,4 @@
-"""What stands above the rows of a text: names, units and remarks of its columns, and lines that are neither."""
+"""What stands above the rows of a text or sheet: names, units and remarks of its columns, and what is neither."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import replace
 from rw_ekf.logs.column_names import role_of, said_by
 from rw_ekf.logs.column_units import with_unit
 from rw_ekf.logs.labels import are_units, held_to_the_right
-from rw_ekf.logs.text_cells import BLANKS, MOSTLY, STAMP, TextLayout, split_cells, without_trailing
+from rw_ekf.logs.text_cells import BLANKS, CELL, MOSTLY, STAMP, TextLayout, split_cells, without_trailing
 
 _HEADER_LINES = 6  # above a table of fixed columns that may be names of several lines
 _ROW_KEYS = {
@@ -62,12 +62,13 @@ def with_names(before: list[str], rows: list[str], layout: TextLayout, skip_rows
     if described and names != described.get("names"):
         remarks = remarks or described.get("names", ())
     groups = layout.cells(above[taken - 1][1]) if names and taken else []
-    if not remarks and len(groups) == len(names) and not any(map(layout.is_value, groups)):
+    exact = layout.delimiter == CELL
+    if not remarks and (exact or len(groups) == len(names)) and not any(map(layout.is_value, groups)):
         remarks = held_to_the_right(groups)
     preamble = tuple(line for i, line in enumerate(before) if line.strip())[: taken + skip_rows]
     layout = replace(layout, width=max(layout.width, min(len(names), _widest(rows, layout))))
-    ragged = _shift(names, rows, layout)
-    doubts = layout.doubts if ragged or not names else (*layout.doubts, *_odd_header(names, rows, layout))
+    ragged = not exact and _shift(names, rows, layout)
+    doubts = layout.doubts if exact or ragged or not names else (*layout.doubts, *_odd_header(names, rows, layout))
     if ragged:
         names, units = ("", *names), ("", *units) if units else ()
     names, units = _fitted(names, layout.width), _fitted(units, layout.width)
@@ -145,6 +146,7 @@ def _by_level(above: list[str], layout: TextLayout) -> tuple[tuple[str, ...], tu
         return None
     units = next((row for row in levels if are_units(row[first:])), None)
     parts = [row[first:] for row in reversed(levels) if row is not units]
+    parts[:-1] = [list(held_to_the_right(row)) or row for row in parts[:-1]]  # cells of a sheet that were merged
     names = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*parts, strict=True)]
     of_all = ("",) * first + tuple(units[first:]) if units else ()
     return ((*index, *names), of_all, len(levels) + 1) if all(names) else None
@@ -200,6 +202,9 @@ def _header_cells(line: str, layout: TextLayout) -> list[str]:
     """The names in a line above the rows: cut as these are, or as it is usual behind a comment's mark."""
     bare = _COMMENT.sub("", line) if not (layout.delimiter == ";" and line.startswith(";")) else line
     bare = _LABEL.sub("", bare)
+    if layout.delimiter == CELL:
+        cells = without_trailing(split_cells(bare, CELL))
+        return cells if len(cells) > 1 or layout.width == 1 else []
     best: list[str] = []
     for mark in dict.fromkeys((layout.delimiter, "\t", ";", ",", "|", BLANKS)):
         cells = split_cells(bare, mark)

@@ -12,6 +12,7 @@ from rw_ekf.logs.column_units import unit_of
 from rw_ekf.logs.text_forms import NO_FORM, LineForm
 
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
+CELL = "\x1f"  # as a delimiter: cells stood apart from each other, as those of a sheet, and none can be missing
 MOSTLY = 0.5  # of a line's cells are numbers or stamps where it is one of data
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?0[xX][0-9a-fA-F]+|[+-]?(nan|inf|infinity)|[+-]?1?\.?#(IND|QNAN|INF)0*",
