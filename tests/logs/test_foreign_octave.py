@@ -158,7 +158,7 @@ def test_a_matrix_with_its_labels_needs_no_map(tmp_path: Path) -> None:
 def test_vectors_and_a_range_are_columns(tmp_path: Path) -> None:
     """By their names; a torn or damaged file is refused with a reason, or read as far as it is one."""
     record, path = Record(1), tmp_path / "a.mat"
-    record.time_s = 0.25 * np.arange(len(record.time_s))
+    assert np.array_equal(record.time_s, 0.25 * np.arange(len(record.time_s)))
     time = f"# name: t\n# type: range\n# base, limit, increment\n0 {float(record.time_s[-1])!r} 0.25\n\n\n"
     path.write_text(
         KINDS.splitlines()[0] + "\n" + time + matrix("w", record.speed[:, None]) + matrix("i", record.current[:, None])

@@ -221,10 +221,9 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
     }).encode(),
     "a range that Prometheus answers": lambda r: json.dumps({"status": "success", "data": {"resultType": "matrix",
         "result": [
-            {"metric": {"__name__": name, "job": "rw"}, "values": [[1700491320.0 + row[0], value(*row)] for row in r]}
-            for name, value in (("rw_wheel_speed_rpm", lambda t, w, c: repr(w * RPM)),
-                                ("rw_motor_current_amperes", lambda t, w, c: repr(c)),
-                                ("rw_housing_temperature_celsius", lambda t, w, c: "23.96"))]}}
+            {"metric": {"__name__": name, "job": "rw"},
+             "values": [[1700491320.0 + row[0], repr(size * row[column])] for row in r]}
+            for name, column, size in (("rw_wheel_speed_rpm", 1, RPM), ("rw_motor_current_amperes", 2, 1.0))]}}
     ).encode(),
     "pandas, split": lambda r: json.dumps({
         "columns": ["time_s", "omega (rad/s)", "iq (A)"], "index": list(range(len(r))),

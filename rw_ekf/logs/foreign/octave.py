@@ -82,10 +82,10 @@ def _value(text: _Text) -> Any:
     if kind.endswith("range"):
         text.line()  # base, limit, increment
         base, limit, step, *_ = text.numbers(1)[0]
-        count = int((limit - base) / step * (1.0 + _ROUND)) + 1
-        if count > _MOST:
-            raise ValueError(f"a range of {count} numbers")
-        return base + step * np.arange(count)
+        points = int((limit - base) / step * (1.0 + _ROUND)) + 1
+        if points > _MOST:
+            raise ValueError(f"a range of {points} numbers")
+        return base + step * np.arange(points)
     if kind == "cell":
         shape = int(text.said("rows")[1]), int(text.said("columns")[1])
         cells = np.empty(shape[::-1], dtype=object)  # stored column by column
