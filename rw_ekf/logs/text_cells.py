@@ -100,7 +100,10 @@ class TextLayout:
         if own == other or own is None or other is None:
             return self.number(found[0])
         alike = own.quantity == other.quantity and own.per == other.per and not (own.offset or other.offset)
-        return f"{float(self.number(found[0])) * other.factor / own.factor:.12g}" if alike else cell
+        try:
+            return f"{float(self.number(found[0])) * other.factor / own.factor:.12g}" if alike else cell
+        except ValueError:  # a mark between thousands that comes too late in a file to be known as one
+            return cell
 
     def number(self, cell: str) -> str:
         """A cell's number as the readers of plain text take it; what is none stays as it is."""

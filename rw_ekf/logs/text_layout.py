@@ -162,15 +162,16 @@ def _with_units(rows: list[str], layout: TextLayout) -> TextLayout:
         found = [layout.with_unit(cell) for cell in column if layout.number(cell) not in ("", "0", "nan")]
         counted = Counter(each[1] for each in found if each is not None)
         units.append(counted.most_common(1)[0][0] if counted.total() == len(found) > 0 else "")
-    named = itertools.zip_longest(layout.names, units[: len(layout.names)], fillvalue="")
-    names = (name if said_by(name).unit == unit_of(unit) else with_unit(name, unit) for name, unit in named)
-    return replace(layout, units=tuple(units), names=tuple(names))
+    named = itertools.zip_longest(layout.names, units[: layout.width], fillvalue="")
+    names = (name if said_by(name).unit == unit_of(unit) else with_unit(name, unit).strip() for name, unit in named)
+    return replace(layout, units=tuple(units), names=tuple(names) if any(units) else layout.names)
 
 
 def _has_thousands(rows: list[str], layout: TextLayout) -> bool:
     """Whether the numbers have a mark between thousands."""
     mark, grouped = layout.grouping
-    return any(mark in cell and grouped.fullmatch(cell) for line in rows for cell in layout.cells(line))
+    cells = (cell for line in rows for cell in layout.cells(line) if mark in cell)
+    return any(grouped.fullmatch((layout.with_unit(cell) or (cell,))[0]) for cell in cells)
 
 
 def _points_of_thousands(rows: list[str], layout: TextLayout) -> tuple[str, ...]:

@@ -120,11 +120,6 @@ DIALECTS: dict[str, Callable[[Rows], bytes]] = {
         r, "starting", lambda i, t, w, c: f"{_at(t).strftime('%Y-%m-%d %H:%M:%S,%f')[:-3]} - rw - "
         f"{'WARNING' if i % 7 == 0 else 'INFO'} - rpm={w * RPM!r} i_mA={c * MA!r}",
     ).encode(),
-    "runs of gnuplot, a comment above each": lambda r: "\n\n\n".join(
-        f"# disc, bearing cleaned\n# Run {n}\n# t/s{'n/min^-1':>27s}{'I/A':>20s}\n"
-        + "".join(f"{t - part[0][0]:9.2f}{w * RPM:24.12f}{c:22.14f}\n" for t, w, c in part)
-        for n, part in enumerate((r[:201], r[201:]))
-    ).encode(),
     "a table of Fortran": lambda r: _table(
         r, " RUN   1   MOMENTUM WHEEL SN 004   JW = 1.270D-02 KG-M**2\n"
         f"{'TIME':>22s}{'WHEEL RATE':>22s}{'CURRENT':>22s}\n{'(S)':>22s}{'(RAD/S)':>22s}{'(AMPS)':>22s}",
@@ -350,6 +345,21 @@ def test_two_runs_in_one_file_are_two_segments(tmp_path: Path, run: rw_ekf.Log) 
     assert len(log) == 400
     assert int(log.segment.max()) == 1
     assert int(log.segment[200]) == 1
+
+
+def test_runs_of_gnuplot_are_segments_and_a_comment_on_one_is_no_name(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Blank lines and comments between runs that begin at zero each: a segment each, and `t/s` is the time's name."""
+    rows = _rows(run)
+    (tmp_path / "lab.dat").write_text("\n\n\n".join(
+        f"# disc, bearing cleaned\n# Run {n}\n# t/s{'n/min^-1':>27s}{'I/A':>20s}\n"
+        + "".join(f"{t - part[0][0]:9.2f}{w * RPM:24.12f}{c:22.14f}\n" for t, w, c in part)
+        for n, part in enumerate((rows[:201], rows[201:]))
+    ))  # fmt: skip
+    assert rw_ekf.guess_columns(tmp_path / "lab.dat").document()["map"]["time_s"]["column"] == "t/s"
+    log = rw_ekf.read(tmp_path / "lab.dat")
+    assert np.bincount(log.segment).tolist() == [201, 399]
+    assert log.time_s[201] == 0.0
+    assert log.speed_rad_s == pytest.approx(run.speed_rad_s)
 
 
 def test_stamps_of_whole_seconds_are_spread(tmp_path: Path, run: rw_ekf.Log) -> None:

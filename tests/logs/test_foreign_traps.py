@@ -336,6 +336,17 @@ def test_a_unit_in_a_cell_speaks_louder_than_the_one_above(tmp_path: Path, run: 
     assert log.current_A == pytest.approx(run.current_A)
 
 
+def test_cells_with_units_and_no_names_say_what_they_are(tmp_path: Path, run: rw_ekf.Log) -> None:
+    """Milliseconds, revolutions a minute with a mark between thousands, and milliamperes."""
+    text = _csv(run, "log", lambda i, t, w, c: f"{1e3 * t!r} ms;{30.0 * w * RPM:,.9f} rpm;{1e3 * c!r} mA")
+    assert "," in text
+    _guess(tmp_path / "a.txt", text)
+    log = rw_ekf.read(tmp_path / "a.txt")
+    assert log.time_s == pytest.approx(run.time_s)
+    assert log.speed_rad_s == pytest.approx(30.0 * run.speed_rad_s)
+    assert log.current_A == pytest.approx(run.current_A)
+
+
 @pytest.mark.parametrize(
     "header",
     [
