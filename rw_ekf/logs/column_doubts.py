@@ -16,7 +16,7 @@ import numpy as np
 from rw_ekf.arrays import BoolArray
 from rw_ekf.logs.column_answers import Answers
 from rw_ekf.logs.column_counts import SINCE_LAST
-from rw_ekf.logs.column_names import said_by
+from rw_ekf.logs.column_names import said_by, unit_in_prose
 from rw_ekf.logs.column_prose import hint_about
 from rw_ekf.logs.column_records import Column, Guess, Line
 from rw_ekf.logs.column_units import unit_of
@@ -110,7 +110,7 @@ def _doubts(
         yield f"{column.shown}: {text}", (line,)
     if line.name not in ("speed_rad_s", "speed_rpm", "current_A", "current_command_A"):
         return
-    if (factor := _FACTOR.search(column.name)) is not None:
+    if (factor := _FACTOR.search(column.name) or _FACTOR.search(column.remark)) is not None:
         yield f"{column.shown}: by {factor[0].strip()!r} its numbers are scaled; are they still?", (line,)
     if (text := _unread(column)) and not (line.name.startswith("speed") and told.unit("speed_rad_s", "speed_rpm")):
         yield f"{column.shown}: what does {text!r} mean?", (line,)
@@ -178,9 +178,11 @@ def _unread(column: Column) -> str:
 def _contradicting_unit(column: Column, table: RawTable) -> str:
     """A unit beside a column that is not the one in its name."""
     beside = table.units.get(column.name, "")
-    known, spelt = unit_of(beside) if beside else None, said_by(column.name)
-    if known is not None and spelt.unit is not None and known != spelt.unit:
-        return beside
+    spelt, remarked = said_by(column.name), unit_in_prose(column.remark)
+    for other in filter(None, (beside, remarked)):
+        known = unit_of(other)
+        if known is not None and spelt.unit is not None and known != spelt.unit:
+            return other
     for word, unit in (("rpm", unit_of("rpm")), ("erpm", unit_of("erpm")), ("krpm", unit_of("krpm"))):
         if spelt.any_of(word) and spelt.unit is not None and spelt.unit != unit and spelt.unit.quantity == "speed":
             return word

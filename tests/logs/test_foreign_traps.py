@@ -336,6 +336,17 @@ def test_a_unit_in_a_cell_speaks_louder_than_the_one_above(tmp_path: Path, run: 
     assert log.current_A == pytest.approx(run.current_A)
 
 
+@pytest.mark.parametrize("remark", ["x 10", "in 0.1 rpm", "supply current", "scale 0.1", "pole pairs 7"])
+def test_a_remark_below_the_units_that_speaks_against_them_is_asked_about(
+    tmp_path: Path, run: rw_ekf.Log, remark: str
+) -> None:
+    """A factor, another unit, a supply, a gear: what stands in a row of comments counts as much as a name."""
+    header = f"Time,Wheel speed,Current\ns,rpm,mA\nrun 7,{remark},{remark}"
+    assert not _guess(
+        tmp_path / "a.csv", _csv(run, header, lambda i, t, w, c: f"{t!r},{w * RPM!r},{1e3 * c!r}")
+    ).is_certain
+
+
 def test_cells_with_units_and_no_names_say_what_they_are(tmp_path: Path, run: rw_ekf.Log) -> None:
     """Milliseconds, revolutions a minute with a mark between thousands, and milliamperes."""
     text = _csv(run, "log", lambda i, t, w, c: f"{1e3 * t!r} ms;{30.0 * w * RPM:,.9f} rpm;{1e3 * c!r} mA")
